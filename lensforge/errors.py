@@ -1,0 +1,22 @@
+"""Every error that a user may see, each with the exit code of the command line.
+
+An error message is one line: what is wrong, the value, what is allowed, and what to try.
+"""
+
+
+class LensforgeError(Exception):
+    """Base of all errors raised on purpose; anything else that escapes is a bug."""
+
+    exit_code = 1
+
+
+class InputError(LensforgeError):
+    """The user's input cannot be used: a spec field, a file, an option."""
+
+    exit_code = 2
+
+
+class GateFailure(LensforgeError):
+    """A result was reached but fails a gate: a constraint, watertightness, a form error."""
+
+    exit_code = 1

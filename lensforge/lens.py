@@ -1,0 +1,85 @@
+"""The record where the two stages meet: two frozen surfaces, the spec they serve, and how they came to be.
+
+The design stage writes it, the geometry stage reads it; NumPy only. ``lens.json`` holds all of it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.files import read_json, write_json
+from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.version import __version__
+
+FORMAT = "lensforge-lens-1"
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A double-freeform lens: ``inner`` faces the source, ``outer`` the target; lengths in mm."""
+
+    inner: SrbfSurface
+    outer: SrbfSurface
+    spec: Spec
+    seed: int
+    accuracy: str
+    version: str = __version__
+
+    @property
+    def refractive_index(self) -> float:
+        """Index of the body at the design wavelength; the surroundings are air, n = 1."""
+        return self.spec.lens.refractive_index
+
+    def save(self, path: Path) -> None:
+        """Write ``lens.json``; weights are written with all of their digits."""
+        write_json(
+            path,
+            {
+                "format": FORMAT,
+                "version": self.version,
+                "seed": self.seed,
+                "accuracy": self.accuracy,
+                "units": {"length": "mm", "angle": "rad"},
+                "inner": _surface_to_json(self.inner),
+                "outer": _surface_to_json(self.outer),
+                "spec": self.spec.model_dump(mode="json"),
+            },
+        )
+
+
+def load_lens(path: Path) -> Lens:
+    """Read what :meth:`Lens.save` wrote. Raises :class:`InputError` for anything else."""
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path}: not a lens file; its 'format' should be {FORMAT!r}")
+    try:
+        return Lens(
+            inner=_surface_from_json(content["inner"]),
+            outer=_surface_from_json(content["outer"]),
+            spec=parse_spec(content["spec"], str(path)),
+            seed=int(content["seed"]),
+            accuracy=str(content["accuracy"]),
+            version=str(content["version"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged lens file ({type(error).__name__}: {error})") from None
+
+
+def _surface_to_json(surface: SrbfSurface) -> dict[str, Any]:
+    basis = surface.basis
+    return {
+        "levels": list(basis.levels),
+        "sigma_c": basis.sigma_c,
+        "symmetry": basis.symmetry,
+        "offset_mm": surface.offset_mm,
+        "weights_mm": surface.weights.tolist(),
+    }
+
+
+def _surface_from_json(content: dict[str, Any]) -> SrbfSurface:
+    basis = SrbfBasis(tuple(content["levels"]), float(content["sigma_c"]), content["symmetry"])
+    return SrbfSurface(basis, np.array(content["weights_mm"], dtype=np.float64), float(content["offset_mm"]))

@@ -1,0 +1,198 @@
+"""The specification of a design, read from TOML: validated once, immutable, every length in mm.
+
+A field that is wrong is reported in one line: its name, its value, what is allowed.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError, model_validator
+
+from lensforge.errors import InputError
+
+Symmetry = Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+Accuracy = Literal["draft", "standard", "reference"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class SquareSource(_Section):
+    """A square Lambertian emitter in the plane z = 0, centred on the axis, emitting towards +z."""
+
+    kind: Literal["square"]
+    side_mm: Annotated[float, Field(ge=0.0, le=1e4)]
+    flux_w: PositiveFloat = 1.0
+
+
+class RayfileSource(_Section):
+    """A vendor's ray file. ``origin``: the file's own, its virtual focus, or a point (mm) put at the lens origin."""
+
+    kind: Literal["rayfile"]
+    file: Path
+    origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file"
+    rotate_z_deg: float = 0.0
+    flux_w: PositiveFloat | None = None
+
+
+class LensSection(_Section):
+    """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both."""
+
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
+    material: str = "PMMA at 564 nm"
+    levels: tuple[PositiveInt, ...] = (9, 25, 81, 289)
+    sigma_c: PositiveFloat = 1.75
+    inner_offset_mm: PositiveFloat
+    outer_offset_mm: PositiveFloat
+    symmetry: Symmetry = "none"
+
+    @model_validator(mode="after")
+    def _outer_outside_inner(self) -> "LensSection":
+        if self.outer_offset_mm <= self.inner_offset_mm:
+            raise ValueError(f"outer_offset_mm = {self.outer_offset_mm} must exceed inner_offset_mm")
+        if not self.levels:
+            raise ValueError("levels is empty: give at least one count")
+        return self
+
+
+class ConstraintsSection(_Section):
+    """Feasible lenses, Eqs. (10) to (14): a paraboloid of height r_a and radius r_b stays inside the cavity."""
+
+    cavity_height_mm: PositiveFloat
+    cavity_radius_mm: PositiveFloat
+    min_thickness_mm: Annotated[float, Field(ge=0.0)]
+    max_radius_mm: PositiveFloat
+
+
+class _Target(_Section):
+    distance_mm: PositiveFloat
+    receiver_mm: PositiveFloat
+    uniform_mm: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _mask_inside(self) -> "_Target":
+        if self.uniform_mm is not None and self.uniform_mm > self.receiver_mm:
+            raise ValueError(f"uniform_mm = {self.uniform_mm} must not exceed receiver_mm = {self.receiver_mm}")
+        return self
+
+
+class FlatTopTarget(_Target):
+    """A square super-Gaussian, ``exp(-|x/a|^p - |y/a|^p)``."""
+
+    kind: Literal["flat_top"]
+    half_width_mm: PositiveFloat
+    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
+
+
+class TextTarget(_Target):
+    """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
+
+    kind: Literal["text"]
+    text: Annotated[str, Field(min_length=1, max_length=40)]
+    width_mm: PositiveFloat
+    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+class ImageTarget(_Target):
+    """An image file, ``width_mm`` wide, its luminance taken as irradiance."""
+
+    kind: Literal["image"]
+    file: Path
+    width_mm: PositiveFloat
+    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+class OptimiseSection(_Section):
+    """How the design is searched for; what is left out comes from the accuracy preset."""
+
+    steps_per_level: tuple[PositiveInt, ...] | None = None
+    rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
+    pixels: Annotated[int, Field(ge=4, le=1024)] = 64
+    learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
+    uniformity_steps: Annotated[int, Field(ge=0)] = 0
+
+
+class EvaluateSection(_Section):
+    """How the finished lens is judged. ``window_mm``: side of the square in which flux counts as detected."""
+
+    rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
+    pixels: Annotated[int, Field(ge=1, le=2048)] = 128
+    window_mm: PositiveFloat | None = None
+    filter_variance: Annotated[float, Field(ge=0.0)] = 1.0
+
+
+class BaseSection(_Section):
+    """The clamping base below z = 0: the paper's one-inch cylinder, or none."""
+
+    kind: Literal["cylinder", "none"] = "cylinder"
+    diameter_mm: PositiveFloat = 25.4
+    height_mm: PositiveFloat = 2.0
+
+
+class ManufactureSection(_Section):
+    """What the shop has: the ball cutter of the paper by default."""
+
+    cutter_radius_mm: PositiveFloat = 1.0
+
+
+Source = Annotated[SquareSource | RayfileSource, Field(discriminator="kind")]
+Target = Annotated[FlatTopTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
+
+
+class Spec(_Section):
+    """One design: what goes in, what is wanted, what is allowed."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    source: Source
+    lens: LensSection
+    constraints: ConstraintsSection
+    target: Target
+    optimise: OptimiseSection = OptimiseSection()
+    evaluate: EvaluateSection = EvaluateSection()
+    base: BaseSection = BaseSection()
+    manufacture: ManufactureSection = ManufactureSection()
+
+    @model_validator(mode="after")
+    def _stages_match_levels(self) -> "Spec":
+        steps = self.optimise.steps_per_level
+        if steps is not None and len(steps) != len(self.lens.levels):
+            raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
+        if self.target.distance_mm <= self.constraints.max_radius_mm:
+            raise ValueError(
+                f"target.distance_mm = {self.target.distance_mm} is inside the lens: "
+                f"it must exceed constraints.max_radius_mm = {self.constraints.max_radius_mm}"
+            )
+        return self
+
+
+def load_spec(path: Path) -> Spec:
+    """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; the shipped specs are in examples/") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: not readable as TOML ({error})") from None
+    content.setdefault("name", path.stem)
+    for section in ("source", "target"):
+        table = content.get(section)
+        if isinstance(table, dict) and isinstance(table.get("file"), str):
+            table["file"] = str((path.parent / table["file"]).resolve())
+    return parse_spec(content, str(path))
+
+
+def parse_spec(content: dict[str, Any], origin: str) -> Spec:
+    """Validate ``content``; ``origin`` names it in the error, which is one line for the first wrong field."""
+    try:
+        return Spec.model_validate(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        tags = {"square", "rayfile", "flat_top", "text", "image"}
+        field = ".".join(str(part) for part in first["loc"] if part not in tags)
+        message = first["msg"].removeprefix("Value error, ")
+        value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise InputError(f"{origin}: {field}{value}: {message}{more}".replace(": : ", ": ")) from None

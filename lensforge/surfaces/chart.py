@@ -1,0 +1,29 @@
+"""The stereographic chart of the hemisphere: one square patch, no pole, no seam.
+
+``(X, Y) = tan(theta/2) (cos phi, sin phi)``; the hemisphere is the unit disc and its rim the unit
+circle. Every surface of a lens is a radius ``rho`` over this chart, star-shaped about the origin.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+# The chart's square reaches a little past the rim, so that the rim is inside the splines' domain.
+HALF_WIDTH = 1.02
+
+
+def to_sphere(chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
+    """Unit directions of chart points: ``u = (2X, 2Y, 1 - R^2) / (1 + R^2)``."""
+    squared = np.sum(chart * chart, axis=-1, keepdims=True)
+    return np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
+
+
+def to_chart(directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
+    """Chart points of directions of any length: ``(X, Y) = (x, y) / (r + z)``; singular at -z only."""
+    radius = np.linalg.norm(directions, axis=-1, keepdims=True)
+    return directions[..., :2] / (radius + directions[..., 2:])
+
+
+def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2"]:
+    """A square grid of ``nodes`` x ``nodes`` chart points, first index X, second index Y."""
+    axis = np.linspace(-half_width, half_width, nodes)
+    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)

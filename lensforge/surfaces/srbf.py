@@ -1,0 +1,139 @@
+"""The paper's surface: a radius over the sphere as a sum of multi-level spherical radial basis functions.
+
+``rho(u) = h + sum_j w_j exp(-g(u, c_j)^2 / sigma_j^2)``, Eq. (2) of the paper, with ``g`` the angle between
+``u`` and the centre ``c_j``. This module is the definition; tables and NURBS approximate it.
+
+Where the paper is silent: the centres are a Fibonacci grid on the *hemisphere*, so that
+``arccos(1 - 1/m)`` of Eq. (3) is the half-angle of the cap that each centre owns; and a surface may be given a
+mirror symmetry, in which case each basis function is averaged over its mirror images.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.surfaces.symmetry import group
+
+_CHUNK = 65536  # directions evaluated at a time: bounds the memory of the dense basis
+
+
+def fibonacci_hemisphere(count: int) -> Float[np.ndarray, "m 3"]:
+    """``count`` nearly uniform unit directions with z > 0: ``z_j = 1 - (j + 1/2)/m``, golden-angle azimuths."""
+    index = np.arange(count)
+    z = 1.0 - (index + 0.5) / count
+    azimuth = index * np.pi * (3.0 - np.sqrt(5.0))
+    sine = np.sqrt(1.0 - z * z)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=-1)
+
+
+def level_sigma(count: int, sigma_c: float) -> float:
+    """Shape parameter (rad) of a level of ``count`` functions, Eq. (3)."""
+    return sigma_c * float(np.arccos(1.0 - 1.0 / count))
+
+
+@dataclass(frozen=True)
+class SrbfBasis:
+    """Multi-level SRBFs: ``levels`` counts per level, ``sigma_c`` of Eq. (3), and a symmetry group's name."""
+
+    levels: tuple[int, ...]
+    sigma_c: float
+    symmetry: str = "none"
+
+    def __post_init__(self) -> None:
+        if not self.levels or min(self.levels) < 1:
+            raise InputError(f"lens.levels = {self.levels}: one or more counts, each at least 1")
+        if not 0.0 < self.sigma_c < np.inf:
+            raise InputError(f"lens.sigma_c = {self.sigma_c}: a finite number above 0; 1.5 to 2 works well")
+        group(self.symmetry)
+
+    @property
+    def size(self) -> int:
+        """Number of weights M."""
+        return sum(self.levels)
+
+    @cached_property
+    def centres(self) -> Float[np.ndarray, "m 3"]:
+        """Centre directions of all levels, coarse first."""
+        return np.concatenate([fibonacci_hemisphere(count) for count in self.levels])
+
+    @cached_property
+    def sigmas(self) -> Float[np.ndarray, " m"]:
+        """Shape parameters (rad) of all functions, coarse first."""
+        return np.repeat([level_sigma(count, self.sigma_c) for count in self.levels], self.levels)
+
+    def evaluate(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
+        """Value of every function at unit ``directions``."""
+        images = group(self.symmetry)
+        return sum(_gaussian(directions @ image, self.centres, self.sigmas)[0] for image in images) / len(images)
+
+    def gradient(
+        self, directions: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " m"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Tangential gradient (per rad) of the weighted sum at unit ``directions``."""
+        images = group(self.symmetry)
+        total = np.zeros_like(directions)
+        for image in images:
+            turned = directions @ image
+            _, slope = _gaussian(turned, self.centres, self.sigmas)
+            pull = slope * weights
+            # d g / d u points from the centre away; its component along u is removed.
+            towards = pull @ self.centres - np.sum(pull * (turned @ self.centres.T), axis=1)[:, None] * turned
+            total += towards @ image.T
+        return total / len(images)
+
+
+def _gaussian(
+    directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarray, "m 3"], sigmas: Float[np.ndarray, " m"]
+) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
+    """``exp(-g^2/sigma^2)`` and the factor of ``c - (u.c)u`` in its gradient, ``2 g / (sigma^2 sin g)`` times it.
+
+    The angle comes from the chord, ``g = 2 asin(|u - c|/2)``: arccos of a dot product loses half of the digits at
+    the centre, where rays along the axis of a function live.
+    """
+    chord_squared = np.maximum(2.0 - 2.0 * directions @ centres.T, 0.0)
+    near = chord_squared < 1e-4
+    if near.any():  # the dot product cancels here; the difference does not
+        rows, columns = np.nonzero(near)
+        chord_squared[rows, columns] = np.sum((directions[rows] - centres[columns]) ** 2, axis=-1)
+    half_chord = np.minimum(np.sqrt(chord_squared) / 2.0, 1.0)
+    angle = 2.0 * np.arcsin(half_chord)
+    value = np.exp(-((angle / sigmas) ** 2))
+    sine = 2.0 * half_chord * np.sqrt(1.0 - half_chord**2)
+    ratio = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
+    return value, 2.0 * value * ratio / sigmas**2
+
+
+@dataclass(frozen=True)
+class SrbfSurface:
+    """A star-shaped surface: offset ``h`` (mm) and one weight (mm) for each function of the basis."""
+
+    basis: SrbfBasis
+    weights: Float[np.ndarray, " m"]
+    offset_mm: float
+
+    def __post_init__(self) -> None:
+        if self.weights.shape != (self.basis.size,):
+            raise InputError(f"weights: {self.weights.shape[0]} given, the basis has {self.basis.size} functions")
+        if not (np.isfinite(self.weights).all() and np.isfinite(self.offset_mm)):
+            raise InputError("weights: some are not finite; the design has diverged, lower the learning rate")
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
+        return np.concatenate([self.offset_mm + self.basis.evaluate(part) @ self.weights for part in _parts(directions)])
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
+        return np.concatenate([self.basis.gradient(part, self.weights) for part in _parts(directions)])
+
+    def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
+        outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
+        return outward / np.linalg.norm(outward, axis=1, keepdims=True)
+
+
+def _parts(directions: Float[np.ndarray, "n 3"]) -> Sequence[Float[np.ndarray, "k 3"]]:
+    return np.split(directions, range(_CHUNK, len(directions), _CHUNK))

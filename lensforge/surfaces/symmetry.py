@@ -1,0 +1,31 @@
+"""Mirror groups about the optical axis, by name: the 3x3 matrices under which a scene looks the same."""
+
+from itertools import product
+
+import numpy as np
+
+from lensforge.errors import InputError
+
+_SWAP_XY = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _mirrors(x_signs: tuple[int, ...], y_signs: tuple[int, ...]) -> list[np.ndarray]:
+    return [np.diag([float(sx), float(sy), 1.0]) for sx, sy in product(x_signs, y_signs)]
+
+
+_RECTANGLE = _mirrors((1, -1), (1, -1))
+_GROUPS: dict[str, list[np.ndarray]] = {
+    "none": _mirrors((1,), (1,)),
+    "mirror_x": _mirrors((1, -1), (1,)),
+    "mirror_y": _mirrors((1,), (1, -1)),
+    "rectangle": _RECTANGLE,
+    "square": _RECTANGLE + [mirror @ _SWAP_XY for mirror in _RECTANGLE],
+}
+NAMES = tuple(_GROUPS)
+
+
+def group(name: str) -> list[np.ndarray]:
+    """Matrices of the group ``name``, the identity first: ``mirror_x`` maps x to -x, ``square`` is D4."""
+    if name not in _GROUPS:
+        raise InputError(f"symmetry = {name!r}: one of {', '.join(NAMES)}")
+    return _GROUPS[name]
