@@ -123,7 +123,9 @@ class SrbfSurface:
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
-        return np.concatenate([self.offset_mm + self.basis.evaluate(part) @ self.weights for part in _parts(directions)])
+        return np.concatenate(
+            [self.offset_mm + self.basis.evaluate(part) @ self.weights for part in _parts(directions)]
+        )
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""

@@ -1,0 +1,29 @@
+# One command for each habit. Set-up happens by itself, once, in .venv.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lint bench setup clean
+
+demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
+	$(BIN)/lensforge design examples/quickstart.toml
+
+test: setup  ## the whole test suite
+	$(BIN)/python -m pytest -n 2
+
+lint: setup  ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup  ## speed and memory, as ratios within one run
+	$(BIN)/python benchmarks/run.py
+
+setup: .venv/.ready
+
+.venv/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv build *.egg-info

@@ -1,0 +1,1 @@
+"""Whether the part can be cut, and with what."""

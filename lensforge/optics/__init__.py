@@ -1,0 +1,1 @@
+"""Snell, Fresnel and materials: pure functions."""

@@ -1,0 +1,1 @@
+"""From hits to irradiance, and from irradiance to a number."""

@@ -1,0 +1,1 @@
+"""Emitters: where light starts. NumPy only."""

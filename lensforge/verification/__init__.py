@@ -1,0 +1,1 @@
+"""Proof by code that shares nothing with the design stage: a ray cast of the exported file."""
