@@ -7,7 +7,7 @@ The names below load on first use, so that importing one part never pays for ano
 from importlib import import_module
 from typing import Any
 
-from lensforge.errors import GateFailure, InputError, LensforgeError
+from lensforge.errors import GateFailed, InputError, LensforgeError
 from lensforge.version import __version__
 
 _LAZY = {
@@ -17,7 +17,7 @@ _LAZY = {
     "load_lens": "lensforge.lens",
 }
 
-__all__ = ["GateFailure", "InputError", "Lens", "LensforgeError", "Spec", "__version__", "load_lens", "load_spec"]
+__all__ = ["GateFailed", "InputError", "Lens", "LensforgeError", "Spec", "__version__", "load_lens", "load_spec"]
 
 
 def __getattr__(name: str) -> Any:

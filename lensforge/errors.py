@@ -16,7 +16,7 @@ class InputError(LensforgeError):
     exit_code = 2
 
 
-class GateFailure(LensforgeError):
+class GateFailed(LensforgeError):
     """A result was reached but fails a gate: a constraint, watertightness, a form error."""
 
     exit_code = 1

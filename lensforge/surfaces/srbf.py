@@ -68,7 +68,10 @@ class SrbfBasis:
     def evaluate(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
         """Value of every function at unit ``directions``."""
         images = group(self.symmetry)
-        return sum(_gaussian(directions @ image, self.centres, self.sigmas)[0] for image in images) / len(images)
+        total = np.zeros((len(directions), self.size))
+        for image in images:
+            total += _gaussian(directions @ image, self.centres, self.sigmas)[0]
+        return total / len(images)
 
     def gradient(
         self, directions: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " m"]

@@ -1,0 +1,1 @@
+"""Vendors' ray files: one module for each format, each registers itself."""
