@@ -70,7 +70,7 @@ class SrbfBasis:
         images = group(self.symmetry)
         total = np.zeros((len(directions), self.size))
         for image in images:
-            total += _gaussian(directions @ image, self.centres, self.sigmas)[0]
+            total += gaussians(directions @ image, self.centres, self.sigmas)
         return total / len(images)
 
     def gradient(
@@ -81,33 +81,42 @@ class SrbfBasis:
         total = np.zeros_like(directions)
         for image in images:
             turned = directions @ image
-            _, slope = _gaussian(turned, self.centres, self.sigmas)
-            pull = slope * weights
+            pull = _slopes(turned, self.centres, self.sigmas) * weights
             # d g / d u points from the centre away; its component along u is removed.
             towards = pull @ self.centres - np.sum(pull * (turned @ self.centres.T), axis=1)[:, None] * turned
             total += towards @ image.T
         return total / len(images)
 
 
-def _gaussian(
+def _chord_squared(directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "n m"]:
+    chord_squared = np.maximum(2.0 - 2.0 * directions @ centres.T, 0.0)
+    rows, columns = np.nonzero(chord_squared < 1e-4)  # the dot product cancels here; the difference does not
+    chord_squared[rows, columns] = np.sum((directions[rows] - centres[columns]) ** 2, axis=-1)
+    return np.minimum(chord_squared, 4.0)
+
+
+def gaussians(
     directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarray, "m 3"], sigmas: Float[np.ndarray, " m"]
-) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """``exp(-g^2/sigma^2)`` and the factor of ``c - (u.c)u`` in its gradient, ``2 g / (sigma^2 sin g)`` times it.
+) -> Float[np.ndarray, "n m"]:
+    """``exp(-g^2/sigma^2)`` of unit directions and centres.
 
     The angle comes from the chord, ``g = 2 asin(|u - c|/2)``: arccos of a dot product loses half of the digits at
     the centre, where rays along the axis of a function live.
     """
-    chord_squared = np.maximum(2.0 - 2.0 * directions @ centres.T, 0.0)
-    near = chord_squared < 1e-4
-    if near.any():  # the dot product cancels here; the difference does not
-        rows, columns = np.nonzero(near)
-        chord_squared[rows, columns] = np.sum((directions[rows] - centres[columns]) ** 2, axis=-1)
-    half_chord = np.minimum(np.sqrt(chord_squared) / 2.0, 1.0)
+    angle = 2.0 * np.arcsin(0.5 * np.sqrt(_chord_squared(directions, centres)))
+    return np.exp(-((angle / sigmas) ** 2))
+
+
+def _slopes(
+    directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarray, "m 3"], sigmas: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "n m"]:
+    """The factor of ``c - (u.c)u`` in the gradient: ``2 g / (sigma^2 sin g) exp(-g^2/sigma^2)``, smooth at g = 0."""
+    half_chord = 0.5 * np.sqrt(_chord_squared(directions, centres))
     angle = 2.0 * np.arcsin(half_chord)
-    value = np.exp(-((angle / sigmas) ** 2))
     sine = 2.0 * half_chord * np.sqrt(1.0 - half_chord**2)
-    ratio = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
-    return value, 2.0 * value * ratio / sigmas**2
+    smooth = sine > 1e-8
+    ratio = np.where(smooth, angle / np.where(smooth, sine, 1.0), 1.0)
+    return 2.0 * np.exp(-((angle / sigmas) ** 2)) * ratio / sigmas**2
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError
 
@@ -29,3 +30,13 @@ def group(name: str) -> list[np.ndarray]:
     if name not in _GROUPS:
         raise InputError(f"symmetry = {name!r}: one of {', '.join(NAMES)}")
     return _GROUPS[name]
+
+
+def grid_images(block: Float[np.ndarray, "n n *c"], name: str) -> Float[np.ndarray, "n n *c"]:
+    """Mean of the mirror images of a function on a square grid centred on the axis (first index x, second y)."""
+    total = np.zeros_like(block)
+    for image in group(name):
+        turned = block.swapaxes(0, 1) if image[0, 0] == 0.0 else block
+        signs = image[:2, :2].sum(axis=0)
+        total += turned[:: int(signs[0]), :: int(signs[1])]
+    return total / len(group(name))

@@ -1,0 +1,33 @@
+"""The receiver: a square, pixelled window of the target plane, centred on the axis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Receiver:
+    """``side_mm`` wide, ``pixels`` x ``pixels``. Images are indexed [row = y, column = x], y upwards."""
+
+    side_mm: float
+    pixels: int
+
+    @property
+    def pitch_mm(self) -> float:
+        """Width of a pixel."""
+        return self.side_mm / self.pixels
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2)."""
+        return (self.pitch_mm * 1e-3) ** 2
+
+    def axis_mm(self) -> Float[np.ndarray, " p"]:
+        """Coordinates of the pixel centres along either axis."""
+        return (np.arange(self.pixels) + 0.5) * self.pitch_mm - self.side_mm / 2.0
+
+    def square_mask(self, side_mm: float) -> np.ndarray:
+        """Pixels whose centres lie within a centred square of ``side_mm``."""
+        inside = np.abs(self.axis_mm()) <= side_mm / 2.0
+        return inside[:, None] & inside[None, :]

@@ -1,0 +1,134 @@
+"""Fused kernels, part 5: the adjoint of ``trace_kernel.trace``, ray by ray, without a second search.
+
+Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; what the hit does to the normal behind it needs
+the Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
+"""
+
+from math import sqrt
+
+from lensforge.tracing.jit import inline, kernel
+from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
+from lensforge.tracing.spline_kernel import curvature, scatter, value_and_slope
+from lensforge.tracing.trace_kernel import outward_normal, refract
+
+_ARRIVED = 0
+_TOTAL_REFLECTION = 4
+_AVERTED = 5
+
+
+@inline
+def hessian_times(x, y, z, vx, vy, vz, table, origin, inverse_step):  # type: ignore[no-untyped-def]
+    """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
+    r = sqrt(x * x + y * y + z * z)
+    ux, uy, uz = x / r, y / r, z / r
+    shift = r + z
+    X, Y = x / shift, y / shift
+    _, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
+    xx, xy, yy = curvature(table, origin, inverse_step, X, Y)
+    gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
+    ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
+    bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y
+    radial = ux * vx + uy * vy + uz * vz
+    hx, hy, hz = (vx - ux * radial) / r, (vy - uy * radial) / r, (vz - uz * radial) / r  # Hessian of |p| times v
+    av = ax * vx + ay * vy + az * vz
+    bv = bx * vx + by * vy + bz * vz
+    gv = gx * vx + gy * vy + gz * vz
+    # Hessian of X times v = -(av g + X h + gv a) / shift, and likewise for Y.
+    to_a = -(xx * av + xy * bv) + rho_x * gv / shift
+    to_b = -(xy * av + yy * bv) + rho_y * gv / shift
+    to_g = (rho_x * av + rho_y * bv) / shift
+    to_h = 1.0 + (rho_x * X + rho_y * Y) / shift
+    return (
+        to_h * hx + to_a * ax + to_b * bx + to_g * gx,
+        to_h * hy + to_a * ay + to_b * by + to_g * gy,
+        to_h * hz + to_a * az + to_b * bz + to_g * gz,
+        -av,
+        -bv,
+    )
+
+
+@inline
+def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):  # type: ignore[no-untyped-def]
+    """Adjoint of ``refract``: from sensitivities to the new direction (e) and to the cosine before, to d and n."""
+    length = sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    c = dx * nx + dy * ny + dz * nz
+    q_squared = transmitted_cosine(c, ratio)
+    if q_squared > 0.0:
+        q = sqrt(q_squared)
+        along = q - ratio * c
+        by_cosine += (nx * ex + ny * ey + nz * ez) * (ratio * ratio * c / q - ratio)
+    else:  # totally reflected: only the cosine matters
+        ratio = 0.0
+        along = 0.0
+    mx, my, mz = along * ex + by_cosine * dx, along * ey + by_cosine * dy, along * ez + by_cosine * dz
+    radial = mx * nx + my * ny + mz * nz
+    return (
+        ratio * ex + by_cosine * nx,
+        ratio * ey + by_cosine * ny,
+        ratio * ez + by_cosine * nz,
+        (mx - radial * nx) / length,
+        (my - radial * ny) / length,
+        (mz - radial * nz) / length,
+    )
+
+
+@inline
+def hit_adjoint(x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, table, gradient, origin, inverse_step):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m), to the ray's start.
+
+    Adds those to the table's coefficients to ``gradient``. Returns the sensitivity to the start point; that to the
+    direction is the path length times it.
+    """
+    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, table, origin, inverse_step)
+    ex, ey, ez = ex + hx, ey + hy, ez + hz
+    by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
+    r = sqrt(x * x + y * y + z * z)
+    scatter(gradient, origin, inverse_step, x / (r + z), y / (r + z), by_radius, by_slope_x, by_slope_y)
+    return ex - by_radius * nx, ey - by_radius * ny, ez - by_radius * nz
+
+
+@kernel
+def trace_adjoint(origins, directions, weights, inner, outer, scene, lengths, fates, by_hits, by_carried, by_sines, inner_gradient, outer_gradient):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Add to the tables' gradients what every ray's sensitivities (to hit, flux and sin^2) say."""
+    index, distance, table_origin, inverse_step = scene
+    for k in range(len(weights)):
+        arrived = fates[k] == _ARRIVED
+        left_or_reflected = fates[k] == _AVERTED or (fates[k] == _TOTAL_REFLECTION and lengths[k, 1] > 0.0)
+        if not (arrived or left_or_reflected):
+            continue
+        gx, gy, gw, gs = by_hits[k, 0], by_hits[k, 1], by_carried[k], by_sines[k]
+        if gx == 0.0 and gy == 0.0 and gw == 0.0 and gs == 0.0:
+            continue
+        # the ray again, forwards
+        ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
+        t1, t2 = lengths[k, 0], lengths[k, 1]
+        px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
+        nx, ny, nz = outward_normal(px, py, pz, inner, table_origin, inverse_step)
+        bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, 1.0 / index)
+        through1, slope1 = transmittance(c1, sqrt(q1_squared), 1.0 / index)
+        sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
+        mx, my, mz = outward_normal(sx, sy, sz, outer, table_origin, inverse_step)
+        cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
+        # and backwards: receiver, outer surface, inner surface
+        by_c2 = -2.0 * index * index * c2 * gs
+        through2, slope2 = 1.0, 0.0
+        ex, ey, ez = 0.0, 0.0, 0.0
+        fx, fy, fz = 0.0, 0.0, 0.0
+        if arrived:
+            through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
+            by_c2 += gw * weights[k] * through1 * slope2
+            t3 = (distance - sz) / cz
+            by_t3 = gx * cx + gy * cy
+            ex, ey, ez = gx, gy, -by_t3 / cz
+            fx, fy, fz = gx * t3, gy * t3, -by_t3 * t3 / cz
+        by_c1 = gw * weights[k] * through2 * slope1
+        fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
+        ex, ey, ez = hit_adjoint(
+            sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz, outer, outer_gradient, table_origin, inverse_step
+        )  # fmt: skip
+        fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
+        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
+        hit_adjoint(
+            px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, inner, inner_gradient, table_origin, inverse_step
+        )  # fmt: skip

@@ -1,0 +1,107 @@
+"""The fast path: the fused kernels on all cores, differentiable with respect to the two tables."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.adjoint_kernel import trace_adjoint
+from lensforge.tracing.chunks import CHUNKS, in_chunks
+from lensforge.tracing.intersect_kernel import surface_bounds
+from lensforge.tracing.trace_kernel import trace
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a ray meets besides the surfaces: the index of the body, the receiver's plane; and the tables' grid."""
+
+    refractive_index: float
+    distance_mm: float
+    grid: TableGrid
+
+    def packed(self) -> tuple[float, float, float, float]:
+        """The four numbers that the kernels take."""
+        return self.refractive_index, self.distance_mm, self.grid.origin, 1.0 / self.grid.step
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Rays at the receiver's plane, in the order in which they left the source; torch tensors, float64.
+
+    ``hits`` (n, 2) in mm, 0 where a ray did not arrive; ``carried`` (n,) the flux (W) that reached the last surface
+    met; ``sines`` (n,) the squared sine of the exit angle, above 1 for total reflection; ``fates`` (n,) int8 of
+    :class:`~lensforge.tracing.fates.Fate`.
+    """
+
+    hits: torch.Tensor
+    carried: torch.Tensor
+    sines: torch.Tensor
+    fates: torch.Tensor
+
+    @property
+    def arrived(self) -> torch.Tensor:
+        """Mask of the rays that reached the receiver's plane."""
+        return self.fates == 0
+
+
+class _Trace(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Any:  # type: ignore[override]
+        tables = [table.detach().numpy() for table in (inner, outer)]
+        bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
+        _check_bounds(bounds)
+        count = len(rays)
+        lengths, hits = np.empty((count, 2)), np.empty((count, 2))
+        carried, sines, fates = np.empty(count), np.empty(count), np.empty(count, dtype=np.int8)
+
+        def work(_: int, part: slice) -> None:
+            trace(
+                rays.origins[part], rays.directions[part], rays.weights[part], *tables, *bounds, scene.packed(),
+                lengths[part], hits[part], carried[part], sines[part], fates[part],
+            )  # fmt: skip
+
+        in_chunks(work, count)
+        ctx.save_for_backward(inner, outer)
+        ctx.scene, ctx.rays, ctx.lengths, ctx.fates = scene, rays, lengths, fates
+        outputs = tuple(torch.from_numpy(array) for array in (hits, carried, sines, fates))
+        ctx.mark_non_differentiable(outputs[3])
+        return outputs
+
+    @staticmethod
+    def backward(ctx: Any, by_hits: torch.Tensor, by_carried: torch.Tensor, by_sines: torch.Tensor, _: Any) -> Any:  # type: ignore[override]
+        inner, outer = (table.numpy() for table in ctx.saved_tensors)
+        gradients = np.zeros((2, CHUNKS, *inner.shape))
+        by = [tensor.contiguous().numpy() for tensor in (by_hits, by_carried, by_sines)]
+        rays: RayBundle = ctx.rays
+
+        def work(chunk: int, part: slice) -> None:
+            trace_adjoint(
+                rays.origins[part], rays.directions[part], rays.weights[part], inner, outer, ctx.scene.packed(),
+                ctx.lengths[part], ctx.fates[part], *(array[part] for array in by), *gradients[:, chunk],
+            )  # fmt: skip
+
+        in_chunks(work, len(rays))
+        total = torch.from_numpy(gradients.sum(axis=1))
+        return total[0], total[1], None, None
+
+
+def _check_bounds(bounds: list[Float[np.ndarray, "4"]]) -> None:
+    for name, bound in zip(("inner", "outer"), bounds, strict=True):
+        if not (bound[0] > 0.0 and np.isfinite(bound).all()):
+            raise InputError(
+                f"{name} surface: its radius falls to {bound[0]:.3g} mm; it must stay above 0: "
+                f"lower optimise.learning_rate, or raise lens.{name}_offset_mm"
+            )
+
+
+def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Arrivals:
+    """Trace ``rays`` through two tables (side, side), float64 on the CPU; differentiable in both tables.
+
+    Raises :class:`InputError` when a surface has a radius that is not positive.
+    """
+    return Arrivals(*_Trace.apply(inner, outer, scene, rays))

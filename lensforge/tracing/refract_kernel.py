@@ -1,0 +1,26 @@
+"""Fused kernels, part 3: Snell and Fresnel at a dielectric surface, and their adjoints.
+
+``ratio`` is n_before / n_after; normals point along the ray, ``c = d.n > 0``.
+"""
+
+from math import sqrt
+
+from lensforge.tracing.jit import inline
+
+
+@inline
+def transmitted_cosine(c, ratio):  # type: ignore[no-untyped-def]
+    """Square of the cosine behind the surface; not positive: total reflection."""
+    return 1.0 - ratio * ratio * (1.0 - c * c)
+
+
+@inline
+def transmittance(c, q, ratio):  # type: ignore[no-untyped-def]
+    """Unpolarised Fresnel transmittance (Born & Wolf 1.5.2) and its derivative with respect to ``c``."""
+    senkrecht = (ratio * c - q) / (ratio * c + q)
+    parallel = (c - ratio * q) / (c + ratio * q)
+    dq = ratio * ratio * c / q
+    by_senkrecht = 2.0 * ratio * (q - c * dq) / ((ratio * c + q) * (ratio * c + q))
+    by_parallel = 2.0 * ratio * (q - c * dq) / ((c + ratio * q) * (c + ratio * q))
+    value = 1.0 - 0.5 * (senkrecht * senkrecht + parallel * parallel)
+    return value, -(senkrecht * by_senkrecht + parallel * by_parallel)

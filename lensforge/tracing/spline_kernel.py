@@ -1,0 +1,89 @@
+"""Fused kernels, part 1: a bicubic table of ``rho`` over the stereographic chart, and its adjoint.
+
+A table is square, first index X; ``origin`` and ``inverse_step`` place coefficient 0 and the spacing.
+"""
+
+from lensforge.tracing.jit import inline
+
+
+@inline
+def cubic_weights(f):  # type: ignore[no-untyped-def]
+    """Uniform cubic B-spline: the four weights, their first and second derivatives in units of the step."""
+    g = 1.0 - f
+    return (
+        (g * g * g / 6.0, (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0, (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0, f * f * f / 6.0),
+        (-0.5 * g * g, 1.5 * f * f - 2.0 * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f),
+        (g, 3.0 * f - 2.0, 3.0 * g - 2.0, f),
+    )
+
+
+@inline
+def cell_of(position, side):  # type: ignore[no-untyped-def]
+    """First of the four coefficients that act at ``position`` (in steps), kept inside of the table."""
+    cell = int(position)
+    return min(max(cell, 1), side - 3)
+
+
+@inline
+def value_and_slope(table, origin, inverse_step, X, Y):  # type: ignore[no-untyped-def]
+    """``rho``, d rho/dX, d rho/dY."""
+    side = table.shape[0]
+    px = (X - origin) * inverse_step
+    py = (Y - origin) * inverse_step
+    i = cell_of(px, side)
+    j = cell_of(py, side)
+    wx, dx, _ = cubic_weights(px - i)
+    wy, dy, _ = cubic_weights(py - j)
+    value = 0.0
+    slope_x = 0.0
+    slope_y = 0.0
+    for a in range(4):
+        row = table[i - 1 + a]
+        along = wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2]
+        across = dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2]
+        value += wx[a] * along
+        slope_x += dx[a] * along
+        slope_y += wx[a] * across
+    return value, slope_x * inverse_step, slope_y * inverse_step
+
+
+@inline
+def curvature(table, origin, inverse_step, X, Y):  # type: ignore[no-untyped-def]
+    """Second derivatives of ``rho`` on the chart: XX, XY, YY."""
+    side = table.shape[0]
+    px = (X - origin) * inverse_step
+    py = (Y - origin) * inverse_step
+    i = cell_of(px, side)
+    j = cell_of(py, side)
+    wx, dx, cx = cubic_weights(px - i)
+    wy, dy, cy = cubic_weights(py - j)
+    xx = 0.0
+    xy = 0.0
+    yy = 0.0
+    for a in range(4):
+        row = table[i - 1 + a]
+        xx += cx[a] * (wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2])
+        xy += dx[a] * (dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2])
+        yy += wx[a] * (cy[0] * row[j - 1] + cy[1] * row[j] + cy[2] * row[j + 1] + cy[3] * row[j + 2])
+    square = inverse_step * inverse_step
+    return xx * square, xy * square, yy * square
+
+
+@inline
+def scatter(gradient, origin, inverse_step, X, Y, by_value, by_slope_x, by_slope_y):  # type: ignore[no-untyped-def]
+    """Adjoint of :func:`value_and_slope`: add the sensitivities to the sixteen coefficients that acted."""
+    side = gradient.shape[0]
+    px = (X - origin) * inverse_step
+    py = (Y - origin) * inverse_step
+    i = cell_of(px, side)
+    j = cell_of(py, side)
+    wx, dx, _ = cubic_weights(px - i)
+    wy, dy, _ = cubic_weights(py - j)
+    sx = by_slope_x * inverse_step
+    sy = by_slope_y * inverse_step
+    for a in range(4):
+        row = gradient[i - 1 + a]
+        along = by_value * wx[a] + sx * dx[a]
+        across = sy * wx[a]
+        for b in range(4):
+            row[j - 1 + b] += along * wy[b] + across * dy[b]

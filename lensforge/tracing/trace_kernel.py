@@ -1,0 +1,120 @@
+"""Fused kernels, part 4: rays through both surfaces to the receiver's plane, one loop over rays.
+
+``scene`` is ``[refractive index, receiver distance, table origin, 1/table step]``. The path lengths that the search
+found are kept, so that the adjoint (``adjoint_kernel``) need not search again.
+"""
+
+from math import sqrt
+
+from lensforge.tracing.intersect_kernel import BELOW, FOUND, first_hit
+from lensforge.tracing.jit import inline, kernel
+from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
+from lensforge.tracing.spline_kernel import value_and_slope
+
+# The values of tracing.fates.Fate, as plain integers for the compiler.
+_ARRIVED, _BACKWARD, _OUTSIDE_CAVITY, _BASE, _TOTAL_REFLECTION, _AVERTED, _NOT_CONVERGED, _CROSSED = range(8)
+
+
+@inline
+def outward_normal(x, y, z, table, origin, inverse_step):  # type: ignore[no-untyped-def]
+    """Gradient of ``|p| - rho(p/|p|)``: not normalised, pointing away from the origin."""
+    r = sqrt(x * x + y * y + z * z)
+    shift = r + z
+    X = x / shift
+    Y = y / shift
+    _, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
+    radial = (rho_x * X + rho_y * Y) / shift
+    return (
+        x / r * (1.0 + radial) - rho_x / shift,
+        y / r * (1.0 + radial) - rho_y / shift,
+        z / r * (1.0 + radial) + radial,
+    )
+
+
+@inline
+def refract(dx, dy, dz, nx, ny, nz, ratio):  # type: ignore[no-untyped-def]
+    """Direction behind a surface with normal (nx, ny, nz) of any length; cosines before and behind (squared)."""
+    length = sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    c = dx * nx + dy * ny + dz * nz
+    q_squared = transmitted_cosine(c, ratio)
+    if q_squared <= 0.0:
+        return dx, dy, dz, c, q_squared
+    along = sqrt(q_squared) - ratio * c
+    return ratio * dx + along * nx, ratio * dy + along * ny, ratio * dz + along * nz, c, q_squared
+
+
+@inline
+def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):  # type: ignore[no-untyped-def]
+    """Where a source ray enters the cavity: rays from below z = 0 are moved to the opening. A fate, and the shift."""
+    if dz <= 0.0:
+        return _BACKWARD, 0.0
+    start = max(0.0, -pz / dz)
+    x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
+    r = sqrt(x * x + y * y + z * z)
+    if r > bounds[1]:
+        return _OUTSIDE_CAVITY, start
+    if r >= bounds[0]:
+        rho, _, _ = value_and_slope(table, origin, inverse_step, x / (r + z), y / (r + z))
+        if r >= rho:
+            return _OUTSIDE_CAVITY, start
+    return _ARRIVED, start
+
+
+@kernel
+def trace(origins, directions, weights, inner, outer, inner_bounds, outer_bounds, scene, lengths, hits, carried, sines, fates):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Trace rays; fills, per ray, path lengths to both surfaces (2), hit x and y (2), flux, sin^2 behind, fate.
+
+    ``carried`` is the flux that reached the last surface met, after Fresnel losses; ``sines`` the squared sine of
+    the exit angle by Snell's law, above 1 where the outer surface reflects totally, 0 where it was not reached.
+    """
+    index, distance, table_origin, inverse_step = scene
+    for k in range(len(weights)):
+        px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        hits[k, 0] = 0.0
+        hits[k, 1] = 0.0
+        lengths[k, 0] = 0.0
+        lengths[k, 1] = 0.0
+        sines[k] = 0.0
+        carried[k] = weights[k]
+        fate, start = entry(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
+        fates[k] = fate
+        if fate != _ARRIVED:
+            continue
+        px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
+        # the inner surface
+        t, status = first_hit(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
+        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
+        lengths[k, 0] = start + t
+        if status != FOUND or pz < 0.0:
+            fates[k] = _BASE if status == BELOW or pz < 0.0 else _NOT_CONVERGED
+            continue
+        nx, ny, nz = outward_normal(px, py, pz, inner, table_origin, inverse_step)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, 1.0 / index)
+        if q_squared <= 0.0 or c <= 0.0:
+            fates[k] = _TOTAL_REFLECTION
+            continue
+        through, _ = transmittance(c, sqrt(q_squared), 1.0 / index)
+        carried[k] = weights[k] * through
+        # the outer surface
+        t, status = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
+        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
+        lengths[k, 1] = t
+        if status != FOUND or pz < 0.0:
+            fates[k] = _BASE if status == BELOW or pz < 0.0 else (_CROSSED if t == 0.0 else _NOT_CONVERGED)
+            continue
+        nx, ny, nz = outward_normal(px, py, pz, outer, table_origin, inverse_step)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
+        sines[k] = 1.0 - q_squared
+        if q_squared <= 0.0 or c <= 0.0:
+            fates[k] = _TOTAL_REFLECTION
+            continue
+        through, _ = transmittance(c, sqrt(q_squared), index)
+        carried[k] *= through
+        if dz <= 0.0:
+            fates[k] = _AVERTED
+            continue
+        t = (distance - pz) / dz
+        hits[k, 0] = px + t * dx
+        hits[k, 1] = py + t * dy
