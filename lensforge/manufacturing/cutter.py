@@ -1,0 +1,78 @@
+"""Which ball cutter fits where: for every point of a face, the largest ball that touches it there and nothing else.
+
+A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
+part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
+ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n . (Q - P))``, so the largest ball at P
+is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
+its centre as the next Q, finds it in a few steps (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
+One map of radii then answers for every cutter.
+
+Only the ball is tested, against the face that it cuts. The base has its own test (``relief``); a shank no thicker
+than the ball and tilted into the clear is assumed, a holder is not modelled. Q ranges over the samples, so a radius
+is never too small and is too large by a term of second order in the sample spacing.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import cKDTree
+
+from lensforge.manufacturing.curvature import smallest_curvature
+from lensforge.manufacturing.sampling import FaceSamples
+
+FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
+_GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
+_ROUNDS = 60
+# Beyond this many face radii a ball is a plane as far as the part can tell.
+_UNLIMITED = 20.0
+
+
+def largest_ball_mm(samples: FaceSamples) -> Float[np.ndarray, " k"]:
+    """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does."""
+    points, normals = samples.points, samples.normals
+    tree = cKDTree(points)
+    cap = _UNLIMITED * float(np.linalg.norm(points, axis=1).max())
+    radius = np.minimum(_local_limit(samples), cap)
+    active = np.arange(len(points))
+    for _ in range(_ROUNDS):
+        centres = points[active] + radius[active, None] * normals[active]
+        distance, nearest = tree.query(centres)
+        gouging = distance < radius[active] - _GOUGE_MM
+        active, nearest = active[gouging], nearest[gouging]
+        if not len(active):
+            break
+        radius[active] = _touching_radius(points[active], normals[active], points[nearest])
+    return np.where(radius < cap, radius, np.inf)
+
+
+def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
+    """Where the curvature alone admits the cutter: ``kappa_min >= -1/R``."""
+    return _local_limit(samples) >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
+
+
+def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
+    """Where a cutter touches the face without gouging it elsewhere, from the map of :func:`largest_ball_mm`."""
+    return ball_mm >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
+
+
+def largest_cutter_mm(samples: FaceSamples, ball_mm: Float[np.ndarray, " k"]) -> float:
+    """The largest cutter (mm) that reaches the whole face; infinite for a face without any hollow.
+
+    The tightest hollow is searched between the samples too, with the face's own curvature.
+    """
+    sharpest = int(np.argmin(samples.curvatures.minimum))
+    kappa = smallest_curvature(samples.face, samples.chart[sharpest], samples.grid.step)
+    local = -1.0 / kappa if kappa < 0.0 else np.inf
+    return float(min(local, ball_mm.min()))
+
+
+def _local_limit(samples: FaceSamples) -> Float[np.ndarray, " k"]:
+    kappa = samples.curvatures.minimum
+    concave = kappa < 0.0
+    return np.where(concave, -1.0 / np.where(concave, kappa, -1.0), np.inf)
+
+
+def _touching_radius(
+    point: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    chord = other - point
+    return np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1))

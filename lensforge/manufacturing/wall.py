@@ -1,0 +1,66 @@
+"""Wall thickness: radial, as the design constrains it, and along the normal, as the material feels it.
+
+The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest way between the
+faces is perpendicular to both, so starting from the outer face would give the same minimum. Lines that leave the
+hemisphere below z = 0 run into the base and have no thickness.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.manufacturing.face import OpticalFace
+from lensforge.manufacturing.sampling import FaceSamples
+from lensforge.surfaces import chart
+
+_TOLERANCE_MM = 1e-10
+_STEPS = 40
+
+
+@dataclass(frozen=True)
+class ThinnestWall:
+    """The thinnest place of a wall: thickness and its two ends (mm)."""
+
+    thickness_mm: float
+    inner_mm: Float[np.ndarray, "3"]
+    outer_mm: Float[np.ndarray, "3"]
+
+
+def radial_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
+    """Thickness (mm) along the ray from the origin through each sample; negative where the faces cross."""
+    return outer.radius(inner.chart) - np.linalg.norm(inner.points, axis=1)
+
+
+def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
+    """Thickness (mm) along the cavity's normal at each sample, NaN where that line leaves below z = 0.
+
+    Secant steps on ``|x| - rho(x)`` along the line, started with the radial thickness.
+    """
+    start, direction = inner.points, inner.outward
+
+    def outside(t: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        x = start + t[:, None] * direction
+        return np.linalg.norm(x, axis=1) - outer.radius(chart.to_chart(x))
+
+    before = np.zeros(len(start))
+    value_before = outside(before)
+    t = -value_before
+    for _ in range(_STEPS):
+        value = outside(t)
+        open_ = np.abs(value) > _TOLERANCE_MM
+        if not open_.any():
+            break
+        rise = value - value_before
+        step = np.where(open_ & (rise != 0.0), -value * (t - before) / np.where(rise != 0.0, rise, 1.0), 0.0)
+        before, value_before, t = np.where(open_, t, before), np.where(open_, value, value_before), t + step
+    end = start + t[:, None] * direction
+    found = (np.abs(outside(t)) < 1e3 * _TOLERANCE_MM) & (end[:, 2] >= -1e-9)
+    return np.where(found, t, np.nan)
+
+
+def thinnest(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"]) -> ThinnestWall:
+    """The smallest of ``wall_mm``, which runs from the samples of ``inner`` along the unit vectors ``along``."""
+    index = int(np.nanargmin(wall_mm))
+    start = inner.points[index]
+    return ThinnestWall(float(wall_mm[index]), start, start + wall_mm[index] * along[index])
