@@ -1,1 +1,8 @@
-"""Vendors' ray files: one module for each format, each registers itself."""
+"""Vendors' ray files: one module for each format in ``formats``, each registers itself."""
+
+from lensforge.sources.rayfiles.formats import FORMATS
+from lensforge.sources.rayfiles.reading import convert, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.statistics import describe
+
+__all__ = ["FORMATS", "RayFile", "convert", "describe", "read_rayfile", "write_rayfile"]

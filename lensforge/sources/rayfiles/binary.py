@@ -1,0 +1,100 @@
+"""Bytes of a ray file: mapped and bounds-checked on the way in, rows of little-endian float32 on the way out."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles.record import CHUNK_ROWS
+
+_SMALLEST_KNOWN = 1e-30  # 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
+
+
+@dataclass(frozen=True)
+class FileImage:
+    """The bytes of one file, mapped; every access is checked, so that a lying header cannot lead outside."""
+
+    path: Path
+    data: UInt8[np.ndarray, " bytes"]
+
+    @classmethod
+    def open(cls, path: Path) -> "FileImage":
+        """Map ``path``. Raises :class:`InputError` if it is missing, no file, empty, or not readable."""
+        path = Path(path)
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; give the path of a ray file")
+        try:
+            if path.stat().st_size == 0:
+                raise InputError(f"{path}: the file is empty; fetch it again")
+            return cls(path, np.asarray(np.memmap(path, dtype=np.uint8, mode="r")))
+        except OSError as error:
+            raise InputError(f"{path}: not readable ({error.strerror})") from error
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return len(self.data)
+
+    def refuse(self, problem: str) -> InputError:
+        """The error for this file, one line."""
+        return InputError(f"{self.path}: {problem}")
+
+    def part(self, start: int, stop: int) -> bytes:
+        """A copy of the bytes from ``start`` to ``stop``, fewer where the file ends earlier."""
+        return self.data[start:stop].tobytes()
+
+    def unpack(self, layout: struct.Struct, offset: int = 0) -> tuple:
+        """The fields of ``layout`` at ``offset``."""
+        if offset + layout.size > self.size:
+            raise self.refuse(
+                f"truncated: {self.size} bytes, its header needs {offset + layout.size}; fetch the file again"
+            )
+        return layout.unpack(self.part(offset, offset + layout.size))
+
+    def rows(self, start: int, count: int, columns: int, tail: int = 0) -> Float[np.ndarray, "n columns"]:
+        """``count`` rows of float32 from ``start``, a view; rows and ``tail`` bytes must end where the file ends."""
+        expected = start + 4 * columns * count + tail
+        if count < 1:
+            raise self.refuse("holds no rays (its header says 0); export it again")
+        if expected != self.size:
+            verdict = "truncated" if self.size < expected else "longer than that"
+            raise self.refuse(
+                f"{count} rays of {columns} columns make {expected} bytes, the file has {self.size} ({verdict}); "
+                "fetch or export it again"
+            )
+        return self.data[start : self.size - tail].view("<f4").reshape(count, columns)
+
+
+def known(value: float) -> float | None:
+    """A header number, or None where it is a way of writing unknown: 0, negative, NaN, infinite, byte-swapped NaN."""
+    return float(value) if _SMALLEST_KNOWN < value < np.inf else None
+
+
+def plain_text(raw: bytes, encoding: str) -> str:
+    """A header text up to its first NUL, unprintable characters as blanks, so that it always stays one line."""
+    text = raw.decode(encoding, errors="replace").split("\0")[0]
+    return "".join(character if character.isprintable() else " " for character in text).strip()
+
+
+def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, "*n"]:
+    """``values`` times ``factor`` in float64; the view itself, still mapped, where the factor is 1."""
+    if factor == 1.0:
+        return values
+    with np.errstate(invalid="ignore", over="ignore"):
+        return values.astype(np.float64) * factor
+
+
+def float_rows(*columns: Float[np.ndarray, "n ..."]) -> Iterator[bytes]:
+    """The columns side by side as rows of little-endian float32, some rays at a time."""
+    width = sum(1 if column.ndim == 1 else column.shape[1] for column in columns)
+    count = len(columns[0])
+    for start in range(0, count, CHUNK_ROWS):
+        part = [column[start : start + CHUNK_ROWS] for column in columns]
+        rows = np.empty((len(part[0]), width), dtype="<f4")
+        with np.errstate(invalid="ignore", over="ignore"):
+            np.concatenate([c if c.ndim == 2 else c[:, None] for c in part], axis=1, out=rows, casting="same_kind")
+        yield rows.tobytes()

@@ -1,0 +1,66 @@
+"""Rays that can be traced: finite, with a direction, with flux; the rest is dropped and counted."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE, RayFile, as_float64
+
+_NO_DIRECTION = 1e-12  # |k| below which a direction is no direction
+
+
+@dataclass(frozen=True)
+class ValidRays:
+    """``n`` usable rays in float64: mm, unit directions, flux as stored; and how many were dropped, by cause."""
+
+    positions: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    wavelengths: Float[np.ndarray, " n"] | None
+    dropped: dict[str, int]
+
+    def __len__(self) -> int:
+        return len(self.flux)
+
+
+def valid_rays(rayfile: RayFile, start: int = 0, stop: int | None = None) -> ValidRays:
+    """The usable rays among ``start`` to ``stop``, directions normalised.
+
+    Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
+    ``no_flux`` (zero or negative).
+    """
+    part = slice(start, stop)
+    positions = as_float64(rayfile.positions[part])
+    directions = as_float64(rayfile.directions[part])
+    flux = as_float64(rayfile.flux[part])
+    finite = _finite(positions).all(axis=1) & _finite(directions).all(axis=1) & _finite(flux)
+    directions[~finite] = 0.0
+    length = np.linalg.norm(directions, axis=1)
+    directed = length > _NO_DIRECTION
+    with np.errstate(invalid="ignore"):
+        bright = flux > 0.0
+    keep = finite & directed & bright
+    return ValidRays(
+        positions=positions[keep],
+        directions=directions[keep] / length[keep, None],
+        flux=flux[keep],
+        wavelengths=None if rayfile.wavelengths is None else as_float64(rayfile.wavelengths[part][keep]),
+        dropped={
+            "not_finite": int(np.count_nonzero(~finite)),
+            "zero_direction": int(np.count_nonzero(finite & ~directed)),
+            "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
+        },
+    )
+
+
+def valid_chunks(rayfile: RayFile) -> Iterator[ValidRays]:
+    """The usable rays, some at a time, so that a file of any size needs little memory."""
+    for start in range(0, len(rayfile), CHUNK_ROWS):
+        yield valid_rays(rayfile, start, start + CHUNK_ROWS)
+
+
+def _finite(values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+    with np.errstate(invalid="ignore"):
+        return np.abs(values) < HUGE

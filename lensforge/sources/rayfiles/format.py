@@ -1,0 +1,34 @@
+"""What a ray-file format has to offer to be one."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles.binary import FileImage
+from lensforge.sources.rayfiles.record import RayFile
+
+HEAD_BYTES = 4096  # what ``matches`` gets to see
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: ``matches(head, size)`` by content alone, ``decode`` a mapped file, ``encode`` in pieces.
+
+    ``suffixes`` are only what files of this format are usually called; they help to choose a format for writing.
+    ``decode`` raises :class:`InputError` for anything that it cannot vouch for, ``encode`` for what it cannot hold.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    matches: Callable[[bytes, int], bool]
+    decode: Callable[[FileImage], RayFile]
+    encode: Callable[[RayFile], Iterator[bytes]]
+
+
+def require_watts_with_wavelengths(rayfile: RayFile, title: str) -> None:
+    """Refuse lumens with a wavelength for each ray where the format stores spectral flux in W only."""
+    if rayfile.unit == "lm" and rayfile.wavelengths is not None:
+        raise InputError(
+            f"{title} holds wavelengths only with W, these rays are in lm; convert to lighttools_text or csv instead"
+        )

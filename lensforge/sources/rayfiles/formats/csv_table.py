@@ -1,0 +1,65 @@
+"""Comma-separated rays with a line of column names, for spreadsheets and scripts.
+
+`x_mm,y_mm,z_mm,kx,ky,kz,flux_w` or `flux_lm`, and perhaps `wavelength_nm`; any order, further columns are ignored.
+Lines that start with `#` before the names are comments.
+"""
+
+from collections.abc import Iterator
+from itertools import takewhile
+
+from lensforge.sources.rayfiles.binary import FileImage, plain_text
+from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
+from lensforge.sources.rayfiles.record import RayFile, Unit
+from lensforge.sources.rayfiles.text import parse_rows, print_rows
+
+_POSITION = ("x_mm", "y_mm", "z_mm")
+_DIRECTION = ("kx", "ky", "kz")
+_FLUX: dict[str, Unit] = {"flux_w": "W", "flux_lm": "lm"}
+_WAVELENGTH = "wavelength_nm"
+
+
+def _names(head: bytes) -> tuple[list[str], int]:
+    """The column names, and the number of lines up to them."""
+    lines = head.removeprefix(b"\xef\xbb\xbf").splitlines()
+    comments = len(list(takewhile(lambda line: line.startswith(b"#"), lines)))
+    names = lines[comments].decode("latin-1").lower().split(",") if comments < len(lines) else []
+    return [name.strip().strip('"') for name in names], comments + 1
+
+
+def _matches(head: bytes, size: int) -> bool:
+    names, _ = _names(head)
+    return set(_POSITION + _DIRECTION) <= set(names)
+
+
+def _decode(image: FileImage) -> RayFile:
+    head = image.part(0, HEAD_BYTES)
+    names, header_lines = _names(head)
+    flux_names = [name for name in names if name in _FLUX]
+    if len(flux_names) != 1 or len(set(names)) != len(names):
+        raise image.refuse(f"columns {','.join(names)[:120]!r}: exactly one of flux_w and flux_lm, and no name twice")
+    begin = sum(len(line) for line in head.splitlines(keepends=True)[:header_lines])
+    rows = parse_rows(image, image.part(begin, image.size), header_lines + 1, delimiter=",")
+    if rows.shape[1] != len(names):
+        raise image.refuse(f"rows of {rows.shape[1]} numbers under {len(names)} column names")
+    column = {name: index for index, name in enumerate(names)}
+    return RayFile(
+        positions=rows[:, [column[name] for name in _POSITION]],
+        directions=rows[:, [column[name] for name in _DIRECTION]],
+        flux=rows[:, column[flux_names[0]]],
+        unit=_FLUX[flux_names[0]],
+        wavelengths=rows[:, column[_WAVELENGTH]] if _WAVELENGTH in column else None,
+        format=FORMAT.name,
+        header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names]},
+    )
+
+
+def _encode(rayfile: RayFile) -> Iterator[bytes]:
+    flux_name = next(name for name, unit in _FLUX.items() if unit == rayfile.unit)
+    waves = [] if rayfile.wavelengths is None else [rayfile.wavelengths]
+    names = [*_POSITION, *_DIRECTION, flux_name, *([_WAVELENGTH] if waves else [])]
+    yield (",".join(names) + "\n").encode("ascii")
+    flux = rayfile.flux_adding_up_to(rayfile.total_flux())
+    yield from print_rows(rayfile.positions, rayfile.directions, flux, *waves, delimiter=",")
+
+
+FORMAT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)

@@ -1,0 +1,101 @@
+"""LightTools text ray files: `key: value` lines, `lt_startofdata`, rows of numbers, `lt_endofdata`."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from lensforge.sources.rayfiles.binary import FileImage, known, plain_text, scaled
+from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
+from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.text import numbers, parse_rows, print_rows
+
+_START, _END = b"lt_startofdata", b"lt_endofdata"
+_MM_PER_UNIT = {
+    "system": 1.0, "millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0,
+    "inches": 25.4, "feet": 304.8, "microns": 1e-3, "micrometers": 1e-3, "nanometers": 1e-6,
+}  # fmt: skip
+_CHOICES: dict[str, dict[str, Any]] = {
+    "lt_datatype": {"luminous_flux": "lm", "radiant_power": "W"},
+    "lt_far_field_data": {"no": False, "yes": True},
+    "lt_color_info": {"none": False, "wavelength": True},
+    "lt_length_units": _MM_PER_UNIT,
+}
+_DEFAULTS = {"lt_far_field_data": "no", "lt_color_info": "none", "lt_length_units": "millimeters"}
+
+
+def _matches(head: bytes, size: int) -> bool:
+    return b"lt_rdf_version" in head or _START in head
+
+
+def _decode(image: FileImage) -> RayFile:
+    head, marker, _ = image.part(0, HEAD_BYTES).partition(_START)
+    ending = image.part(max(image.size - HEAD_BYTES, 0), image.size).rpartition(_END)
+    if not marker or not ending[1]:
+        raise image.refuse("truncated: lt_startofdata or lt_endofdata is missing; fetch or export it again")
+    header = _header(head)
+    unit, far_field, coloured, mm_per_unit = (_choice(image, header, key) for key in _CHOICES)
+    begin = len(head) + len(_START)
+    end = image.size - len(ending[2]) - len(_END)
+    rows = parse_rows(image, image.part(begin, end), first_line=head.count(b"\n") + 2)
+    expected = 7 - 3 * far_field + coloured
+    if rows.shape[1] != expected:
+        raise image.refuse(f"rows of {rows.shape[1]} numbers, its header announces {expected}; export it again")
+    flux = known((numbers(header.get("lt_radiant_flux", "")) or [0.0])[0])
+    start = 0 if far_field else 3
+    return RayFile(
+        positions=_origin(image, header, len(rows)) if far_field else scaled(rows[:, 0:3], mm_per_unit),
+        directions=rows[:, start : start + 3],
+        flux=rows[:, start + 3],
+        unit=unit,
+        wavelengths=rows[:, start + 4] if coloured else None,
+        format=FORMAT.name,
+        header_flux_w=flux if unit == "W" else None,
+        header_flux_lm=flux if unit == "lm" else None,
+        header=header,
+        warnings=("far-field data: all rays start at the file's data origin",) if far_field else (),
+    )
+
+
+def _header(head: bytes) -> dict[str, str]:
+    """The `key: value` lines; comments start with `#`."""
+    lines = (plain_text(line, "latin-1") for line in head.splitlines() if not line.startswith(b"#"))
+    pairs = (line.partition(":") for line in lines if ":" in line)
+    return {key.strip(): value.strip() for key, _, value in pairs}
+
+
+def _choice(image: FileImage, header: dict[str, str], key: str) -> Any:
+    value = header.get(key, _DEFAULTS.get(key, "")).lower()
+    if value not in _CHOICES[key]:
+        raise image.refuse(f"{key}: {value[:40] or 'missing'}; one of {', '.join(_CHOICES[key])} can be read")
+    return _CHOICES[key][value]
+
+
+def _origin(image: FileImage, header: dict[str, str], count: int) -> np.ndarray:
+    point = numbers(header.get("lt_data_origin", "0 0 0"))
+    if point is None or len(point) != 3:
+        raise image.refuse("lt_data_origin: three numbers; export it again")
+    return np.broadcast_to(np.array(point), (count, 3))
+
+
+def _encode(rayfile: RayFile) -> Iterator[bytes]:
+    total = rayfile.total_flux()
+    header = {
+        "lt_rdf_version": "2.0",
+        "dataname": str(rayfile.header.get("dataname") or rayfile.header.get("name") or "rays"),
+        "lt_datatype": "radiant_power" if rayfile.unit == "W" else "luminous_flux",
+        "lt_far_field_data": "no",
+        "lt_color_info": "none" if rayfile.wavelengths is None else "wavelength",
+        "lt_length_units": "millimeters",
+        "lt_data_origin": "0 0 0",
+        "lt_radiant_flux": f"{total:.9g}",
+    }
+    lines = [f"{key}: {value}" for key, value in header.items()]
+    yield "\n".join([*lines, "lt_startofdata", ""]).encode("ascii", "replace")
+    flux = rayfile.flux_adding_up_to(total * len(rayfile))
+    columns = [rayfile.positions, rayfile.directions, flux]
+    yield from print_rows(*columns, *([] if rayfile.wavelengths is None else [rayfile.wavelengths]))
+    yield _END + b"\n"
+
+
+FORMAT = Format("lighttools_text", "LightTools text", (".ray", ".txt"), _matches, _decode, _encode)

@@ -1,0 +1,56 @@
+"""SPEOS binary ray files (`.ray`): seven float32, then rows `x y z l m n wavelength energy`.
+
+The header has no magic word: total W, five times 2.0, total lm. Energies are relative to each other; the power of a
+ray is its share of the header's W.
+"""
+
+import struct
+from collections.abc import Iterator
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles.binary import FileImage, float_rows, known
+from lensforge.sources.rayfiles.format import Format
+from lensforge.sources.rayfiles.record import RayFile
+
+_HEADER = struct.Struct("<7f")
+_MARK = struct.pack("<5f", *(2.0,) * 5)
+
+
+def _matches(head: bytes, size: int) -> bool:
+    return head[4:24] == _MARK
+
+
+def _decode(image: FileImage) -> RayFile:
+    watts, *_, lumens = image.unpack(_HEADER)
+    rows = image.rows(_HEADER.size, (image.size - _HEADER.size) // 32, 8)
+    warnings = () if known(watts) else ("the header states no power: the energies are taken as W",)
+    return RayFile(
+        positions=rows[:, 0:3],
+        directions=rows[:, 3:6],
+        flux=rows[:, 7],
+        unit="W",
+        wavelengths=rows[:, 6],
+        format=FORMAT.name,
+        header_flux_w=known(watts),
+        header_flux_lm=known(lumens),
+        header_role="scale",
+        warnings=warnings,
+    )
+
+
+def _encode(rayfile: RayFile) -> Iterator[bytes]:
+    if rayfile.unit != "W" or rayfile.wavelengths is None:
+        have = "lm" if rayfile.unit != "W" else "no wavelengths"
+        raise InputError(
+            f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
+        )
+    total = rayfile.total_flux()
+    yield _HEADER.pack(total, *(2.0,) * 5, rayfile.header_flux_lm or 0.0)
+    yield from float_rows(
+        rayfile.positions, rayfile.directions, np.asarray(rayfile.wavelengths), rayfile.flux_adding_up_to(total)
+    )
+
+
+FORMAT = Format("speos", "SPEOS binary", (".ray",), _matches, _decode, _encode)

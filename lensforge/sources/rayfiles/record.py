@@ -1,0 +1,96 @@
+"""What a ray file says, whatever its format: rays in mm, their flux, and the header in plain words."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+Unit = Literal["W", "lm"]
+HeaderRole = Literal["total", "scale", "ignored"]
+CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
+HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
+SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
+
+
+@dataclass(frozen=True, eq=False)
+class RayFile:
+    """``n`` rays as a file holds them: nothing dropped, nothing normalised.
+
+    ``positions`` in mm, ``directions`` as given, ``flux`` in ``unit`` or only relative to it, ``wavelengths`` in nm or
+    None. The arrays are read-only float32 views of the mapped file wherever its layout allows, so that a file of any
+    size opens at once; ``cleaning.valid_rays`` turns them into float64.
+
+    ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
+    ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum,
+    because LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are weights by design
+    (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
+
+    ``header`` holds the fields of the header as JSON can hold them; ``verbatim`` the bytes of the file it was read
+    from. It is no argument of the constructor, so ``dataclasses.replace`` drops it: changed rays never meet old bytes.
+    """
+
+    positions: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    unit: Unit
+    wavelengths: Float[np.ndarray, " n"] | None = None
+    format: str = ""
+    header_flux_w: float | None = None
+    header_flux_lm: float | None = None
+    header_role: HeaderRole = "total"
+    header: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    verbatim: np.ndarray | None = field(default=None, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.flux)
+
+    @property
+    def header_flux(self) -> float | None:
+        """The total of the header in the unit of the rays, None where it states none."""
+        return self.header_flux_w if self.unit == "W" else self.header_flux_lm
+
+    @property
+    def stated_flux(self) -> float | None:
+        """The header's total where it outranks the sum over the rays; None where that sum is the truth."""
+        return None if self.header_role == "ignored" else self.header_flux
+
+    def ray_sum(self) -> float:
+        """Sum of the usable ray fluxes, as stored."""
+        total = 0.0
+        for start in range(0, len(self), CHUNK_ROWS):
+            part = as_float64(self.flux[start : start + CHUNK_ROWS])
+            total += float(part[(part > 0.0) & (part < HUGE)].sum())
+        return total
+
+    def total_flux(self) -> float:
+        """The flux of the source in ``unit``: the stated total, or what the rays add up to."""
+        return self.stated_flux or self.ray_sum()
+
+    def flux_adding_up_to(self, total: float) -> Float[np.ndarray, " n"]:
+        """Ray fluxes scaled to ``total``; the stored numbers, bit by bit, where they add up to it already."""
+        stored = self.ray_sum()
+        if stored == 0.0 or abs(total / stored - 1.0) < SAME_FLUX:
+            return self.flux
+        with np.errstate(invalid="ignore"):
+            return (as_float64(self.flux) * (total / stored)).astype(self.flux.dtype)
+
+    @property
+    def single_wavelength(self) -> float | None:
+        """The wavelength (nm) that all rays share because the header gave only one; None otherwise."""
+        if self.wavelengths is None or len(self) == 0 or self.wavelengths.strides[0] != 0:
+            return None
+        return float(self.wavelengths[0])
+
+
+def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """A float64 copy; signalling NaNs, which vendors write, pass without a warning."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64)
+
+
+def shared_wavelength(nanometres: float, count: int) -> Float[np.ndarray, " n"]:
+    """One wavelength for ``count`` rays, as a view that takes no memory."""
+    return np.broadcast_to(np.float32(nanometres), (count,))

@@ -1,0 +1,134 @@
+"""What is in a ray file, in numbers that an engineer checks before trusting it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles.cleaning import ValidRays, valid_chunks
+from lensforge.sources.rayfiles.formats import FORMATS
+from lensforge.sources.rayfiles.photopic import luminous_efficacy
+from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.virtual_focus import FocusFit
+
+_FLUX_TOLERANCE = 0.01  # header and rays that disagree by more than this get a warning
+_EFFICACY_TOLERANCE = 0.02
+_PLAUSIBLE_MM = (0.05, 100.0)  # largest side of an LED's bounding box; outside, the unit is probably wrong
+
+
+@dataclass
+class _Sums:
+    """Everything that one pass over the rays gathers."""
+
+    rays: int = 0
+    dropped: dict[str, int] = field(default_factory=dict)
+    flux: float = 0.0
+    flux_squared: float = 0.0
+    backward: float = 0.0
+    direction: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
+    high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
+    focus: FocusFit = field(default_factory=FocusFit)
+    wavelength_low: float = np.inf
+    wavelength_high: float = -np.inf
+    wavelength_flux: float = 0.0
+
+    def add(self, rays: ValidRays) -> None:
+        for cause, count in rays.dropped.items():
+            self.dropped[cause] = self.dropped.get(cause, 0) + count
+        if len(rays) == 0:
+            return
+        self.rays += len(rays)
+        self.flux += float(rays.flux.sum())
+        self.flux_squared += float(rays.flux @ rays.flux)
+        self.backward += float(rays.flux[rays.directions[:, 2] < 0.0].sum())
+        self.direction += rays.flux @ rays.directions
+        self.low = np.minimum(self.low, rays.positions.min(axis=0))
+        self.high = np.maximum(self.high, rays.positions.max(axis=0))
+        self.focus.add(rays.positions, rays.directions, rays.flux)
+        if rays.wavelengths is not None:
+            self._add_wavelengths(rays.wavelengths, rays.flux)
+
+    def _add_wavelengths(self, wavelengths: np.ndarray, flux: np.ndarray) -> None:
+        usable = (wavelengths > 0.0) & (wavelengths < 1e7)
+        if usable.any():
+            self.wavelength_low = min(self.wavelength_low, float(wavelengths[usable].min()))
+            self.wavelength_high = max(self.wavelength_high, float(wavelengths[usable].max()))
+        self.wavelength_flux += float(flux[usable] @ wavelengths[usable])
+
+
+def describe(rayfile: RayFile) -> dict[str, Any]:
+    """Numbers about the usable rays, ready for JSON: lengths in mm, flux in the file's unit, wavelengths in nm.
+
+    One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
+    """
+    sums = _Sums()
+    for part in valid_chunks(rayfile):
+        sums.add(part)
+    if sums.rays == 0:
+        raise InputError(f"none of its {len(rayfile)} rays is usable ({_causes(sums.dropped)}); export it again")
+    focus = sums.focus.point()
+    total = rayfile.stated_flux or sums.flux
+    return {
+        "format": rayfile.format,
+        "title": FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
+        "rays": len(rayfile),
+        "rays_used": sums.rays,
+        "rays_dropped": sums.dropped,
+        "effective_rays": sums.flux**2 / sums.flux_squared,
+        "flux": {
+            "unit": rayfile.unit,
+            "total": total,
+            "total_from": "header" if rayfile.stated_flux else "rays",
+            "ray_sum": sums.flux,
+            "header_w": rayfile.header_flux_w,
+            "header_lm": rayfile.header_flux_lm,
+            "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
+            "backward_share": sums.backward / sums.flux,
+        },
+        "bounding_box_mm": {"min": sums.low.tolist(), "max": sums.high.tolist()},
+        "virtual_focus_mm": None if focus is None else focus.tolist(),
+        "mean_direction": (sums.direction / sums.flux).tolist(),
+        "wavelengths_nm": _wavelengths(sums),
+        "header": dict(rayfile.header),
+        "warnings": [*rayfile.warnings, *_warnings(rayfile, sums)],
+    }
+
+
+def _wavelengths(sums: _Sums) -> dict[str, float] | None:
+    if not np.isfinite(sums.wavelength_low):
+        return None
+    mean = sums.wavelength_flux / sums.flux
+    return {"min": sums.wavelength_low, "max": sums.wavelength_high, "mean": mean}
+
+
+def _causes(dropped: dict[str, int]) -> str:
+    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
+
+
+def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
+    unit, header = rayfile.unit, rayfile.header_flux
+    if sums.rays < len(rayfile):
+        yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {_causes(sums.dropped)}"
+    if header and rayfile.header_role != "scale" and abs(sums.flux / header - 1.0) > _FLUX_TOLERANCE:
+        winner = "sum over the rays" if rayfile.header_role == "ignored" else "header"
+        yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {winner} is used"
+    side = float((sums.high - sums.low).max())
+    if not _PLAUSIBLE_MM[0] <= side <= _PLAUSIBLE_MM[1]:
+        yield f"rays start within {side:.3g} mm: check the length unit"
+    if sums.backward > 0.01 * sums.flux:
+        yield f"{100.0 * sums.backward / sums.flux:.3g} % of the flux goes towards -z: check the axes"
+    yield from _efficacy_warnings(rayfile)
+
+
+def _efficacy_warnings(rayfile: RayFile) -> Iterator[str]:
+    """lm/W of the header against the spectrum of the file, where it has one common table."""
+    tables = rayfile.header.get("spectral_tables", [])
+    if len(tables) != 1 or not (rayfile.header_flux_w and rayfile.header_flux_lm):
+        return
+    stated = rayfile.header_flux_lm / rayfile.header_flux_w
+    expected = luminous_efficacy(np.array(tables[0]["wavelength_nm"]), np.array(tables[0]["weight"]))
+    if expected is not None and abs(stated / expected - 1.0) > _EFFICACY_TOLERANCE:
+        yield f"the header has {stated:.4g} lm/W, its spectrum {expected:.4g} lm/W: check W and lm"
