@@ -15,6 +15,7 @@ A largest inscribed sphere with a free centre does not exist for an open face (i
 moves away from the face), hence the last definition.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -52,18 +53,16 @@ def best_fit_sphere(samples: FaceSamples, variant: Variant = "least_squares") ->
     """Fit the named sphere to a face."""
     points = samples.points
     weights = samples.areas / samples.areas.sum()
-    centre = _CENTRES[variant](points, weights)
+    centre = _centre(variant, points, weights)
     away = points - centre
     distance = np.linalg.norm(away, axis=1)
-    radius = {"enclosing": distance.max(), "inscribed": distance.min()}.get(variant)
-    if radius is None:
-        radius = weights @ distance if variant != "minimum_pv" else (distance.max() + distance.min()) / 2.0
+    radius = _radius(variant, distance, weights)
     deviation = distance - radius
     # The angle from the chord, for digits where the face is nearly the sphere.
     chord = np.linalg.norm(samples.outward - away / distance[:, None], axis=1)
     return BestFitSphere(
         variant=variant,
-        radius_mm=float(radius),
+        radius_mm=radius,
         centre_mm=centre,
         deviation_mm=deviation,
         slope_departure=2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)),
@@ -71,8 +70,31 @@ def best_fit_sphere(samples: FaceSamples, variant: Variant = "least_squares") ->
     )
 
 
-def _on_axis(z: float) -> Float[np.ndarray, "3"]:
-    return np.array([0.0, 0.0, z])
+def _centre(
+    variant: Variant, points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, "3"]:
+    match variant:
+        case "least_squares":
+            return _least_squares_centre(points, weights, free=False)
+        case "free_centre":
+            return _least_squares_centre(points, weights, free=True)
+        case "minimum_pv" | "inscribed":
+            return _minimum_pv_centre(points, weights)
+        case "enclosing":
+            reach = float(np.linalg.norm(points, axis=1).max())
+            return _lowest_on_axis(lambda distance: float(distance.max()), points, -reach, reach)
+
+
+def _radius(variant: Variant, distance: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+    match variant:
+        case "least_squares" | "free_centre":
+            return float(weights @ distance)
+        case "minimum_pv":
+            return float(distance.max() + distance.min()) / 2.0
+        case "enclosing":
+            return float(distance.max())
+        case "inscribed":
+            return float(distance.min())
 
 
 def _least_squares_centre(
@@ -87,46 +109,29 @@ def _least_squares_centre(
         return root * (distance - weights @ distance)
 
     scale = float(np.linalg.norm(points, axis=1).mean())
-    start = np.zeros(len(moving))
-    found = least_squares(residual, start, x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    found = least_squares(residual, np.zeros(len(moving)), x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     return found.x @ moving
 
 
-def _least_squares_on_axis(
-    points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, "3"]:
-    return _least_squares_centre(points, weights, free=False)
-
-
-def _least_squares_free(points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
-    return _least_squares_centre(points, weights, free=True)
-
-
 def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
-    def zone(z: float) -> float:
-        return float(np.ptp(np.linalg.norm(points - _on_axis(z), axis=1)))
+    def zone(distance: Float[np.ndarray, " k"]) -> float:
+        return float(np.ptp(distance))
 
-    around = float(_least_squares_on_axis(points, weights)[2])
+    around = float(_least_squares_centre(points, weights, free=False)[2])
     reach = _REACH * float(np.linalg.norm(points, axis=1).max())
     scan = around + np.linspace(-reach, reach, _SCAN)
-    best = float(scan[int(np.argmin([zone(z) for z in scan]))])
+    best = scan[int(np.argmin([zone(np.linalg.norm(points - [0.0, 0.0, z], axis=1)) for z in scan]))]
     step = 2.0 * reach / (_SCAN - 1)
-    return _on_axis(_lowest(zone, best - step, best + step))
+    return _lowest_on_axis(zone, points, best - step, best + step)
 
 
-def _enclosing_centre(points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
-    reach = float(np.linalg.norm(points, axis=1).max())  # convex in z: no scan is needed
-    return _on_axis(_lowest(lambda z: float(np.linalg.norm(points - _on_axis(z), axis=1).max()), -reach, reach))
+def _lowest_on_axis(
+    figure: Callable[[Float[np.ndarray, " k"]], float], points: Float[np.ndarray, "k 3"], low: float, high: float
+) -> Float[np.ndarray, "3"]:
+    """The centre on the axis between ``low`` and ``high`` whose distances to the points have the lowest figure."""
 
+    def at(z: float) -> float:
+        return figure(np.linalg.norm(points - [0.0, 0.0, z], axis=1))
 
-def _lowest(function, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
-    return float(minimize_scalar(function, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x)
-
-
-_CENTRES = {
-    "least_squares": _least_squares_on_axis,
-    "free_centre": _least_squares_free,
-    "minimum_pv": _minimum_pv_centre,
-    "enclosing": _enclosing_centre,
-    "inscribed": _minimum_pv_centre,
-}
+    found = minimize_scalar(at, bounds=(low, high), method="bounded", options={"xatol": 1e-10})
+    return np.array([0.0, 0.0, float(found.x)])

@@ -16,32 +16,40 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from lensforge.manufacturing.curvature import smallest_curvature
 from lensforge.manufacturing.sampling import FaceSamples
 
 FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
 _ROUNDS = 60
+# Balls in a cavity are close to very many points at once; large leaves are scanned faster than a deep tree is walked.
+_LEAF = 256
+_COARSE = 8  # one obstacle in eight brings the balls close to their size before all of them are asked
 # Beyond this many face radii a ball is a plane as far as the part can tell.
 _UNLIMITED = 20.0
 
 
 def largest_ball_mm(samples: FaceSamples) -> Float[np.ndarray, " k"]:
     """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does."""
-    points, normals = samples.points, samples.normals
-    tree = cKDTree(points)
-    cap = _UNLIMITED * float(np.linalg.norm(points, axis=1).max())
+    cap = _UNLIMITED * float(np.linalg.norm(samples.points, axis=1).max())
     radius = np.minimum(_local_limit(samples), cap)
+    for obstacles in (samples.points[::_COARSE], samples.points):
+        _shrink(radius, samples, obstacles)
+    return np.where(radius < cap, radius, np.inf)
+
+
+def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Float[np.ndarray, "m 3"]) -> None:
+    """Shrink the balls in place until none has an obstacle deeper inside than the tolerance."""
+    points, normals = samples.points, samples.normals
+    tree = cKDTree(obstacles, leafsize=_LEAF)
     active = np.arange(len(points))
     for _ in range(_ROUNDS):
         centres = points[active] + radius[active, None] * normals[active]
-        distance, nearest = tree.query(centres)
+        distance, nearest = tree.query(centres, workers=-1)
         gouging = distance < radius[active] - _GOUGE_MM
         active, nearest = active[gouging], nearest[gouging]
         if not len(active):
-            break
-        radius[active] = _touching_radius(points[active], normals[active], points[nearest])
-    return np.where(radius < cap, radius, np.inf)
+            return
+        radius[active] = _touching_radius(points[active], normals[active], obstacles[nearest])
 
 
 def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
@@ -52,17 +60,6 @@ def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray,
 def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
     """Where a cutter touches the face without gouging it elsewhere, from the map of :func:`largest_ball_mm`."""
     return ball_mm >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
-
-
-def largest_cutter_mm(samples: FaceSamples, ball_mm: Float[np.ndarray, " k"]) -> float:
-    """The largest cutter (mm) that reaches the whole face; infinite for a face without any hollow.
-
-    The tightest hollow is searched between the samples too, with the face's own curvature.
-    """
-    sharpest = int(np.argmin(samples.curvatures.minimum))
-    kappa = smallest_curvature(samples.face, samples.chart[sharpest], samples.grid.step)
-    local = -1.0 / kappa if kappa < 0.0 else np.inf
-    return float(min(local, ball_mm.min()))
 
 
 def _local_limit(samples: FaceSamples) -> Float[np.ndarray, " k"]:

@@ -1,28 +1,51 @@
-"""Room for the ball around the base: near the rim it hangs below z = 0, where a flush base would be in its way."""
+"""Room for the ball around the base: near the rim it hangs below z = 0, where the base may be in its way.
+
+The base is a disc below z = 0 with a bore drawn straight down from the cavity's rim. Both measures say how far that
+material must retreat for the ball to touch a sample: down, below the outer face; sideways, around the bore.
+"""
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 
+from lensforge.manufacturing.face import OpticalFace
 from lensforge.manufacturing.sampling import FaceSamples
 
+# A retreat of 1 nm is none: at the rim of a hemisphere the ball touches the bore's wall exactly.
+_CLEAR_MM = 1e-6
+_RIM_POINTS = 4096
 
-def relief_step_mm(
-    outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm: float
-) -> Float[np.ndarray, " k"]:
+
+def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm: float) -> Float[np.ndarray, " k"]:
     """How far (mm) below z = 0 the base's top must lie for the ball to clear it at each sample; 0 where it is clear.
 
-    The base is a disc of ``base_diameter_mm``; beside it the ball may go as low as it likes.
+    Beside the disc of ``base_diameter_mm`` the ball may go as low as it likes.
     """
     centres = outer.points + cutter_radius_mm * outer.normals
     beside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_diameter_mm / 2.0, 0.0)
     below = np.sqrt(np.maximum(cutter_radius_mm**2 - beside**2, 0.0))
-    return np.where(beside < cutter_radius_mm, np.maximum(below - centres[:, 2], 0.0), 0.0)
+    step = np.where(beside < cutter_radius_mm, below - centres[:, 2], 0.0)
+    return np.where(step > _CLEAR_MM, step, 0.0)
 
 
-def hole_diameter_mm(inner: FaceSamples, cutter_radius_mm: float) -> float:
-    """The smallest round hole (mm) through the base that lets the ball reach all of the cavity down to its rim."""
+def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
+    """How much wider (mm) all around than the cavity's rim the bore must be for the ball to touch each sample.
+
+    Below z = 0 the ball is as wide as its section at that height, at most R, and must keep within the bore.
+    """
     centres = inner.points + cutter_radius_mm * inner.normals
+    clearance = np.zeros(len(centres))
     low = centres[:, 2] < cutter_radius_mm
-    at_the_plane = np.sqrt(cutter_radius_mm**2 - np.maximum(centres[low, 2], 0.0) ** 2)
-    reach = np.hypot(centres[low, 0], centres[low, 1]) + at_the_plane
-    return 2.0 * float(reach.max(initial=0.0))
+    section = np.sqrt(cutter_radius_mm**2 - np.maximum(centres[low, 2], 0.0) ** 2)
+    clearance[low] = section - _distance_inside_rim(inner.face, centres[low, :2])
+    return np.where(clearance > _CLEAR_MM, clearance, 0.0)
+
+
+def _distance_inside_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Distance (mm) in the plane z = 0 to the face's rim, negative outside it."""
+    azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
+    circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+    distance, _ = cKDTree(face.radius(circle)[:, None] * circle).query(points)
+    reach = np.hypot(points[:, 0], points[:, 1])
+    here = points / np.maximum(reach, 1e-300)[:, None]
+    return np.where(reach <= face.radius(here), distance, -distance)

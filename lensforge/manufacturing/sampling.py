@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float
 
 from lensforge.manufacturing.curvature import PrincipalCurvatures, principal_curvatures
 from lensforge.manufacturing.face import OpticalFace
-from lensforge.surfaces import chart
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ import numpy as np
 
 
 def scallop_height_mm(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
-    """Height (mm) of the cusps above the face; NaN where the passes do not overlap."""
+    """Height (mm) of the cusps above the face; NaN where the passes do not overlap or the ball does not fit."""
     excess = 1.0 + curvature * cutter_radius_mm
+    if excess < 0.0:
+        return float("nan")
     half_chord = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (4.0 * np.pi)))
     product = excess * half_chord**2
     half_sum = cutter_radius_mm - curvature * product / 2.0
@@ -22,10 +24,10 @@ def scallop_height_mm(cutter_radius_mm: float, stepover_mm: float, curvature: fl
 
 
 def scallop_slope_rad(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
-    """Largest slope (rad) of the cusps against the face, at their crest; on a plane ``asin(s/2R)``; NaN: no overlap."""
+    """Slope (rad) of the cusps against the face at their crest, on a plane ``asin(s/2R)``; NaN as for the height."""
     half = stepover_mm / 2.0 * float(np.sinc(curvature * stepover_mm / (2.0 * np.pi)))
     sine = (1.0 / cutter_radius_mm + curvature) * half
-    return float(np.arcsin(sine)) if abs(sine) <= 1.0 else float("nan")
+    return float(np.arcsin(sine)) if 0.0 <= sine <= 1.0 else float("nan")
 
 
 def stepover_for_slope_mm(cutter_radius_mm: float, slope_rad: float, curvature: float = 0.0) -> float:

@@ -1,0 +1,157 @@
+"""The manufacturing check of one lens: ``check.json`` with the numbers, ``check.npz`` with the maps."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.files import replacing, write_json
+from lensforge.gates import Gate
+from lensforge.lens import Lens
+from lensforge.manufacturing.draft import draft_rad, undercut_fraction
+from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
+from lensforge.manufacturing.face_check import FaceCheck, check_face, face_json
+from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
+from lensforge.manufacturing.scallop import scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
+from lensforge.manufacturing.verdicts import Verdict, cutter_verdict, draft_verdict, relief_verdict, wall_verdict
+from lensforge.manufacturing.wall import ThinnestWall, normal_wall_mm, radial_wall_mm, thinnest
+
+STEPOVER_MM = 0.02  # on a plane, cusps of 50 nm for a ball of 1 mm
+SLOPE_LIMIT_RAD = 1e-3
+CONSTRAINT_TOLERANCE_MM = 1e-3  # what the design stage calls feasible
+
+
+def check_lens(lens: Lens, directory: Path) -> dict[str, Any]:
+    """Check ``lens`` for manufacture; write check.json and check.npz into ``directory`` and return the former.
+
+    ``gates`` judge the design and do not raise; ``verdicts`` judge the tools. Raises
+    :class:`~lensforge.errors.InputError` when the folder cannot be written.
+    """
+    started = time.perf_counter()
+    cutter_mm = lens.spec.manufacture.cutter_radius_mm
+    inner = check_face("inner", tabulate_face(lens.inner, AirSide.INSIDE, nodes_for(lens.inner)), cutter_mm)
+    outer = check_face("outer", tabulate_face(lens.outer, AirSide.OUTSIDE, nodes_for(lens.outer)), cutter_mm)
+    radial, normal = _walls(inner, outer)
+    relief = _relief_json(lens, inner, outer)
+    content: dict[str, Any] = {
+        "inner": face_json(inner),
+        "outer": face_json(outer),
+        "min_wall_mm": normal.thickness_mm,
+        "wall": {"normal": _wall_json(normal), "radial": _wall_json(radial)},
+        "relief": relief,
+        "scallop": _scallop_json(cutter_mm, inner, outer),
+        "gates": [_radial_gate(lens, radial).to_json()],
+        "verdicts": [verdict.to_json() for verdict in _verdicts(lens, inner, outer, normal, relief)],
+        "seconds": time.perf_counter() - started,
+    }
+    _write_maps(directory / "check.npz", inner, outer)
+    write_json(directory / "check.json", content)
+    return content
+
+
+def _walls(inner: FaceCheck, outer: FaceCheck) -> tuple[ThinnestWall, ThinnestWall]:
+    """The thinnest wall along the ray from the origin, and along the cavity's normal."""
+    samples, face = inner.samples, outer.samples.face
+    rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
+    radial = thinnest(samples, radial_wall_mm(samples, face), rays)
+    return radial, thinnest(samples, normal_wall_mm(samples, face), samples.outward)
+
+
+def _wall_json(wall: ThinnestWall) -> dict[str, Any]:
+    return {
+        "thickness_mm": wall.thickness_mm,
+        "inner_point_mm": wall.inner_mm.tolist(),
+        "outer_point_mm": wall.outer_mm.tolist(),
+    }
+
+
+def _radial_gate(lens: Lens, radial: ThinnestWall) -> Gate:
+    """The wall that the design promised: the radial one of the paper. Along the normal the thinnest wall is thinner."""
+    return Gate(
+        name="radial wall",
+        value=radial.thickness_mm,
+        sense=">=",
+        limit=lens.spec.constraints.min_thickness_mm - CONSTRAINT_TOLERANCE_MM,
+        unit="mm",
+        remedy="raise lens.outer_offset_mm or give the last level more steps",
+    )
+
+
+def _relief_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
+    """How far the base must retreat for the cutter, over the part of each face that the face itself lets it reach."""
+    base, cutter_mm = lens.spec.base, lens.spec.manufacture.cutter_radius_mm
+    if base.kind == "none":
+        return {"note": "there is no base", "outer": None, "inner": None}
+    step = relief_step_mm(outer.samples, cutter_mm, base.diameter_mm)
+    clearance = bore_clearance_mm(inner.samples, cutter_mm)
+    return {
+        "outer": {"smallest_step_mm": _largest_reached(outer, step), "flush_fraction": _clear(outer, step)},
+        "inner": {"bore_clearance_mm": _largest_reached(inner, clearance), "flush_fraction": _clear(inner, clearance)},
+    }
+
+
+def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float | None:
+    return float(retreat[face.reached].max()) if face.reached.any() else None
+
+
+def _clear(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float:
+    return face.samples.fraction(face.reached & (retreat == 0.0))
+
+
+def _scallop_json(cutter_mm: float, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
+    """Cusps where the face is most convex: there they are highest and steepest."""
+    content: dict[str, Any] = {"stepover_mm": STEPOVER_MM, "slope_limit_mrad": 1e3 * SLOPE_LIMIT_RAD}
+    for face in (inner, outer):
+        kappa = max(float(face.samples.curvatures.maximum.max()), -1.0 / cutter_mm)
+        height = scallop_height_mm(cutter_mm, STEPOVER_MM, kappa)
+        slope = scallop_slope_rad(cutter_mm, STEPOVER_MM, kappa)
+        limit = stepover_for_slope_mm(cutter_mm, SLOPE_LIMIT_RAD, kappa)
+        content[face.name] = {
+            "height_nm": 1e6 * height if np.isfinite(height) else None,
+            "slope_mrad": 1e3 * slope if np.isfinite(slope) else None,
+            "stepover_for_slope_limit_mm": limit if np.isfinite(limit) else None,
+        }
+    return content
+
+
+def _verdicts(
+    lens: Lens, inner: FaceCheck, outer: FaceCheck, normal: ThinnestWall, relief: dict[str, Any]
+) -> list[Verdict]:
+    cutter_mm = lens.spec.manufacture.cutter_radius_mm
+    faces = (inner, outer)
+    least_deg = {face.name: float(np.degrees(draft_rad(face.samples).min())) for face in faces}
+    return [
+        *(cutter_verdict(face.name, cutter_mm, face.reachable_fraction, face.largest_cutter_mm) for face in faces),
+        *_relief_verdicts(relief),
+        wall_verdict(normal.thickness_mm, lens.spec.constraints.min_thickness_mm),
+        *(draft_verdict(face.name, least_deg[face.name], undercut_fraction(face.samples)) for face in faces),
+    ]
+
+
+def _relief_verdicts(relief: dict[str, Any]) -> list[Verdict]:
+    outer, inner = relief["outer"], relief["inner"]
+    if outer is None or inner is None:
+        return []
+    return [
+        relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"]),
+        relief_verdict("inner", inner["bore_clearance_mm"], inner["flush_fraction"]),
+    ]
+
+
+def _write_maps(path: Path, inner: FaceCheck, outer: FaceCheck) -> None:
+    maps = {"chart_axis": inner.samples.grid.axis}
+    for face in (inner, outer):
+        samples = face.samples
+        for key, values in (
+            ("xyz", samples.points),
+            ("sag_mm", face.sphere.deviation_mm),
+            ("kappa_min", samples.curvatures.minimum),
+            ("kappa_max", samples.curvatures.maximum),
+            ("residual_mm", face.residual_mm),
+            ("reachable", face.reached.astype(np.float64)),
+        ):
+            maps[f"{face.name}_{key}"] = samples.grid.to_map(values)
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, **maps)  # type: ignore[arg-type]  # the stub takes a map for a flag

@@ -1,0 +1,70 @@
+"""What the shop can and cannot do with this lens: statements with a reason, which judge the tool, not the design."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+GOOD_DRAFT_DEG = 2.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One statement: about what, of which face, whether it holds, and why."""
+
+    name: str
+    surface: Literal["inner", "outer", "body"]
+    holds: bool
+    reason: str
+
+    def to_json(self) -> dict[str, Any]:
+        """For the ``verdicts`` list of check.json."""
+        return asdict(self)
+
+
+def cutter_verdict(
+    surface: Literal["inner", "outer"], radius_mm: float, reachable_fraction: float, largest_mm: float
+) -> Verdict:
+    """Whether a ball of ``radius_mm`` cuts the whole face."""
+    ball = f"a ball of {radius_mm:g} mm radius"
+    if largest_mm >= radius_mm * (1.0 - 1e-6):
+        room = "any ball does" if largest_mm == float("inf") else f"balls up to {largest_mm:.4g} mm do"
+        return Verdict("cutter", surface, True, f"{ball} reaches all of the {surface} face; {room}")
+    reason = (
+        f"{ball} reaches {100.0 * reachable_fraction:.1f} % of the {surface} face; "
+        f"the largest that reaches all of it is {largest_mm:.4g} mm"
+    )
+    return Verdict("cutter", surface, False, reason)
+
+
+def relief_verdict(surface: Literal["inner", "outer"], retreat_mm: float | None, clear_fraction: float) -> Verdict:
+    """Whether a base whose top is flush with z = 0, and a bore as wide as the cavity, leave the ball its room."""
+    if retreat_mm is None:
+        return Verdict("relief", surface, False, f"the cutter reaches nothing of the {surface} face, base or not")
+    if retreat_mm <= 0.0:
+        return Verdict("relief", surface, True, f"the base is out of the ball's way at the {surface} face")
+    clear = f"with a flush base the ball reaches {100.0 * clear_fraction:.1f} % of the {surface} face"
+    remedy = {
+        "outer": f"a relief step of {retreat_mm:.4g} mm below z = 0 keeps the base out of its way",
+        "inner": f"a bore {retreat_mm:.4g} mm wider all around than the cavity keeps the base out of its way",
+    }[surface]
+    return Verdict("relief", surface, False, f"{clear}; {remedy}")
+
+
+def wall_verdict(wall_mm: float, wanted_mm: float) -> Verdict:
+    """Whether the wall along the normal is as thick as the radial thickness that the spec asks for."""
+    holds = wall_mm >= wanted_mm
+    word = "at least" if holds else "less than"
+    reason = (
+        f"the thinnest wall along the normal is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {wanted_mm:g}, "
+        "which bounds the radial thickness"
+    )
+    return Verdict("wall", "body", holds, reason)
+
+
+def draft_verdict(surface: Literal["inner", "outer"], least_deg: float, undercut: float) -> Verdict:
+    """Whether a two-part mould opens along the axis."""
+    holds = least_deg >= GOOD_DRAFT_DEG
+    if undercut > 0.0:
+        reason = f"{100.0 * undercut:.2f} % of the {surface} face is undercut, down to a draft of {least_deg:.2f} deg"
+    else:
+        reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; moulds want {GOOD_DRAFT_DEG:g} deg"
+    return Verdict("draft", surface, holds, reason)
