@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.record import CHUNK_ROWS
+from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE
 
 _SMALLEST_KNOWN = 1e-30  # 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
 
@@ -70,8 +70,8 @@ class FileImage:
 
 
 def known(value: float) -> float | None:
-    """A header number, or None where it is a way of writing unknown: 0, negative, NaN, infinite, byte-swapped NaN."""
-    return float(value) if _SMALLEST_KNOWN < value < np.inf else None
+    """A header number, or None where it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
+    return float(value) if _SMALLEST_KNOWN < value < HUGE else None
 
 
 def plain_text(raw: bytes, encoding: str) -> str:

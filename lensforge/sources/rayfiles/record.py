@@ -74,7 +74,7 @@ class RayFile:
         stored = self.ray_sum()
         if stored == 0.0 or abs(total / stored - 1.0) < SAME_FLUX:
             return self.flux
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             return (as_float64(self.flux) * (total / stored)).astype(self.flux.dtype)
 
     @property

@@ -27,6 +27,13 @@ def parse_rows(
     return rows
 
 
+def cut_warnings(image: FileImage) -> tuple[str, ...]:
+    """A warning if the last line has no end: nothing else shows that its last number lost digits."""
+    if image.part(image.size - 1, image.size) == b"\n":
+        return ()
+    return ("its last line has no line end: if the file was cut there, its last number is wrong",)
+
+
 def print_rows(*columns: Float[np.ndarray, "n ..."], delimiter: str = " ", line_end: str = "\n") -> Iterator[bytes]:
     """The columns side by side, 9 digits for float32 and 17 for float64, some rays at a time."""
     style = "%.9g" if all(column.dtype == np.float32 for column in columns) else "%.17g"

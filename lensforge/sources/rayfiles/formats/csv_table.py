@@ -10,7 +10,7 @@ from itertools import takewhile
 from lensforge.sources.rayfiles.binary import FileImage, plain_text
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
 from lensforge.sources.rayfiles.record import RayFile, Unit
-from lensforge.sources.rayfiles.text import parse_rows, print_rows
+from lensforge.sources.rayfiles.text import cut_warnings, parse_rows, print_rows
 
 _POSITION = ("x_mm", "y_mm", "z_mm")
 _DIRECTION = ("kx", "ky", "kz")
@@ -50,6 +50,7 @@ def _decode(image: FileImage) -> RayFile:
         wavelengths=rows[:, column[_WAVELENGTH]] if _WAVELENGTH in column else None,
         format=FORMAT.name,
         header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names]},
+        warnings=cut_warnings(image),
     )
 
 

@@ -1,7 +1,7 @@
 """SPEOS binary ray files (`.ray`): seven float32, then rows `x y z l m n wavelength energy`.
 
 The header has no magic word: total W, five times 2.0, total lm. Energies are relative to each other; the power of a
-ray is its share of the header's W.
+ray is its share of the header's W. The header has no count: a file cut between two rays looks whole.
 """
 
 import struct

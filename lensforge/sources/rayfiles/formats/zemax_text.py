@@ -10,7 +10,7 @@ from lensforge.sources.rayfiles.binary import FileImage, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format, require_watts_with_wavelengths
 from lensforge.sources.rayfiles.formats.zemax_binary import MM_PER_UNIT, NM_PER_MICRON
 from lensforge.sources.rayfiles.record import RayFile, Unit
-from lensforge.sources.rayfiles.text import numbers, opening_lines, parse_rows, print_rows
+from lensforge.sources.rayfiles.text import cut_warnings, numbers, opening_lines, parse_rows, print_rows
 
 _MILLIMETRES = 4
 
@@ -53,6 +53,7 @@ def _decode(image: FileImage) -> RayFile:
         wavelengths=scaled(rows[:, 7], NM_PER_MICRON) if spectral else None,
         format=FORMAT.name,
         header={"mm_per_unit": mm_per_unit},
+        warnings=cut_warnings(image),
     )
 
 

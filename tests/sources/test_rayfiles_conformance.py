@@ -1,0 +1,184 @@
+"""Every format in the folder: what it writes it reads, from any file name, and refuses when damaged."""
+
+import numpy as np
+import pytest
+from rayfile_samples import CASES, encoded, image, rays, with_tables
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.format import HEAD_BYTES
+from lensforge.sources.rayfiles.reading import decode
+
+NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
+# LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.
+SCALED_BY_COUNT = ("lighttools_binary", "lighttools_text")
+BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos")
+
+
+def test_every_format_of_the_folder_has_a_case():
+    assert set(CASES) == set(FORMATS)
+    assert all(CASES.values())
+
+
+@pytest.mark.parametrize(("name", "index"), NAMED_CASES)
+def test_round_trip_keeps_rays_unit_wavelengths_and_total(name, index):
+    original = CASES[name][index]
+    back = decode(image(encoded(name, original)))
+    factor = len(original) if name in SCALED_BY_COUNT else 1
+    assert back.format == name
+    assert back.unit == original.unit
+    np.testing.assert_array_equal(back.positions.astype(np.float32), original.positions)
+    np.testing.assert_array_equal(back.directions.astype(np.float32), original.directions)
+    np.testing.assert_allclose(back.flux, original.flux * factor, rtol=2e-7)
+    assert back.total_flux() == pytest.approx(original.total_flux(), rel=3e-7)
+    if original.wavelengths is None:
+        assert back.wavelengths is None
+    else:
+        np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=2e-7)
+
+
+@pytest.mark.parametrize(("name", "index"), NAMED_CASES)
+def test_a_file_read_is_rewritten_byte_for_byte_whatever_its_name(name, index, tmp_path):
+    content = encoded(name, CASES[name][index])
+    (tmp_path / "misleading.ies").write_bytes(content)
+    rayfile = read_rayfile(tmp_path / "misleading.ies")
+    write_rayfile(tmp_path / "again", rayfile, name)
+    assert (tmp_path / "again").read_bytes() == content
+
+
+@pytest.mark.parametrize(("name", "index"), [case for case in NAMED_CASES if case[0] in BINARY])
+def test_reading_what_was_written_and_encoding_it_anew_is_a_fixed_point(name, index):
+    content = encoded(name, CASES[name][index])
+    assert encoded(name, decode(image(content))) == content
+
+
+@pytest.mark.parametrize(("name", "index"), NAMED_CASES)
+def test_exactly_one_format_recognises_the_content(name, index):
+    content = encoded(name, CASES[name][index])
+    matching = [entry.name for entry in FORMATS.values() if entry.matches(content[:HEAD_BYTES], len(content))]
+    assert matching == [name]
+
+
+@pytest.mark.parametrize("name", ["tm25", "zemax_binary", "lighttools_binary", "lighttools_text"])
+def test_cut_anywhere_it_is_refused_in_one_line(name):
+    content = encoded(name, CASES[name][0])
+    for cut in np.unique(np.linspace(1, len(content) - 2, 80).astype(int)):
+        refused_in_one_line(content[:cut])
+
+
+def test_cut_zemax_text_is_refused_up_to_its_last_number_and_warned_of_there():
+    content = encoded("zemax_text", CASES["zemax_text"][0])
+    last_number = content.rindex(b" ") + 1
+    for cut in range(1, last_number, 7):
+        refused_in_one_line(content[:cut])
+    assert "last line" in decode(image(content[:-3])).warnings[0]
+    assert decode(image(content)).warnings == ()
+
+
+def test_cut_speos_and_csv_have_no_count_so_only_a_broken_row_shows():
+    speos = encoded("speos", CASES["speos"][0])
+    for cut in range(1, 32):
+        refused_in_one_line(speos[:-cut])
+    assert len(decode(image(speos[:-32]))) == len(CASES["speos"][0]) - 1
+    csv = encoded("csv", CASES["csv"][0])
+    refused_in_one_line(csv[: csv.rindex(b",")])
+    assert "last line" in decode(image(csv[:-1])).warnings[0]
+
+
+@pytest.mark.parametrize("name", BINARY)
+def test_bytes_too_many_are_refused(name):
+    refused_in_one_line(encoded(name, CASES[name][0]) + b"\0" * 12)
+
+
+def refused_in_one_line(content):
+    with pytest.raises(InputError) as caught:
+        describe(decode(image(content)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("source", CASES)
+@pytest.mark.parametrize("target", CASES)
+def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target, tmp_path):
+    original = rays(wavelengths="each")
+    (tmp_path / "in").write_bytes(encoded(source, original))
+    report = convert(tmp_path / "in", tmp_path / "out", target)
+    back = read_rayfile(tmp_path / "out")
+    assert (report["from"], report["to"], report["rays"], report["lost"]) == (source, target, len(original), [])
+    np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
+    np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=3e-7)
+    assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
+
+
+@pytest.mark.parametrize("target", ["tm25", "zemax_binary", "zemax_text", "csv"])
+def test_fluxes_become_absolute_where_the_rays_are_the_truth(target, tmp_path):
+    """SPEOS energies are weights: 12 rays of weight 1, 3 W in the header, are 0.25 W each elsewhere."""
+    content = bytearray(encoded("speos", rays(wavelengths="each")))
+    rows = np.frombuffer(content, dtype="<f4", offset=28).reshape(-1, 8).copy()
+    rows[:, 7] = 1.0
+    content[28:] = rows.tobytes()
+    content[:4] = np.float32(3.0).tobytes()
+    (tmp_path / "in").write_bytes(content)
+    convert(tmp_path / "in", tmp_path / "out", target)
+    np.testing.assert_allclose(read_rayfile(tmp_path / "out").flux, 0.25, rtol=1e-6)
+
+
+def test_what_a_format_cannot_hold_is_refused_not_guessed(tmp_path):
+    for name, rayfile in (
+        ("speos", rays()),
+        ("speos", rays(unit="lm", wavelengths="each")),
+        ("tm25", rays(unit="lm", wavelengths="each")),
+        ("zemax_binary", rays(unit="lm", wavelengths="each")),
+        ("zemax_text", rays(unit="lm", wavelengths="each")),
+    ):
+        with pytest.raises(InputError, match="convert to"):
+            write_rayfile(tmp_path / "out", rayfile, name)
+        assert not (tmp_path / "out").exists()
+
+
+def test_the_spectrum_is_named_when_it_does_not_come_along(tmp_path):
+    write_rayfile(tmp_path / "in", with_tables(rays()), "tm25")
+    assert convert(tmp_path / "in", tmp_path / "out.csv")["lost"] == ["spectral tables"]
+
+
+def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path):
+    assert write_rayfile(tmp_path / "a.tm25ray", rays()).name == "tm25"
+    assert write_rayfile(tmp_path / "a.DAT", rays()).name == "zemax_binary"
+    for suffix in (".ray", ".txt", ".xyz"):
+        with pytest.raises(InputError, match="format"):
+            write_rayfile(tmp_path / f"a{suffix}", rays())
+    with pytest.raises(InputError, match="one of csv"):
+        write_rayfile(tmp_path / "a.csv", rays(), "tm52")
+
+
+def test_changed_rays_never_meet_the_old_bytes(tmp_path):
+    from dataclasses import replace
+
+    write_rayfile(tmp_path / "in", rays(), "tm25")
+    rayfile = read_rayfile(tmp_path / "in")
+    moved = replace(rayfile, positions=rayfile.positions + np.float32(1.0))
+    write_rayfile(tmp_path / "out", moved, "tm25")
+    np.testing.assert_array_equal(read_rayfile(tmp_path / "out").positions, rayfile.positions + np.float32(1.0))
+
+
+def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_rayfile(tmp_path / "missing.ray")
+    with pytest.raises(InputError, match="no such file"):
+        read_rayfile(tmp_path)
+    (tmp_path / "empty.ray").touch()
+    with pytest.raises(InputError, match="empty"):
+        read_rayfile(tmp_path / "empty.ray")
+    (tmp_path / "led.fcr").write_bytes(b"\x01\x02\x03\x04" * 20)
+    with pytest.raises(InputError, match=r"FRED.*not public.*export TM-25"):
+        read_rayfile(tmp_path / "led.fcr")
+    (tmp_path / "led.xyz").write_bytes(b"\x01\x02\x03\x04" * 20)
+    with pytest.raises(InputError, match=r"TM-25-13.*export one of these"):
+        read_rayfile(tmp_path / "led.xyz")
+
+
+def test_reading_maps_binary_files_instead_of_loading_them(tmp_path):
+    write_rayfile(tmp_path / "in", rays(), "tm25")
+    rayfile = read_rayfile(tmp_path / "in")
+    assert rayfile.positions.base is not None
+    assert not rayfile.positions.flags.owndata
+    assert not rayfile.flux.flags.writeable

@@ -1,0 +1,125 @@
+"""What ``describe`` says, against closed forms, and what it drops."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rayfile_samples import rays
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles import RayFile, describe
+from lensforge.sources.rayfiles.cleaning import valid_rays
+from lensforge.sources.rayfiles.photopic import luminous_efficacy
+from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+
+
+def point_source(point, count=500, seed=3):
+    """Rays through ``point`` that start anywhere along themselves."""
+    random = np.random.default_rng(seed)
+    directions = random.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return point + random.uniform(-5.0, 5.0, (count, 1)) * directions, directions, random.uniform(0.1, 2.0, count)
+
+
+def test_rays_through_a_point_have_it_as_their_focus():
+    point = np.array([0.6, -0.8, 0.3])
+    np.testing.assert_allclose(virtual_focus(*point_source(point)), point, atol=1e-12)
+
+
+def test_the_focus_minimises_the_weighted_squared_distances():
+    """Against a numerical minimum of the definition, on rays that share no point."""
+    from scipy.optimize import minimize
+
+    random = np.random.default_rng(5)
+    positions, directions, weights = point_source(np.zeros(3), 200)
+    positions += random.normal(scale=0.5, size=positions.shape)
+
+    def cost(point):
+        away = point - positions
+        along = np.sum(away * directions, axis=1)
+        return weights @ (np.sum(away**2, axis=1) - along**2)
+
+    best = minimize(cost, np.ones(3), tol=1e-14)
+    np.testing.assert_allclose(virtual_focus(positions, directions, weights), best.x, atol=1e-6)
+
+
+def test_parallel_rays_have_no_focus():
+    along = np.tile([0.0, 0.6, 0.8], (4, 1))
+    assert virtual_focus(np.eye(4)[:, :3], along, np.ones(4)) is None
+
+
+def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
+    rayfile = rays(10)
+    positions, directions, flux = (np.array(a) for a in (rayfile.positions, rayfile.directions, rayfile.flux))
+    positions[0, 1], directions[1, 2], flux[2], positions[3, 0] = np.nan, np.inf, np.nan, 1e30
+    directions[4] = 0.0
+    flux[5], flux[6] = 0.0, -1.0
+    directions[7] *= 3.0
+    broken = replace(rayfile, positions=positions, directions=directions, flux=flux)
+    kept = valid_rays(broken)
+    assert kept.dropped == {"not_finite": 4, "zero_direction": 1, "no_flux": 2}
+    assert len(kept) + sum(kept.dropped.values()) == 10
+    np.testing.assert_allclose(np.linalg.norm(kept.directions, axis=1), 1.0, atol=1e-15)
+    summary = describe(broken)
+    assert summary["rays_used"] == 3
+    assert any("7 of 10 rays dropped" in warning for warning in summary["warnings"])
+
+
+def test_no_usable_ray_is_an_error():
+    with pytest.raises(InputError, match="none of its 12 rays is usable"):
+        describe(replace(rays(), flux=np.zeros(12)))
+
+
+def test_numbers_of_a_small_file():
+    directions = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    rayfile = RayFile(np.eye(3), directions, np.array([2.0, 1.0, 1.0]), "W", np.array([400.0, 500.0, 600.0]))
+    summary = describe(rayfile)
+    assert summary["flux"]["total"] == 4.0
+    assert summary["flux"]["backward_share"] == 0.25
+    assert summary["effective_rays"] == pytest.approx(16.0 / 6.0)
+    assert summary["mean_direction"] == pytest.approx([0.25, 0.0, 0.25])
+    assert summary["bounding_box_mm"] == {"min": [0.0] * 3, "max": [1.0] * 3}
+    assert summary["wavelengths_nm"] == {"min": 400.0, "max": 600.0, "mean": 475.0}
+    json.dumps(summary, allow_nan=False)
+
+
+def test_parts_add_up_to_the_whole(monkeypatch):
+    """The streamed sums do not depend on the size of the parts."""
+    rayfile = rays(1000, wavelengths="each")
+    whole = describe(rayfile)
+    monkeypatch.setattr("lensforge.sources.rayfiles.cleaning.CHUNK_ROWS", 64)
+    parts = describe(rayfile)
+    np.testing.assert_allclose(parts["virtual_focus_mm"], whole["virtual_focus_mm"], rtol=1e-12)
+    assert parts["flux"]["ray_sum"] == pytest.approx(whole["flux"]["ray_sum"], rel=1e-12)
+    assert parts["wavelengths_nm"]["mean"] == pytest.approx(whole["wavelengths_nm"]["mean"], rel=1e-12)
+    assert parts["bounding_box_mm"] == whole["bounding_box_mm"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"header_flux_w": 99.0}, "the header is used"),
+        ({"header_flux_w": 99.0, "header_role": "ignored"}, "the sum over the rays is used"),
+        ({"positions": np.random.default_rng(1).normal(size=(12, 3)) * 1000.0}, "length unit"),
+        ({"positions": np.random.default_rng(1).normal(size=(12, 3)) / 1000.0}, "length unit"),
+    ],
+)
+def test_warnings(changes, message):
+    assert any(message in warning for warning in describe(replace(rays(), **changes))["warnings"])
+
+
+def test_lumens_are_checked_against_the_spectrum():
+    table = {"wavelength_nm": [549.0, 550.0, 551.0], "weight": [0.0, 1.0, 0.0]}
+    right = replace(rays(), header_flux_lm=679.6 * rays().header_flux_w, header={"spectral_tables": [table]})
+    assert not any("lm/W" in warning for warning in describe(right)["warnings"])
+    wrong = replace(right, header_flux_lm=right.header_flux_w)
+    assert any("1 lm/W, its spectrum 679" in warning for warning in describe(wrong)["warnings"])
+
+
+def test_luminous_efficacy_at_its_peak_and_of_equal_energy():
+    assert luminous_efficacy(np.array([554.0, 555.0, 556.0]), np.ones(3)) == pytest.approx(683.0, rel=0.001)
+    wavelengths = np.linspace(380.0, 780.0, 4001)
+    # The integral of V over wavelength is 106.857 nm (CIE).
+    assert luminous_efficacy(wavelengths, np.ones(4001)) == pytest.approx(683.002 * 106.857 / 400.0, rel=0.005)
+    assert luminous_efficacy(np.array([400.0, 500.0]), np.zeros(2)) is None
