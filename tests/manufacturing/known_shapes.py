@@ -1,0 +1,44 @@
+"""Surfaces whose curvature, best sphere and cutter are known in closed form, written as radii over the sphere."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.manufacturing.face import AirSide, tabulate_face
+from lensforge.manufacturing.sampling import FaceSamples, sample_face
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+INNER_LEVELS = (9, 25, 81)
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """Semi-axes and centre (mm); the origin must be inside."""
+
+    axes: tuple[float, float, float]
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        scaled, shift = directions / np.array(self.axes), np.array(self.centre) / np.array(self.axes)
+        quadratic, linear = np.sum(scaled**2, axis=1), scaled @ shift
+        return (linear + np.sqrt(linear**2 - quadratic * (shift @ shift - 1.0))) / quadratic
+
+
+def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Ellipsoid:
+    return Ellipsoid((radius, radius, radius), centre)
+
+
+def random_surface(offset: float, roughness: float, seed: int, levels: tuple[int, ...] = INNER_LEVELS) -> SrbfSurface:
+    basis = SrbfBasis(levels, 1.75)
+    size = offset * roughness * np.repeat(0.5 ** np.arange(len(levels)), levels)
+    return SrbfSurface(basis, np.random.default_rng(seed).normal(size=basis.size) * size, offset)
+
+
+def sampled(surface: Ellipsoid | SrbfSurface, air: AirSide, nodes: int = 81, table: int = 96) -> FaceSamples:
+    return sample_face(tabulate_face(surface, air, table), nodes)
+
+
+def order(coarse: float, fine: float) -> float:
+    """Convergence order from the errors at a step and at half of it."""
+    return float(np.log2(coarse / fine))

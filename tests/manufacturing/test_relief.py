@@ -1,0 +1,47 @@
+import numpy as np
+from known_shapes import random_surface, sampled, sphere
+
+from lensforge.manufacturing.face import AirSide
+from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
+
+DOME, BALL = 2.45, 1.0
+
+
+def test_a_dome_on_a_flush_base_wants_a_step_of_one_ball_radius():
+    samples = sampled(sphere(DOME), AirSide.OUTSIDE, 161)
+    step = relief_step_mm(samples, BALL, 25.4)
+    expected = np.maximum(BALL - (DOME + BALL) * samples.points[:, 2] / DOME, 0.0)
+    assert np.abs(step - expected).max() < 1e-6
+    assert abs(step.max() - BALL) < 1e-6
+    # The blocked part of a hemisphere is the zone up to z = r R/(r + R): the measured 30 %.
+    assert abs(samples.fraction(step > 0.0) - BALL / (DOME + BALL)) < 5e-3
+
+
+def test_a_base_inside_the_rim_is_passed_beside():
+    samples = sampled(sphere(DOME), AirSide.OUTSIDE)
+    assert relief_step_mm(samples, BALL, 2.0 * DOME - 1e-9).max() == 0.0
+    assert 0.0 < relief_step_mm(samples, BALL, 2.0 * DOME + 0.5).max() < BALL
+
+
+def test_a_hemispherical_cavity_needs_no_wider_bore():
+    samples = sampled(sphere(0.8), AirSide.INSIDE)
+    for ball in (0.3, 0.8):
+        assert bore_clearance_mm(samples, ball).max() < 2e-6
+
+
+def test_a_cavity_that_narrows_upwards_needs_a_wider_bore():
+    radius, ball, depth = 0.8, 0.3, 0.2
+    samples = sampled(sphere(radius, (0.0, 0.0, -depth)), AirSide.INSIDE)
+    rim = np.sqrt(radius**2 - depth**2)
+    assert abs(bore_clearance_mm(samples, ball).max() - ball * (1.0 - rim / radius)) < 1e-6
+
+
+def test_with_the_relief_no_ball_enters_the_base():
+    samples = sampled(random_surface(DOME, 0.03, 1), AirSide.OUTSIDE)
+    base_radius = 3.0  # the ball is partly beside the base
+    step = relief_step_mm(samples, BALL, 2.0 * base_radius)
+    centres = samples.points + BALL * samples.normals
+    beside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_radius, 0.0)
+    clearance = np.hypot(beside, np.maximum(centres[:, 2] + step, 0.0)) - BALL
+    assert clearance.min() > -2e-6
+    assert np.abs(clearance[step > 0.0]).max() < 1e-9  # and not a micrometre more than is needed

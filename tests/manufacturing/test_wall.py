@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from known_shapes import random_surface, sampled, sphere
+from scipy.spatial import cKDTree
+
+from lensforge.manufacturing.face import AirSide
+from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
+
+SMALL, LARGE = 0.8, 2.45
+
+
+def test_concentric_hemispheres_have_one_thickness():
+    inner, outer = sampled(sphere(SMALL), AirSide.INSIDE), sampled(sphere(LARGE), AirSide.OUTSIDE)
+    for wall in (radial_wall_mm(inner, outer.face), normal_wall_mm(inner, outer.face)):
+        assert np.abs(wall[np.isfinite(wall)] - (LARGE - SMALL)).max() < 1e-7
+        assert np.isfinite(wall[inner.points[:, 2] > 1e-6]).all()
+
+
+def test_decentred_spheres_have_the_closed_form_thickness_along_the_normal():
+    c_in, c_out = np.array([0.1, 0.0, 0.2]), np.array([-0.3, 0.2, -0.1])
+    inner = sampled(sphere(SMALL, tuple(c_in)), AirSide.INSIDE)
+    outer = sampled(sphere(LARGE, tuple(c_out)), AirSide.OUTSIDE)
+    wall = normal_wall_mm(inner, outer.face)
+    n, shift = inner.outward, c_in - c_out
+    along = n @ shift
+    expected = -along + np.sqrt(along**2 - shift @ shift + LARGE**2) - SMALL
+    leaves = inner.points[:, 2] + expected * n[:, 2] < 0.0
+    assert np.array_equal(np.isnan(wall), leaves)
+    assert leaves.any()
+    assert np.abs(wall - expected)[~leaves].max() < 1e-7
+    place = thinnest(inner, wall, inner.outward)
+    # The thinnest place lies on the line of the centres.
+    assert abs(place.thickness_mm - (LARGE - SMALL - np.linalg.norm(shift))) < 1e-3
+    assert abs(np.linalg.norm(place.outer_mm - c_out) - LARGE) < 1e-7
+    assert abs(np.linalg.norm(place.outer_mm - place.inner_mm) - place.thickness_mm) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_thinnest_wall_is_the_shortest_way_through(seed):
+    inner = sampled(random_surface(SMALL, 0.06, seed), AirSide.INSIDE, 61)
+    outer = sampled(random_surface(LARGE, 0.06, seed + 10), AirSide.OUTSIDE, 201)
+    radial, normal = radial_wall_mm(inner, outer.face), normal_wall_mm(inner, outer.face)
+    outer_tree = cKDTree(outer.points, leafsize=256)
+    shortest = outer_tree.query(inner.points)[0].min()
+    assert abs(np.nanmin(normal) - shortest) < 2e-3
+    assert np.nanmin(normal) < radial.min() - 1e-4
+    directions = inner.points / np.linalg.norm(inner.points, axis=1, keepdims=True)
+    ends = inner.points + radial[:, None] * directions
+    assert outer_tree.query(ends)[0].max() < 0.05
+
+
+def test_crossing_faces_have_a_negative_wall():
+    inner, outer = sampled(sphere(1.0), AirSide.INSIDE), sampled(sphere(1.0, (0.0, 0.0, 0.1)), AirSide.OUTSIDE)
+    assert radial_wall_mm(inner, outer.face).min() < 0.0
