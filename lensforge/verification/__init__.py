@@ -1,1 +1,1 @@
-"""Proof by code that shares nothing with the design stage: a ray cast of the exported file."""
+"""Independent proof: the exported part is cast with rays again; no tracing code of the design stage is used."""

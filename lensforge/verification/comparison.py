@@ -1,0 +1,89 @@
+"""Part against design, ray by ray; and where the flux went."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.passage import Fate, Passage
+from lensforge.verification.picture import within
+
+_MISSED = {
+    "no_hit": Fate.NO_HIT,
+    "starts_inside": Fate.STARTS_INSIDE,
+    "base": Fate.BASE,
+    "back_into_cavity": Fate.BACK_INTO_CAVITY,
+}
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What the design says of n rays: landings (mm, NaN if lost) and flux there (W); and its picture (W/m^2)."""
+
+    irradiance: Float[np.ndarray, "pixels pixels"]
+    hits: Float[np.ndarray, "n 2"]
+    weights: Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far apart part and design land the rays that both put on the receiver; lengths in mm.
+
+    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one puts on the
+    receiver and the other loses; ``fates_flux``: their share of the emitted flux. Where no ray lands in both there is
+    nothing to compare: then the lengths are the receiver's diagonal and ``flux`` is 1.
+    """
+
+    compared: int
+    rms: float
+    p99: float
+    max: float
+    flux: float
+    fates: int
+    fates_flux: float
+
+
+def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: float) -> Agreement:
+    """Compare landing and flux of every ray; those that both put outside of the receiver do not count."""
+    here, there = within(passage.landings, receiver_mm), within(expected.hits, receiver_mm)
+    lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.hits[:, 0])
+    differs = (here & lost_there) | (there & lost_here)
+    both = here & there
+    apart, change = np.array([np.sqrt(2.0) * receiver_mm]), 1.0
+    if both.any():
+        apart = np.linalg.norm(passage.landings[both] - expected.hits[both], axis=1)
+        change = float(np.abs(passage.flux[both] - expected.weights[both]).sum() / expected.weights[both].sum())
+    return Agreement(
+        compared=int(both.sum()),
+        rms=float(np.sqrt(np.mean(apart**2))),
+        p99=float(np.quantile(apart, 0.99)),
+        max=float(apart.max()),
+        flux=change,
+        fates=int(differs.sum()),
+        fates_flux=share(rays, rays.weights[differs]),
+    )
+
+
+def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Shares of the emitted flux by fate, which add up to 1; and those missed, by cause.
+
+    What a ray has lost by reflection up to its end is absorbed_fresnel; what is left of it has its fate. Rays that
+    leave the lens and then miss the window, or go away from the receiver, are outside.
+    """
+    landed = passage.fates == Fate.LANDED
+    inside = landed & within(passage.landings, window_mm)
+    missed = {name: share(rays, passage.flux[passage.fates == fate]) for name, fate in _MISSED.items()}
+    flux = {
+        "detected": share(rays, passage.flux[inside]),
+        "outside": share(rays, passage.flux[(landed & ~inside) | (passage.fates == Fate.AVERTED)]),
+        "missed": sum(missed.values()),
+        "total_reflection": share(rays, passage.flux[passage.fates == Fate.TOTAL_REFLECTION]),
+        "absorbed_fresnel": share(rays, rays.weights - passage.flux),
+    }
+    return flux, missed
+
+
+def share(rays: RayBundle, flux: Float[np.ndarray, " k"]) -> float:
+    """``flux`` (W) of some rays as a share of all that ``rays`` carry."""
+    return float(flux.sum() / rays.weights.sum())

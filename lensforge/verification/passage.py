@@ -1,0 +1,171 @@
+"""Rays through the part, once in and once out, as the design takes them; Snell and Fresnel written anew.
+
+The first triangle that a ray meets decides, whatever it belongs to. Reflected light is not followed.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from trimesh.triangles import points_to_barycentric
+
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.casting import Grid, Hits, Leg
+from lensforge.verification.part import Part
+
+_CHUNK = 131072  # rays cast at a time: bounds the memory
+# A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
+_SKIN_EDGES = 0.05
+
+
+class Fate(IntEnum):
+    """How a ray ended."""
+
+    LANDED = 0  # reached the receiver's plane
+    NO_HIT = 1  # met no part of the body
+    STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
+    BASE = 3  # met a surface at or below z = 0 instead of an optical one
+    BACK_INTO_CAVITY = 4  # left the material through the face by which it came
+    TOTAL_REFLECTION = 5  # totally reflected on the way out
+    AVERTED = 6  # left the lens, but away from the receiver's plane
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Where ``n`` rays ended: landing on the receiver's plane (mm, NaN if lost), flux (W) left in the ray, fate.
+
+    ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
+    """
+
+    landings: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    fates: Int[np.ndarray, " n"]
+    facets_um: Float[np.ndarray, "n 2"]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Rays behind a surface: a new leg, the transmitted share of flux, the height (mm) over the flat facet."""
+
+    leg: Leg
+    transmittance: Float[np.ndarray, " n"]
+    heights: Float[np.ndarray, " n"]
+
+
+def refract(
+    directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], index_ratio: float
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Unit directions by Snell's law, and unpolarised Fresnel transmittance, 0 where totally reflected.
+
+    ``normals`` may point to either side; ``index_ratio`` is n before / n behind. Born and Wolf, section 1.5.
+    """
+    along = np.sum(directions * normals, axis=1)
+    before = np.abs(along)
+    squared = 1.0 - index_ratio**2 * (1.0 - before**2)
+    passes = squared > 0.0
+    behind = np.sqrt(np.where(passes, squared, 1.0))
+    facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
+    bent = index_ratio * directions + (behind - index_ratio * before)[:, None] * facing
+    across = (index_ratio * before - behind) / (index_ratio * before + behind)
+    within = (before - index_ratio * behind) / (before + index_ratio * behind)
+    transmittance = np.where(passes, 1.0 - 0.5 * (across**2 + within**2), 0.0)
+    return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
+
+
+def cross(part: Part, leg: Leg, hits: Hits, index_ratio: float) -> Crossing:
+    """Take every ray, all of which hit a facet, through the curved surface over it."""
+    facets = part.mesh.triangles[hits.triangles]
+    flat = leg.origins + hits.distances[:, None] * leg.directions
+    points, barycentric = flat, hits.barycentric
+    # A slanted ray meets the curved surface beside the point over its flat hit: the second round looks there.
+    for _ in range(2):
+        curved, normals = part.curved(hits.triangles, barycentric)
+        points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
+        barycentric = points_to_barycentric(facets, points)
+    directions, transmittance = refract(leg.directions, normals, index_ratio)
+    skin = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+    heights = np.sum((points - flat) * normals, axis=1)
+    return Crossing(Leg(points, directions, skin), transmittance, heights)
+
+
+def _ahead(
+    directions: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    """Distance along the ray to the plane at ``offsets``; a grazing ray is not thrown far off its facet."""
+    cosine = np.sum(directions * normals, axis=1)
+    return np.sum(offsets * normals, axis=1) / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+
+
+def outside_leg(rays: RayBundle) -> Leg:
+    """The first cast: from the source towards the part."""
+    return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
+
+
+def send_through(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
+    """Cast every ray into the part, out of it, and to the plane z = ``distance_mm``; air outside, n = 1."""
+    pieces = []
+    for start in range(0, len(rays), _CHUNK):
+        some = slice(start, start + _CHUNK)
+        piece = RayBundle(rays.origins[some], rays.directions[some], rays.weights[some])
+        pieces.append(_send(part, grid, piece, refractive_index, distance_mm))
+    return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
+
+
+def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
+    passage = Passage(
+        landings=np.full((len(rays), 2), np.nan),
+        flux=rays.weights.copy(),
+        fates=np.full(len(rays), Fate.NO_HIT, dtype=np.int64),
+        facets_um=np.zeros((len(rays), 2)),
+    )
+    leg = outside_leg(rays)
+    entry = grid.first_hits(leg)
+    rows = np.nonzero(entry.found)[0]
+    passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
+    rows = np.nonzero(passage.fates == Fate.LANDED)[0]
+    entry = entry.take(rows)
+    entered = cross(part, leg.take(rows), entry, 1.0 / refractive_index)
+    passage.flux[rows] *= entered.transmittance
+    passage.facets_um[rows, 0] = 1e3 * entered.heights
+
+    exits = grid.first_hits(entered.leg)
+    passage.fates[rows] = _exit_fates(part, entry, exits)
+    reached = np.nonzero(passage.fates[rows] == Fate.LANDED)[0]
+    rows = rows[reached]
+    left = cross(part, entered.leg.take(reached), exits.take(reached), refractive_index)
+    passage.facets_um[rows, 1] = 1e3 * left.heights
+    _land(passage, rows, left, distance_mm)
+    return passage
+
+
+def _entry_fates(part: Part, leg: Leg, hits: Hits) -> Int[np.ndarray, " n"]:
+    """Fates of rays that hit something coming from the source; LANDED: goes on."""
+    leaving = np.sum(leg.directions * part.mesh.face_normals[hits.triangles], axis=1) > 0.0
+    return np.select([leaving, _at_base(part, hits)], [Fate.STARTS_INSIDE, Fate.BASE], Fate.LANDED)
+
+
+def _exit_fates(part: Part, entry: Hits, exits: Hits) -> Int[np.ndarray, " n"]:
+    """Fates of rays cast inside of the material; LANDED: goes on."""
+    same = part.faces[entry.triangles] == part.faces[exits.triangles]
+    return np.select(
+        [~exits.found, _at_base(part, exits), same], [Fate.NO_HIT, Fate.BASE, Fate.BACK_INTO_CAVITY], Fate.LANDED
+    )
+
+
+def _land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance_mm: float) -> None:
+    """Carry rays that met the way out to the receiver's plane, or note why not."""
+    directions = left.leg.directions
+    height = distance_mm - left.leg.origins[:, 2]
+    passes = left.transmittance > 0.0
+    rises = (directions[:, 2] > 0.0) & (height > 0.0)
+    passage.fates[rows] = np.select([~passes, ~rises], [Fate.TOTAL_REFLECTION, Fate.AVERTED], Fate.LANDED)
+    passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
+    lands = passes & rises
+    slope = directions[lands, :2] / directions[lands, 2:]
+    passage.landings[rows[lands]] = left.leg.origins[lands, :2] + height[lands, None] * slope
+
+
+def _at_base(part: Part, hits: Hits) -> Bool[np.ndarray, " n"]:
+    """Whether the triangle hit lies at or below z = 0, where no optical surface is."""
+    return part.mesh.triangles_center[hits.triangles, 2] <= 0.0

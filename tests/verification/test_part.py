@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+import trimesh
+from lens_meshes import Quadric, lens_mesh, sphere
+
+from lensforge.errors import InputError
+from lensforge.verification.normals import facet_average
+from lensforge.verification.part import load_part, part_of
+
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+
+
+def scattered_on_facets(part, surface, sign, seed=1):
+    """Curved points and normals over random points of the facets of one optical surface."""
+    rng = np.random.default_rng(seed)
+    near = np.abs(np.linalg.norm((part.mesh.triangles_center - surface.centre) * surface.inverse, axis=1) - 1.0)
+    facets = np.nonzero((near < 0.02) & (part.mesh.triangles_center[:, 2] > 0.0))[0]
+    chosen = rng.choice(facets, 4000)
+    points, normals = part.curved(chosen, rng.dirichlet([1.0, 1.0, 1.0], 4000))
+    height = np.linalg.norm((points - surface.centre) * surface.inverse, axis=1) - 1.0
+    angle = np.linalg.norm(normals - sign * surface.normal(points), axis=1)
+    return np.abs(height) * min(surface.semi_axes), angle
+
+
+@pytest.mark.parametrize(("surface", "sign"), [(OUTER, 1.0), (INNER, -1.0)])
+def test_normals_are_third_order_up_to_the_rim(surface, sign):
+    coarse, fine = (part_of(lens_mesh(INNER.radius, OUTER.radius, count)) for count in (16, 32))
+    (high, tilted), (low, straight) = (scattered_on_facets(part, surface, sign) for part in (coarse, fine))
+    assert straight.max() < 6e-4
+    assert np.sqrt(np.mean(tilted**2) / np.mean(straight**2)) > 2.0**2.6
+    assert np.sqrt(np.mean(high**2) / np.mean(low**2)) > 2.0**2.6
+    assert low.max() < 2e-4
+
+
+def test_average_of_facets_is_exact_on_a_sphere_away_from_the_rim():
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=2.0)
+    normals = facet_average(mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(normals, mesh.vertices / 2.0, atol=1e-12)
+
+
+def test_sharp_edges_are_not_smoothed():
+    part = part_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 12, (16.0, 2.0)))
+    assert len(np.unique(part.faces)) == 6  # two domes, ledge, cylinder, bottom, bore
+    flat = np.nonzero(np.abs(part.mesh.face_normals[:, 2]) > 1.0 - 1e-9)[0]
+    flat = flat[part.mesh.triangles_center[flat, 2] <= 0.0]
+    normals = part.fit.normals[part.corners[flat]]
+    np.testing.assert_allclose(np.abs(normals[..., 2]), 1.0, atol=1e-9)
+
+
+def test_box_keeps_its_six_faces_and_their_normals():
+    part = part_of(trimesh.creation.box((1.0, 2.0, 3.0)).apply_translation([0.0, 0.0, 5.0]))
+    assert len(np.unique(part.faces)) == 6
+    expected = np.repeat(part.mesh.face_normals[:, None], 3, axis=1)
+    np.testing.assert_allclose(part.fit.normals[part.corners], expected, atol=1e-12)
+
+
+def test_stl_is_read_as_one_closed_body(tmp_path):
+    mesh = lens_mesh(INNER.radius, OUTER.radius, 20, (16.0, 2.0))
+    mesh.export(tmp_path / "lens.stl")
+    part = load_part(tmp_path / "lens.stl")
+    assert part.open_edges == 0
+    assert len(part.mesh.vertices) == len(mesh.vertices)
+    assert part.mesh.volume == pytest.approx(mesh.volume, rel=1e-6)
+
+
+def test_open_and_folded_meshes_are_counted(tmp_path):
+    mesh = lens_mesh(INNER.radius, OUTER.radius, 6)
+    holed = trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
+    assert part_of(holed).open_edges == 3
+    turned = mesh.faces.copy()
+    turned[5] = turned[5, ::-1]
+    assert part_of(trimesh.Trimesh(mesh.vertices, turned, process=False)).open_edges > 0
+
+
+@pytest.mark.parametrize("content", [None, b"", b"solid nothing\nendsolid nothing\n", b"\x00" * 90])
+def test_a_file_without_a_mesh_is_one_line_of_input_error(tmp_path, content):
+    if content is not None:
+        (tmp_path / "lens.stl").write_bytes(content)
+    with pytest.raises(InputError, match=r"lens\.stl: .*export"):
+        load_part(tmp_path / "lens.stl")

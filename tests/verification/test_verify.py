@@ -1,0 +1,166 @@
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from lens_meshes import Quadric, lambertian, lens_mesh, oracle
+
+from lensforge.errors import InputError
+from lensforge.gates import Gate
+from lensforge.verification.picture import Receiver
+from lensforge.verification.verify import verify_part
+
+INDEX, DISTANCE, SIDE, PIXELS = 1.4936, 150.0, 300.0, 64
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+BASE = (16.0, 2.0)
+RINGS = 36
+RAYS = lambertian(8000, 2.0, seed=1)
+HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+
+
+def moved(surface, axis, by):
+    centre = np.array(surface.centre)
+    centre[axis] += by
+    return Quadric(tuple(centre), surface.semi_axes)
+
+
+def right(rings=RINGS, inner=INNER, outer=OUTER):
+    return lens_mesh(inner.radius, outer.radius, rings, BASE)
+
+
+def transformed(matrix):
+    return right().apply_transform(matrix)
+
+
+def rotation(angle, axis):
+    return trimesh.transformations.rotation_matrix(angle, axis)
+
+
+def inverted():
+    mesh = right()
+    mesh.invert()
+    return mesh
+
+
+@pytest.fixture(scope="module")
+def design_irradiance():
+    many = lambertian(400_000, 2.0, seed=2)
+    landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
+    return Receiver(SIDE, PIXELS).irradiance(landings, flux)
+
+
+@pytest.fixture
+def verify(tmp_path, design_irradiance):
+    def run(mesh, **changes):
+        mesh.export(tmp_path / "lens.stl")
+        given = {
+            "rays": RAYS,
+            "refractive_index": INDEX,
+            "distance_mm": DISTANCE,
+            "receiver_mm": SIDE,
+            "window_mm": SIDE,
+            "pixels": PIXELS,
+            "design_irradiance": design_irradiance,
+            "design_hits": HITS,
+            "design_weights": WEIGHTS,
+            "referee_rays": 20,
+        }
+        return verify_part(tmp_path / "lens.stl", tmp_path, **{**given, **changes})
+
+    return run
+
+
+def failed(result):
+    return {gate["name"] for gate in result["gates"] if not gate["passed"]}
+
+
+def test_the_right_lens_passes_and_says_so_on_disk(verify, tmp_path, design_irradiance):
+    result = verify(right())
+    assert failed(result) == set()
+    assert json.loads((tmp_path / "verify.json").read_text()) == result
+    with np.load(tmp_path / "verify.npz") as stored:
+        assert stored["irradiance"].shape == (PIXELS, PIXELS)
+        np.testing.assert_array_equal(stored["design_irradiance"], design_irradiance)
+    assert sum(result["flux"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert result["flux"]["missed"] == pytest.approx(sum(result["missed_by_cause"].values()))
+    assert result["efficiency"] == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= SIDE / 2]), rel=1e-4)
+    assert result["nmse_vs_design"] == pytest.approx(result["noise_floor_nmse"], rel=0.25)
+    assert result["nmse_same_rays"] < 0.01 * result["noise_floor_nmse"]
+    assert result["deviation_mm"]["rms"] < result["deviation_mm"]["p99"] < result["deviation_mm"]["max"] < 0.05
+    assert result["referee"]["casts"] == 40
+    assert result["referee"]["disagreements"] == 0
+
+
+WRONG = {
+    "mirrored": lambda: transformed(np.diag([-1.0, 1.0, 1.0, 1.0])),
+    "turned": lambda: transformed(rotation(0.01, [0.0, 0.0, 1.0])),
+    "upside down": lambda: transformed(rotation(np.pi, [1.0, 0.0, 0.0])),
+    "inside out": inverted,
+    "scaled": lambda: transformed(np.diag([1.01, 1.01, 1.01, 1.0])),
+    "in inches": lambda: transformed(np.diag([1 / 25.4, 1 / 25.4, 1 / 25.4, 1.0])),
+    "raised 20 um": lambda: right().apply_translation([0.0, 0.0, 0.02]),
+    "inner 20 um to +x": lambda: right(inner=moved(INNER, 0, 0.02)),
+    "inner 20 um up": lambda: right(inner=moved(INNER, 2, 0.02)),
+    "outer 20 um to -y": lambda: right(outer=moved(OUTER, 1, -0.02)),
+    "outer 20 um down": lambda: right(outer=moved(OUTER, 2, -0.02)),
+    "coarse": lambda: right(rings=12),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_lens_exported_wrongly_fails(verify, name):
+    result = verify(WRONG[name](), referee_rays=1)
+    assert "deviation_rms" in failed(result)
+    assert sum(result["flux"].values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_hole_fails(verify):
+    mesh = right()
+    result = verify(trimesh.Trimesh(mesh.vertices, np.delete(mesh.faces, 300, axis=0), process=False))
+    assert "open_edges" in failed(result)
+
+
+def test_a_wrong_index_fails(verify):
+    assert "deviation_rms" in failed(verify(right(), refractive_index=INDEX + 0.001, referee_rays=1))
+
+
+def test_a_design_that_counts_too_much_flux_fails(verify):
+    assert failed(verify(right(), design_weights=WEIGHTS * 1.005, referee_rays=1)) == {"flux_deviation"}
+
+
+def test_rays_that_the_design_loses_are_counted(verify):
+    hits = HITS.copy()
+    inside = np.nonzero((np.abs(hits) < 100.0).all(axis=1))[0][:100]
+    hits[inside] = np.nan
+    result = verify(right(), design_hits=hits, referee_rays=1)
+    assert result["fate_disagreements"] == 100
+    assert result["fate_disagreement_flux"] == pytest.approx(100 / 8000)
+    assert "fate_disagreement_flux" in failed(result)
+
+
+def test_a_window_smaller_than_the_receiver_counts_less(verify):
+    result = verify(right(), window_mm=100.0, referee_rays=1)
+    assert result["efficiency"] == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= 50.0]), rel=1e-2)
+    assert result["efficiency"] < 0.5 * verify(right(), referee_rays=1)["efficiency"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"design_hits": HITS[:-1]}, "design_hits: shape"),
+        ({"design_weights": WEIGHTS[:-1]}, "design_weights: shape"),
+        ({"design_irradiance": np.ones((3, 3))}, "design_irradiance: shape"),
+        ({"design_irradiance": np.zeros((PIXELS, PIXELS))}, "must be above 0"),
+    ],
+)
+def test_what_does_not_fit_is_input_error(verify, change, message):
+    with pytest.raises(InputError, match=message):
+        verify(right(rings=6), **change, referee_rays=1)
+
+
+def test_gates_read_as_sentences(verify):
+    result = verify(right(rings=12), referee_rays=1)
+    gate = next(gate for gate in result["gates"] if gate["name"] == "deviation_rms")
+    gate.pop("passed")
+    assert "finer mesh" in str(Gate(**gate))
