@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.rayfiles.cleaning import ValidRays, valid_rays
+from lensforge.sources.rayfiles.cleaning import ValidRays, no_usable_ray, valid_rays
 from lensforge.sources.rayfiles.reading import read_rayfile
 from lensforge.sources.rayfiles.record import RayFile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
@@ -38,8 +38,7 @@ class RayfileEmitter:
         rayfile = read_rayfile(spec.file)
         rays = valid_rays(rayfile)
         if len(rays) == 0:
-            causes = ", ".join(f"{count} {cause}" for cause, count in rays.dropped.items() if count)
-            raise InputError(f"{spec.file}: none of its {len(rayfile)} rays is usable ({causes}); export it again")
+            raise no_usable_ray(rayfile, rays.dropped)
         flux_w = _flux_w(spec, rayfile, rays)
         focus = virtual_focus(rays.positions, rays.directions, rays.flux)
         origin = _origin(spec, focus)
@@ -54,6 +53,7 @@ class RayfileEmitter:
             "rays_dropped": rays.dropped,
             "effective_rays": float(rays.flux.sum() ** 2 / (rays.flux @ rays.flux)),
             "file_flux": rayfile.total_flux(),
+            "file_ray_sum": float(rays.flux.sum()),
             "file_flux_unit": rayfile.unit,
             "flux_w": flux_w,
             "virtual_focus_mm": None if focus is None else focus.tolist(),

@@ -1,6 +1,7 @@
 """The ray-file emitter: placed where the spec says, power as stated, sampling that keeps what the file knows."""
 
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from rayfile_samples import SHARED, rays
 from lensforge.errors import InputError
 from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 from lensforge.spec import RayfileSource, load_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -40,8 +42,6 @@ def test_origin_and_rotation(load):
 
 
 def test_the_virtual_focus_goes_to_the_lens_origin(load):
-    from lensforge.sources.rayfiles.virtual_focus import virtual_focus
-
     emitter = load(rays(500), origin="virtual_focus", rotate_z_deg=17.0)
     placed = virtual_focus(emitter.rays.origins, emitter.rays.directions, emitter.rays.weights)
     np.testing.assert_allclose(placed, 0.0, atol=1e-12)
@@ -49,8 +49,6 @@ def test_the_virtual_focus_goes_to_the_lens_origin(load):
 
 
 def test_parallel_rays_have_no_virtual_focus(load):
-    from dataclasses import replace
-
     beam = replace(rays(), directions=np.tile([0.0, 0.0, 1.0], (12, 1)))
     with pytest.raises(InputError, match="parallel"):
         load(beam, origin="virtual_focus")
@@ -98,8 +96,6 @@ def test_more_rays_than_the_file_holds_say_what_the_file_says(load):
 
 def test_a_smaller_sample_has_the_noise_of_a_finite_population(load):
     """Variance of a mean over m of n rays drawn without replacement: s^2/m (1 - m/n); equal weights."""
-    from dataclasses import replace
-
     emitter = load(replace(rays(400), flux=np.ones(400)), flux_w=1.0)
     values = emitter.rays.origins[:, 0]
     for count in (50, 300):
@@ -122,8 +118,6 @@ def test_split_shares_no_ray_and_keeps_the_flux(load):
 
 
 def test_backward_and_outlying_rays_are_kept_and_reported(load):
-    from dataclasses import replace
-
     directions = np.tile([0.0, 0.0, 1.0], (4, 1))
     directions[3, 2] = -1.0
     positions = np.array([[0.0, 0.0, 0.5], [3.0, 0.0, 0.0], [0.5, 0.0, -2.0], [0.0, 0.0, 0.1]])
@@ -138,8 +132,6 @@ def test_backward_and_outlying_rays_are_kept_and_reported(load):
 
 
 def test_a_ray_below_the_plane_must_come_up_through_the_foot(load):
-    from dataclasses import replace
-
     slanted = np.array([[0.6, 0.0, 0.8], [0.0, 0.0, -1.0]])
     positions = np.array([[0.0, 0.0, -4.0], [0.0, 0.0, -1.0]])
     two = replace(rays(2), positions=positions, directions=slanted, flux=np.ones(2), header_flux_w=2.0)
@@ -158,8 +150,6 @@ def test_outline_is_the_chip_of_the_example():
 
 
 def test_outline_of_rays_on_one_line(load):
-    from dataclasses import replace
-
     assert load(rays(1)).outline().shape == (4, 3)
     line = replace(
         rays(5), positions=np.outer(np.arange(5.0), [1.0, 1.0, 0.0]), directions=np.tile([0, 0, 1.0], (5, 1))

@@ -1,5 +1,7 @@
 """Every format in the folder: what it writes it reads, from any file name, and refuses when damaged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rayfile_samples import CASES, encoded, image, rays, with_tables
@@ -151,8 +153,6 @@ def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path
 
 
 def test_changed_rays_never_meet_the_old_bytes(tmp_path):
-    from dataclasses import replace
-
     write_rayfile(tmp_path / "in", rays(), "tm25")
     rayfile = read_rayfile(tmp_path / "in")
     moved = replace(rayfile, positions=rayfile.positions + np.float32(1.0))

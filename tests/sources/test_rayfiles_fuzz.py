@@ -105,5 +105,5 @@ def test_mutated_files_end_in_rays_or_in_one_line():
 
 
 if __name__ == "__main__":
-    count = int(sys.argv[1])
-    print(f"{count} mutated files: {fuzz(count, seed=11)} read as rays, the others refused in one line")
+    count, seed = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 11
+    print(f"{count} mutated files, seed {seed}: {fuzz(count, seed)} read as rays, the others refused in one line")

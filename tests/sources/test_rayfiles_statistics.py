@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rayfile_samples import rays
+from scipy.optimize import minimize
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import RayFile, describe
@@ -29,8 +30,6 @@ def test_rays_through_a_point_have_it_as_their_focus():
 
 def test_the_focus_minimises_the_weighted_squared_distances():
     """Against a numerical minimum of the definition, on rays that share no point."""
-    from scipy.optimize import minimize
-
     random = np.random.default_rng(5)
     positions, directions, weights = point_source(np.zeros(3), 200)
     positions += random.normal(scale=0.5, size=positions.shape)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.errors import InputError
 from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE, RayFile, as_float64
 
 _NO_DIRECTION = 1e-12  # |k| below which a direction is no direction
@@ -59,6 +60,16 @@ def valid_chunks(rayfile: RayFile) -> Iterator[ValidRays]:
     """The usable rays, some at a time, so that a file of any size needs little memory."""
     for start in range(0, len(rayfile), CHUNK_ROWS):
         yield valid_rays(rayfile, start, start + CHUNK_ROWS)
+
+
+def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
+    """The error for a file of which nothing is left."""
+    return InputError(f"{rayfile.path}: none of its {len(rayfile)} rays is usable ({causes(dropped)}); export it again")
+
+
+def causes(dropped: dict[str, int]) -> str:
+    """Counts and causes in words."""
+    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
 
 
 def _finite(values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:

@@ -7,7 +7,7 @@ from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage
 from lensforge.sources.rayfiles.record import RayFile
 
-HEAD_BYTES = 4096  # what ``matches`` gets to see
+HEAD_BYTES = 2**14  # what ``matches`` gets to see
 
 
 @dataclass(frozen=True)

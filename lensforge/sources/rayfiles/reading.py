@@ -40,7 +40,7 @@ def read_rayfile(path: Path) -> RayFile:
 
 def decode(image: FileImage) -> RayFile:
     """The rays in ``image``; what :func:`read_rayfile` does once the file is mapped."""
-    rayfile = _in_nanometres(_format_of(image).decode(image))
+    rayfile = replace(_in_nanometres(_format_of(image).decode(image)), path=str(image.path))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
 

@@ -27,8 +27,9 @@ class RayFile:
     because LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are weights by design
     (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
 
-    ``header`` holds the fields of the header as JSON can hold them; ``verbatim`` the bytes of the file it was read
-    from. It is no argument of the constructor, so ``dataclasses.replace`` drops it: changed rays never meet old bytes.
+    ``header`` holds the fields of the header as JSON can hold them; ``path`` and ``verbatim`` are the file it was read
+    from, and its bytes. ``verbatim`` is no argument of the constructor, so ``dataclasses.replace`` drops it: changed
+    rays never meet old bytes.
     """
 
     positions: Float[np.ndarray, "n 3"]
@@ -42,6 +43,7 @@ class RayFile:
     header_role: HeaderRole = "total"
     header: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    path: str = ""
     verbatim: np.ndarray | None = field(default=None, init=False, repr=False)
 
     def __len__(self) -> int:

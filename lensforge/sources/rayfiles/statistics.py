@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lensforge.errors import InputError
-from lensforge.sources.rayfiles.cleaning import ValidRays, valid_chunks
+from lensforge.sources.rayfiles.cleaning import ValidRays, causes, no_usable_ray, valid_chunks
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.photopic import luminous_efficacy
 from lensforge.sources.rayfiles.record import RayFile
@@ -68,7 +67,7 @@ def describe(rayfile: RayFile) -> dict[str, Any]:
     for part in valid_chunks(rayfile):
         sums.add(part)
     if sums.rays == 0:
-        raise InputError(f"none of its {len(rayfile)} rays is usable ({_causes(sums.dropped)}); export it again")
+        raise no_usable_ray(rayfile, sums.dropped)
     focus = sums.focus.point()
     total = rayfile.stated_flux or sums.flux
     return {
@@ -104,14 +103,10 @@ def _wavelengths(sums: _Sums) -> dict[str, float] | None:
     return {"min": sums.wavelength_low, "max": sums.wavelength_high, "mean": mean}
 
 
-def _causes(dropped: dict[str, int]) -> str:
-    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
-
-
 def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
     unit, header = rayfile.unit, rayfile.header_flux
     if sums.rays < len(rayfile):
-        yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {_causes(sums.dropped)}"
+        yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
     if header and rayfile.header_role != "scale" and abs(sums.flux / header - 1.0) > _FLUX_TOLERANCE:
         winner = "sum over the rays" if rayfile.header_role == "ignored" else "header"
         yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {winner} is used"
