@@ -12,7 +12,7 @@ from lensforge.tracing.chunks import CHUNKS, in_chunks
 
 class _Splat(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, hits: torch.Tensor, flux: torch.Tensor, receiver: Receiver) -> torch.Tensor:  # type: ignore[override]
+    def forward(ctx: Any, hits: torch.Tensor, flux: torch.Tensor, receiver: Receiver) -> torch.Tensor:
         images = np.zeros((CHUNKS, receiver.pixels, receiver.pixels))
         points, power = hits.detach().numpy(), flux.detach().numpy()
 
@@ -25,7 +25,7 @@ class _Splat(torch.autograd.Function):
         return torch.from_numpy(images.sum(axis=0))
 
     @staticmethod
-    def backward(ctx: Any, by_image: torch.Tensor) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, by_image: torch.Tensor) -> Any:
         points, power = (tensor.numpy() for tensor in ctx.saved_tensors)
         by_hits, by_flux = np.empty_like(points), np.empty_like(power)
         sensitivity = by_image.contiguous().numpy()
@@ -39,5 +39,5 @@ class _Splat(torch.autograd.Function):
 
 def splat_flux(hits: torch.Tensor, flux: torch.Tensor, receiver: Receiver) -> torch.Tensor:
     """Flux (W) in each pixel (pixels, pixels), from hits (n, 2) in mm and flux (n,) in W; float64, CPU."""
-    image: torch.Tensor = _Splat.apply(hits, flux, receiver)  # type: ignore[no-untyped-call]
+    image: torch.Tensor = _Splat.apply(hits, flux, receiver)
     return image

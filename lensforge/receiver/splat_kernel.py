@@ -10,7 +10,7 @@ from lensforge.tracing.jit import kernel
 
 
 @kernel
-def splat(hits, flux, side, image):  # type: ignore[no-untyped-def]
+def splat(hits, flux, side, image):
     """Add every ray's flux to ``image`` (pixels, pixels), row y, column x."""
     pixels = image.shape[0]
     for k in range(len(flux)):
@@ -20,8 +20,8 @@ def splat(hits, flux, side, image):  # type: ignore[no-untyped-def]
         v = (hits[k, 1] / side + 0.5) * pixels - 0.5
         if not (-1.0 < u < pixels and -1.0 < v < pixels):
             continue
-        i = int(floor(u))
-        j = int(floor(v))
+        i = floor(u)
+        j = floor(v)
         for row, share_v in ((j, 1.0 - (v - j)), (j + 1, v - j)):
             if 0 <= row < pixels:
                 if i >= 0:
@@ -31,7 +31,7 @@ def splat(hits, flux, side, image):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def splat_adjoint(hits, flux, side, by_image, by_hits, by_flux):  # type: ignore[no-untyped-def]
+def splat_adjoint(hits, flux, side, by_image, by_hits, by_flux):
     """Fill the sensitivities to hits (n, 2) and flux (n,) from those to the pixels."""
     pixels = by_image.shape[0]
     scale = pixels / side
@@ -45,8 +45,8 @@ def splat_adjoint(hits, flux, side, by_image, by_hits, by_flux):  # type: ignore
         v = (hits[k, 1] / side + 0.5) * pixels - 0.5
         if not (-1.0 < u < pixels and -1.0 < v < pixels):
             continue
-        i = int(floor(u))
-        j = int(floor(v))
+        i = floor(u)
+        j = floor(v)
         fu = u - i
         for row, share, sign in ((j, 1.0 - (v - j), -1.0), (j + 1, v - j, 1.0)):
             if not 0 <= row < pixels:

@@ -32,6 +32,11 @@ class Source(Protocol):
         """The largest mirror group (a name of ``surfaces.symmetry``) that leaves the emission unchanged."""
         ...
 
+    @property
+    def population(self) -> int | None:
+        """Number of distinct rays of a measured source; None for one that can be sampled without end."""
+        ...
+
     def sample(self, count: int, seed: int) -> RayBundle:
         """``count`` rays whose weights add up to ``flux_w``; the same seed gives the same rays."""
         ...

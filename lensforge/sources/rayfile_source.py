@@ -68,6 +68,11 @@ class RayfileEmitter:
     def __len__(self) -> int:
         return len(self.rays)
 
+    @property
+    def population(self) -> int:
+        """Number of distinct rays: more than these say nothing new."""
+        return len(self)
+
     def sample(self, count: int, seed: int) -> RayBundle:
         """``count`` rays whose weights add up to ``flux_w``; the same seed gives the same rays.
 

@@ -16,6 +16,7 @@ class SquareEmitter:
     side_mm: float
     flux_w: float = 1.0
     symmetry: str = "square"
+    population: int | None = None
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """``count`` rays of equal weight: position uniform, direction cosine-distributed (Malley's method)."""

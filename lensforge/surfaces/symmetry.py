@@ -32,6 +32,11 @@ def group(name: str) -> list[np.ndarray]:
     return _GROUPS[name]
 
 
+def contains(larger: str, smaller: str) -> bool:
+    """Whether every mirror image of group ``smaller`` belongs to group ``larger``."""
+    return all(any(np.array_equal(a, b) for b in group(larger)) for a in group(smaller))
+
+
 def grid_images(block: Float[np.ndarray, "n n *c"], name: str) -> Float[np.ndarray, "n n *c"]:
     """Mean of the mirror images of a function on a square grid centred on the axis (first index x, second y)."""
     total = np.zeros_like(block)

@@ -17,7 +17,7 @@ _AVERTED = 5
 
 
 @inline
-def hessian_times(x, y, z, vx, vy, vz, table, origin, inverse_step):  # type: ignore[no-untyped-def]
+def hessian_times(x, y, z, vx, vy, vz, table, origin, inverse_step):
     """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
     r = sqrt(x * x + y * y + z * z)
     ux, uy, uz = x / r, y / r, z / r
@@ -48,7 +48,7 @@ def hessian_times(x, y, z, vx, vy, vz, table, origin, inverse_step):  # type: ig
 
 
 @inline
-def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):  # type: ignore[no-untyped-def]
+def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):
     """Adjoint of ``refract``: from sensitivities to the new direction (e) and to the cosine before, to d and n."""
     length = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
@@ -74,7 +74,9 @@ def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):  # ty
 
 
 @inline
-def hit_adjoint(x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, table, gradient, origin, inverse_step):  # type: ignore[no-untyped-def]  # fmt: skip
+def hit_adjoint(
+    x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, table, gradient, origin, inverse_step
+):  # fmt: skip
     """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m), to the ray's start.
 
     Adds those to the table's coefficients to ``gradient``. Returns the sensitivity to the start point; that to the
@@ -89,7 +91,10 @@ def hit_adjoint(x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, table, 
 
 
 @kernel
-def trace_adjoint(origins, directions, weights, inner, outer, scene, lengths, fates, by_hits, by_carried, by_sines, inner_gradient, outer_gradient):  # type: ignore[no-untyped-def]  # fmt: skip
+def trace_adjoint(
+    origins, directions, weights, inner, outer, scene, lengths, fates,
+    by_hits, by_carried, by_sines, inner_gradient, outer_gradient,
+):  # fmt: skip
     """Add to the tables' gradients what every ray's sensitivities (to hit, flux and sin^2) say."""
     index, distance, table_origin, inverse_step = scene
     for k in range(len(weights)):
@@ -125,10 +130,12 @@ def trace_adjoint(origins, directions, weights, inner, outer, scene, lengths, fa
         by_c1 = gw * weights[k] * through2 * slope1
         fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
         ex, ey, ez = hit_adjoint(
-            sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz, outer, outer_gradient, table_origin, inverse_step
+            sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
+            outer, outer_gradient, table_origin, inverse_step,
         )  # fmt: skip
         fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
         _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
         hit_adjoint(
-            px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, inner, inner_gradient, table_origin, inverse_step
+            px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
+            inner, inner_gradient, table_origin, inverse_step,
         )  # fmt: skip

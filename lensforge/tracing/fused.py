@@ -11,6 +11,7 @@ from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.adjoint_kernel import trace_adjoint
+from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.chunks import CHUNKS, in_chunks
 from lensforge.tracing.intersect_kernel import surface_bounds
 from lensforge.tracing.trace_kernel import trace
@@ -29,29 +30,9 @@ class Scene:
         return self.refractive_index, self.distance_mm, self.grid.origin, 1.0 / self.grid.step
 
 
-@dataclass(frozen=True)
-class Arrivals:
-    """Rays at the receiver's plane, in the order in which they left the source; torch tensors, float64.
-
-    ``hits`` (n, 2) in mm, 0 where a ray did not arrive; ``carried`` (n,) the flux (W) that reached the last surface
-    met; ``sines`` (n,) the squared sine of the exit angle, above 1 for total reflection; ``fates`` (n,) int8 of
-    :class:`~lensforge.tracing.fates.Fate`.
-    """
-
-    hits: torch.Tensor
-    carried: torch.Tensor
-    sines: torch.Tensor
-    fates: torch.Tensor
-
-    @property
-    def arrived(self) -> torch.Tensor:
-        """Mask of the rays that reached the receiver's plane."""
-        return self.fates == 0
-
-
 class _Trace(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Any:  # type: ignore[override]
+    def forward(ctx: Any, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Any:
         tables = [table.detach().numpy() for table in (inner, outer)]
         bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
         _check_bounds(bounds)
@@ -73,7 +54,7 @@ class _Trace(torch.autograd.Function):
         return outputs
 
     @staticmethod
-    def backward(ctx: Any, by_hits: torch.Tensor, by_carried: torch.Tensor, by_sines: torch.Tensor, _: Any) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, by_hits: torch.Tensor, by_carried: torch.Tensor, by_sines: torch.Tensor, _: Any) -> Any:
         inner, outer = (table.numpy() for table in ctx.saved_tensors)
         gradients = np.zeros((2, CHUNKS, *inner.shape))
         by = [tensor.contiguous().numpy() for tensor in (by_hits, by_carried, by_sines)]

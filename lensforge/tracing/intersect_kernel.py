@@ -23,8 +23,8 @@ _TOLERANCE = 1e-13  # of the distance from the origin
 
 
 @kernel
-def surface_bounds(table, origin, step):  # type: ignore[no-untyped-def]
-    """``[min rho, max rho, max |grad rho|, max |Hessian of rho|]`` on the unit sphere over z >= 0 (mm, mm/rad, mm/rad^2).
+def surface_bounds(table, origin, step):
+    """Over z >= 0: ``[min rho, max rho, max |grad rho|, max |Hessian of rho|]`` on the unit sphere, mm and rad.
 
     Chart derivatives become sphere derivatives through the conformal factor 2/(1+R^2) of the stereographic chart.
     """
@@ -59,7 +59,7 @@ def surface_bounds(table, origin, step):  # type: ignore[no-untyped-def]
 
 
 @inline
-def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):  # type: ignore[no-untyped-def]
+def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     """Path length to the first crossing from a point with ``|p| <= rho``, and a status."""
     t = 0.0
     newton = False
@@ -100,7 +100,7 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):  # t
                 return t, FOUND
             continue
         if F <= 0.0:  # at the root to rounding, or started on or beyond it
-            return t, FOUND if F > -1e-12 * r and t > 0.0 else LOST
+            return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST
         nearest = r
         if outward < 0.0:
             nearest = max(sqrt(max(r_squared - outward * outward, 0.0)), bounds[0])

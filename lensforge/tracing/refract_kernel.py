@@ -3,19 +3,17 @@
 ``ratio`` is n_before / n_after; normals point along the ray, ``c = d.n > 0``.
 """
 
-from math import sqrt
-
 from lensforge.tracing.jit import inline
 
 
 @inline
-def transmitted_cosine(c, ratio):  # type: ignore[no-untyped-def]
+def transmitted_cosine(c, ratio):
     """Square of the cosine behind the surface; not positive: total reflection."""
     return 1.0 - ratio * ratio * (1.0 - c * c)
 
 
 @inline
-def transmittance(c, q, ratio):  # type: ignore[no-untyped-def]
+def transmittance(c, q, ratio):
     """Unpolarised Fresnel transmittance (Born & Wolf 1.5.2) and its derivative with respect to ``c``."""
     senkrecht = (ratio * c - q) / (ratio * c + q)
     parallel = (c - ratio * q) / (c + ratio * q)

@@ -7,25 +7,30 @@ from lensforge.tracing.jit import inline
 
 
 @inline
-def cubic_weights(f):  # type: ignore[no-untyped-def]
+def cubic_weights(f):
     """Uniform cubic B-spline: the four weights, their first and second derivatives in units of the step."""
     g = 1.0 - f
     return (
-        (g * g * g / 6.0, (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0, (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0, f * f * f / 6.0),
+        (
+            g * g * g / 6.0,
+            (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
+            (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0,
+            f * f * f / 6.0,
+        ),
         (-0.5 * g * g, 1.5 * f * f - 2.0 * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f),
         (g, 3.0 * f - 2.0, 3.0 * g - 2.0, f),
     )
 
 
 @inline
-def cell_of(position, side):  # type: ignore[no-untyped-def]
+def cell_of(position, side):
     """First of the four coefficients that act at ``position`` (in steps), kept inside of the table."""
     cell = int(position)
     return min(max(cell, 1), side - 3)
 
 
 @inline
-def value_and_slope(table, origin, inverse_step, X, Y):  # type: ignore[no-untyped-def]
+def value_and_slope(table, origin, inverse_step, X, Y):
     """``rho``, d rho/dX, d rho/dY."""
     side = table.shape[0]
     px = (X - origin) * inverse_step
@@ -48,7 +53,7 @@ def value_and_slope(table, origin, inverse_step, X, Y):  # type: ignore[no-untyp
 
 
 @inline
-def curvature(table, origin, inverse_step, X, Y):  # type: ignore[no-untyped-def]
+def curvature(table, origin, inverse_step, X, Y):
     """Second derivatives of ``rho`` on the chart: XX, XY, YY."""
     side = table.shape[0]
     px = (X - origin) * inverse_step
@@ -70,7 +75,7 @@ def curvature(table, origin, inverse_step, X, Y):  # type: ignore[no-untyped-def
 
 
 @inline
-def scatter(gradient, origin, inverse_step, X, Y, by_value, by_slope_x, by_slope_y):  # type: ignore[no-untyped-def]
+def scatter(gradient, origin, inverse_step, X, Y, by_value, by_slope_x, by_slope_y):
     """Adjoint of :func:`value_and_slope`: add the sensitivities to the sixteen coefficients that acted."""
     side = gradient.shape[0]
     px = (X - origin) * inverse_step

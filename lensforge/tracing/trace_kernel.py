@@ -16,7 +16,7 @@ _ARRIVED, _BACKWARD, _OUTSIDE_CAVITY, _BASE, _TOTAL_REFLECTION, _AVERTED, _NOT_C
 
 
 @inline
-def outward_normal(x, y, z, table, origin, inverse_step):  # type: ignore[no-untyped-def]
+def outward_normal(x, y, z, table, origin, inverse_step):
     """Gradient of ``|p| - rho(p/|p|)``: not normalised, pointing away from the origin."""
     r = sqrt(x * x + y * y + z * z)
     shift = r + z
@@ -32,7 +32,7 @@ def outward_normal(x, y, z, table, origin, inverse_step):  # type: ignore[no-unt
 
 
 @inline
-def refract(dx, dy, dz, nx, ny, nz, ratio):  # type: ignore[no-untyped-def]
+def refract(dx, dy, dz, nx, ny, nz, ratio):
     """Direction behind a surface with normal (nx, ny, nz) of any length; cosines before and behind (squared)."""
     length = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
@@ -45,7 +45,7 @@ def refract(dx, dy, dz, nx, ny, nz, ratio):  # type: ignore[no-untyped-def]
 
 
 @inline
-def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):  # type: ignore[no-untyped-def]
+def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     """Where a source ray enters the cavity: rays from below z = 0 are moved to the opening. A fate, and the shift."""
     if dz <= 0.0:
         return _BACKWARD, 0.0
@@ -62,7 +62,9 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):  # type:
 
 
 @kernel
-def trace(origins, directions, weights, inner, outer, inner_bounds, outer_bounds, scene, lengths, hits, carried, sines, fates):  # type: ignore[no-untyped-def]  # fmt: skip
+def trace(
+    origins, directions, weights, inner, outer, inner_bounds, outer_bounds, scene, lengths, hits, carried, sines, fates
+):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), hit x and y (2), flux, sin^2 behind, fate.
 
     ``carried`` is the flux that reached the last surface met, after Fresnel losses; ``sines`` the squared sine of

@@ -1,0 +1,30 @@
+"""The price list: what each accuracy preset buys. One record, so that every stage reads the same knobs."""
+
+from dataclasses import dataclass
+
+from lensforge.spec import Accuracy
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Knobs of a preset.
+
+    ``nodes_per_sigma``: table nodes across the narrowest SRBF's sigma at the apex, while designing and evaluating.
+    ``design_rays``: rays of a gradient step. ``coarse_steps``, ``fine_steps``: gradient steps of every level but the
+    last, and of the last. ``evaluate_rays``: rays that judge the finished lens. ``verify_rays``: rays of the
+    independent cast.
+    """
+
+    nodes_per_sigma: float
+    design_rays: int
+    coarse_steps: int
+    fine_steps: int
+    evaluate_rays: int
+    verify_rays: int
+
+
+PRESETS: dict[Accuracy, Preset] = {
+    "draft": Preset(2.5, 2**14, 60, 120, 2**20, 2**14),
+    "standard": Preset(3.4, 2**16, 100, 300, 2**23, 2**16),
+    "reference": Preset(5.0, 2**18, 150, 600, 2**24, 2**17),
+}

@@ -1,0 +1,188 @@
+"""The command line. Exit code 0: done; 1: a gate failed; 2: bad input. Only this module prints or exits.
+
+What a command needs is imported when it runs: ``--help`` answers at once, and CAD loads only where CAD is asked for.
+"""
+
+import json
+import sys
+import tempfile
+import traceback
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lensforge.errors import LensforgeError
+from lensforge.gates import Gate, require
+from lensforge.version import __version__
+
+_FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+_RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by the accuracy preset.")
+_THREADS = click.option("--threads", type=click.IntRange(1, 256), help="Threads; default: all cores.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, message="%(version)s")
+def cli() -> None:
+    """From an LED and a wanted light pattern to a lens that a machine shop can cut."""
+
+
+@cli.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--accuracy", type=click.Choice(["draft", "standard", "reference"]), default="standard", show_default=True
+)
+@click.option("--seed", type=click.IntRange(0, 2**20), default=0, show_default=True)
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint of an interrupted design.")
+@_RAYS
+@_THREADS
+def design(
+    spec: Path, out: Path | None, accuracy: Any, seed: int, resume: bool, rays: int | None, threads: int | None
+) -> None:
+    """Go the whole way: design, evaluate, export, check, verify, report."""
+    content = import_module("lensforge.spec").load_spec(spec)
+    directory = out or Path("cad_out") / content.name
+    _use_threads(threads)
+    with import_module("lensforge.progress").Reporter(content) as reporter:
+        gates = _pipeline().run(
+            content,
+            directory,
+            accuracy=accuracy,
+            seed=seed,
+            rays=rays,
+            resume=resume,
+            observer=reporter.on_step,
+            announce=reporter.on_stage,
+        )
+    click.echo(f"report\t{directory / 'report.html'}")
+    _print_headline(directory)
+    require(gates)
+
+
+@cli.command()
+@_FOLDER
+@_RAYS
+@_THREADS
+@click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: by the spec.")
+@click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
+def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
+    """Simulate the finished lens in DIR again."""
+    _use_threads(threads)
+    _finish(_pipeline().run_evaluate(directory, rays=rays, pixels=pixels, source=source), directory)
+
+
+@cli.command()
+@_FOLDER
+def export(directory: Path) -> None:
+    """Write STEP and STL of the lens in DIR, and prove them by reading them back."""
+    _finish(_pipeline().run_export(directory), directory)
+
+
+@cli.command()
+@_FOLDER
+def check(directory: Path) -> None:
+    """Say whether the lens in DIR can be cut, and with what."""
+    _finish(_pipeline().run_check(directory), directory)
+
+
+@cli.command()
+@_FOLDER
+@_RAYS
+@_THREADS
+def verify(directory: Path, rays: int | None, threads: int | None) -> None:
+    """Cast rays through the exported part in DIR, independently of the design."""
+    _use_threads(threads)
+    _finish(_pipeline().run_verify(directory, rays=rays), directory)
+
+
+@cli.command()
+@_FOLDER
+def report(directory: Path) -> None:
+    """Build report.html from the files in DIR."""
+    click.echo(f"report\t{_pipeline().run_report(directory)}")
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
+@click.option("--format", "format_name", help="Format of --to, where a suffix stands for several.")
+def rays(file: Path, as_json: bool, to: Path | None, format_name: str | None) -> None:
+    """Say what is in a ray file, or convert it."""
+    rayfiles = import_module("lensforge.sources.rayfiles")
+    content = rayfiles.convert(file, to, format_name) if to else rayfiles.describe(rayfiles.read_rayfile(file))
+    if as_json:
+        click.echo(json.dumps(content, indent=2, allow_nan=False))
+        return
+    content.get("header", {}).pop("spectral_tables", None)
+    _print_table(content)
+
+
+def _pipeline() -> Any:
+    return import_module("lensforge.pipeline")
+
+
+def _use_threads(threads: int | None) -> None:
+    if threads is not None:
+        import_module("torch").set_num_threads(threads)
+
+
+def _finish(result: dict[str, Any], directory: Path) -> None:
+    """Print one stage's numbers, refresh the report if there is one, and judge the stage's gates."""
+    gates = [Gate(**{k: v for k, v in gate.items() if k != "passed"}) for gate in result.get("gates", [])]
+    _print_table({key: value for key, value in result.items() if key != "gates"})
+    if (directory / "report.html").exists():
+        _pipeline().run_report(directory)
+    require(gates)
+
+
+def _print_table(content: dict[str, Any], prefix: str = "") -> None:
+    """One ``key<TAB>value`` line for each number, keys joined by dots: easy to read, grep and cut."""
+    for key, value in content.items():
+        if isinstance(value, dict):
+            _print_table(value, f"{prefix}{key}.")
+        else:
+            click.echo(f"{prefix}{key}\t{json.dumps(value) if isinstance(value, list) else value}")
+
+
+_HEADLINE = {
+    "evaluate": ("nmse", "nmse_standard_error", "uniformity", "efficiency", "efficiency_standard_error"),
+    "design": ("steps", "seconds", "max_radius_mm", "height_mm", "constraints"),
+    "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3"),
+    "check": ("min_wall_mm",),
+    "verify": ("nmse_vs_design", "noise_floor_nmse", "deviation_mm"),
+}
+
+
+def _print_headline(directory: Path) -> None:
+    read_json = import_module("lensforge.files").read_json
+    for stage, keys in _HEADLINE.items():
+        content = read_json(directory / f"{stage}.json")
+        _print_table({key: content[key] for key in keys if content.get(key) is not None}, f"{stage}.")
+
+
+def main() -> None:
+    """Entry point: every way out is an exit code and at most one line on stderr."""
+    try:
+        cli.main(prog_name="lensforge", standalone_mode=False)
+    except LensforgeError as error:
+        _leave(str(error), error.exit_code)
+    except click.ClickException as error:
+        _leave(f"{error.format_message()}; see --help", 2)
+    except (click.Abort, KeyboardInterrupt):
+        _leave("interrupted; the same command with --resume goes on from the last checkpoint", 130)
+    except BrokenPipeError:
+        sys.exit(0)
+    except MemoryError:
+        _leave("out of memory; use fewer --rays or a lower --accuracy", 1)
+    except Exception as error:  # a bug: the user gets a line, the developer the details
+        with tempfile.NamedTemporaryFile("w", prefix="lensforge-", suffix=".log", delete=False) as log:
+            traceback.print_exc(file=log)
+        _leave(f"internal error: {type(error).__name__}: {error}; details for a bug report: {log.name}", 1)
+
+
+def _leave(message: str, code: int) -> None:
+    click.echo(f"lensforge: {' '.join(message.split())}", err=True)
+    sys.exit(code)

@@ -1,0 +1,40 @@
+"""A design interrupted at any step goes on to the same bits: the whole state of the optimiser, on disk."""
+
+import hashlib
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from lensforge.errors import InputError
+from lensforge.files import replacing
+from lensforge.spec import Spec
+
+FILE_NAME = "checkpoint.pt"
+
+
+def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None) -> str:
+    """What a checkpoint belongs to: another spec, seed, preset or ray count must not resume from it."""
+    text = f"{spec.model_dump_json(exclude={'evaluate', 'base', 'manufacture'})}|{seed}|{accuracy}|{rays}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
+    """Write ``state`` (tensors, numbers, lists) beside ``path`` and rename."""
+    with replacing(path) as temporary:
+        torch.save({"key": key, "state": state}, temporary)
+
+
+def load_checkpoint(path: Path, key: str) -> dict[str, Any]:
+    """Read a checkpoint of this very design. Raises :class:`InputError` for none, a damaged one, or another's."""
+    try:
+        content = torch.load(path, weights_only=True)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no checkpoint to resume from; run without --resume") from None
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        raise InputError(f"{path}: damaged checkpoint ({type(error).__name__}); run without --resume") from None
+    if content["key"] != key:
+        raise InputError(f"{path}: belongs to another spec, seed, accuracy or --rays; run without --resume")
+    state: dict[str, Any] = content["state"]
+    return state

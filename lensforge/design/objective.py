@@ -1,0 +1,95 @@
+"""One forward evaluation: from parameters to the loss, and the numbers that tell how it goes."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.design.constraints import AugmentedLagrangian
+from lensforge.design.parameters import Parametrisation
+from lensforge.errors import InputError
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.receiver.losses import mirror_mean, nmse_loss, stray_pull, total_reflection_pull, uniformity_loss
+from lensforge.receiver.plane import Receiver
+from lensforge.receiver.splat import splat_flux
+from lensforge.receiver.targets import target_irradiance
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.spec import Spec
+from lensforge.surfaces.symmetry import contains
+from lensforge.tracing.fused import Scene, trace_tables
+
+# Weights against an NMSE of order 0.01 to 1; what each term buys is measured in docs/results.md.
+_STRAY = 0.3
+_TOTAL_REFLECTION = 0.1
+_UNIFORMITY = 10.0
+_IMAGE_BESIDE_UNIFORMITY = 0.2
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """One evaluation: the loss to descend (with pulls and constraints), and its parts for the history."""
+
+    loss: Float[Tensor, ""]
+    nmse: float
+    efficiency: float
+    fields: Float[Tensor, "3 k"]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """The scene of a design: receiver, wanted flux per pixel, and what rays meet on the way."""
+
+    spec: Spec
+    parametrisation: Parametrisation
+    scene: Scene
+    receiver: Receiver
+    wanted: Float[Tensor, "p p"]
+    mask: Bool[Tensor, "p p"] | None
+
+    @staticmethod
+    def of(spec: Spec, source: Source, parametrisation: Parametrisation) -> "Objective":
+        """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE."""
+        receiver = Receiver(spec.target.receiver_mm, spec.optimise.pixels)
+        limit = normal_transmittance(spec.lens.refractive_index) ** 2 * source.flux_w
+        wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
+        _require_symmetry(spec, source, wanted)
+        scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid)
+        mask = None
+        if spec.target.uniform_mm is not None:
+            mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm))
+        return Objective(spec, parametrisation, scene, receiver, wanted * limit, mask)
+
+    def evaluate(
+        self,
+        weights: Float[Tensor, "k 2"],
+        offsets: Float[Tensor, "2"],
+        rays: RayBundle,
+        constraints: AugmentedLagrangian,
+        uniform: bool,
+    ) -> Evaluated:
+        """Trace ``rays``; ``uniform`` lets the uniformity loss lead."""
+        inner, outer = self.parametrisation.tables(weights, offsets)
+        arrivals = trace_tables(inner, outer, self.scene, rays)
+        emitted = torch.from_numpy(rays.weights)
+        flux = mirror_mean(splat_flux(arrivals.hits, arrivals.flux, self.receiver), self.spec.lens.symmetry)
+        nmse = nmse_loss(flux, self.wanted)
+        loss = nmse
+        if uniform and self.mask is not None:
+            loss = _IMAGE_BESIDE_UNIFORMITY * nmse + _UNIFORMITY * uniformity_loss(flux, self.mask)
+        total = emitted.sum()
+        pulls = _STRAY * stray_pull(arrivals.hits, emitted * arrivals.arrived, self.receiver.side_mm)
+        pulls = pulls + _TOTAL_REFLECTION * total_reflection_pull(arrivals.sines, emitted)
+        fields = constraints.fields(inner, outer)
+        return Evaluated(
+            loss + pulls / total + constraints.term(fields), nmse.item(), float(flux.detach().sum() / total), fields
+        )
+
+
+def _require_symmetry(spec: Spec, source: Source, wanted: Float[Tensor, "p p"]) -> None:
+    """A lens may be mirrored only where source and target are: a symmetry that the scene has not would be a lie."""
+    name = spec.lens.symmetry
+    if not contains(source.symmetry, name):
+        raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'none'")
+    if not torch.allclose(mirror_mean(wanted, name), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max())):
+        raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'none'")

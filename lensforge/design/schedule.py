@@ -1,0 +1,46 @@
+"""Coarse to fine: which SRBF levels move, for how many steps, how boldly."""
+
+import math
+from dataclasses import dataclass
+
+from lensforge.accuracy import Preset
+from lensforge.spec import Spec
+
+# Step sizes relative to the starting offset: bold while the functions are few and broad, small at the end.
+_FINEST_RATE_SHARE = 0.2
+_FLOOR = 0.05
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One level's turn: the first ``functions`` weights move for ``steps`` steps of ``rays`` rays."""
+
+    level: int
+    functions: int
+    steps: int
+    rays: int
+    learning_rate: float
+    uniformity_from: int  # the step from which the uniformity loss joins in; ``steps`` for never
+
+    def rate(self, step: int) -> float:
+        """Cosine decay over the stage to a twentieth."""
+        return self.learning_rate * (_FLOOR + (1.0 - _FLOOR) * 0.5 * (1.0 + math.cos(math.pi * step / self.steps)))
+
+
+def plan(spec: Spec, preset: Preset, rays: int | None = None) -> list[Stage]:
+    """The stages for a spec; what the spec leaves open comes from the preset, ``rays`` overrides both."""
+    levels, wish = spec.lens.levels, spec.optimise
+    last = len(levels) - 1
+    steps = wish.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
+    stages, functions = [], 0
+    for level, count in enumerate(levels):
+        functions += count
+        share = _FINEST_RATE_SHARE ** (level / max(1, last))
+        uniform = min(wish.uniformity_steps, steps[level]) if level == last else 0
+        stages.append(
+            Stage(
+                level, functions, steps[level], rays or wish.rays or preset.design_rays,
+                wish.learning_rate * share, steps[level] - uniform,
+            )
+        )  # fmt: skip
+    return stages

@@ -1,0 +1,39 @@
+"""The numbers by which a pattern is judged, and their standard errors by the jackknife over replicates."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+Image = Float[np.ndarray, "p p"]
+
+
+def nmse(irradiance: Image, target: Image) -> float:
+    """Eq. (7), with the target scaled to the flux of ``irradiance``: it judges the shape, efficiency the amount."""
+    wanted = target * (irradiance.sum() / target.sum())
+    return float(np.sum((irradiance - wanted) ** 2) / np.sum(wanted**2))
+
+
+def uniformity(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> float:
+    """Least over mean irradiance inside ``mask``."""
+    inside = irradiance[mask]
+    return float(inside.min() / inside.mean()) if inside.mean() > 0.0 else 0.0
+
+
+def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> float:
+    """RSD: standard deviation over mean inside ``mask``."""
+    inside = irradiance[mask]
+    return float(inside.std() / inside.mean()) if inside.mean() > 0.0 else 0.0
+
+
+def jackknife(
+    replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]
+) -> tuple[float, float]:
+    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); 0 for one replicate."""
+    count = len(replicates)
+    total = replicates.sum(axis=0)
+    value = statistic(total / count)
+    if count < 2:
+        return value, 0.0
+    left_out = np.array([statistic((total - one) / (count - 1)) for one in replicates])
+    return value, float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))

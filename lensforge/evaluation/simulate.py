@@ -1,0 +1,91 @@
+"""Trace a finished lens with many rays, in independent replicates, so that every metric has a standard error."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from lensforge.lens import Lens
+from lensforge.receiver.bins import bin_flux, flux_in_square
+from lensforge.receiver.plane import Receiver
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
+from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.fused import Scene, trace_tables
+
+REPLICATES = 16
+_MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
+_SEED_BASE = 2**40  # apart from every seed of the design, so that no lens is judged by the rays that shaped it
+
+
+@dataclass(frozen=True)
+class TracedLens:
+    """A lens with its tables, ready to trace."""
+
+    scene: Scene
+    inner: torch.Tensor
+    outer: torch.Tensor
+    table_error_nm: dict[str, float]
+
+    @staticmethod
+    def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
+        """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
+        grid: TableGrid = grid_for(float(lens.inner.basis.sigmas.min()), nodes_per_sigma)
+        inner, outer = (torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
+        errors = {name: 1e6 * table_error(grid, getattr(lens, name)) for name in ("inner", "outer")}
+        return TracedLens(Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), inner, outer, errors)
+
+    def trace(self, rays: RayBundle) -> Arrivals:
+        """The fates of ``rays``."""
+        return trace_tables(self.inner, self.outer, self.scene, rays)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Means over each replicate: flux per pixel (r, p, p), flux by fate (r, fates), and in the window (r,); in W."""
+
+    images: Float[np.ndarray, "r p p"]
+    by_fate: Float[np.ndarray, "r f"]
+    window: Float[np.ndarray, " r"]
+    emitted_w: float
+    rays: int
+
+
+def simulate(
+    lens: TracedLens, source: Source, receiver: Receiver, window_mm: float, rays: int, seed: int
+) -> Simulation:
+    """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
+    replicates = min(REPLICATES, rays)
+    images = np.zeros((replicates, receiver.pixels, receiver.pixels))
+    by_fate = np.zeros((replicates, len(Fate)))
+    window = np.zeros(replicates)
+    traced = 0
+    for replicate, share, bundle in _bundles(source, rays, replicates, seed):
+        arrivals = lens.trace(bundle)
+        hits, flux = arrivals.hits.numpy(), arrivals.flux.numpy() * share
+        images[replicate] += bin_flux(hits, flux, receiver)
+        by_fate[replicate] += share * np.bincount(arrivals.fates.numpy(), arrivals.carried.numpy(), minlength=len(Fate))
+        window[replicate] += flux_in_square(hits, flux, window_mm)
+        traced += len(bundle)
+    return Simulation(images, by_fate, window, source.flux_w, traced)
+
+
+def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
+    """(replicate, share of its flux, rays). A measured source is dealt out at random; others are sampled anew."""
+    population = source.population
+    if population is not None:
+        everything = source.sample(min(rays, population), seed)
+        order = np.random.default_rng(seed).permutation(len(everything))
+        for replicate, rows in enumerate(np.array_split(order, min(replicates, len(order)))):
+            part = RayBundle(everything.origins[rows], everything.directions[rows], everything.weights[rows])
+            yield replicate, source.flux_w / part.weights.sum(), part
+        return
+    per_replicate = rays // replicates
+    parts = -(-per_replicate // _MOST_RAYS_AT_ONCE)
+    for replicate in range(replicates):
+        for part_number in range(parts):
+            part_seed = _SEED_BASE + (seed * replicates + replicate) * parts + part_number
+            yield replicate, 1.0 / parts, source.sample(-(-per_replicate // parts), part_seed)

@@ -1,0 +1,179 @@
+"""The whole way and its stages: each reads what the one before left in the result folder, and leaves its own files.
+
+A stage that fails a gate still writes its files; the gates are collected and judged at the end.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lensforge.accuracy import PRESETS, Preset
+from lensforge.design.checkpoint import FILE_NAME as CHECKPOINT
+from lensforge.design.optimiser import Progress, design
+from lensforge.errors import InputError
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.files import read_json, write_json
+from lensforge.gates import Gate
+from lensforge.lens import Lens, load_lens
+from lensforge.sources.build import build_source
+from lensforge.spec import Accuracy, RayfileSource, Spec
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+
+# Each stage's file, in the order of the data; the gates of all of them decide the exit code.
+STAGES = ("design", "evaluate", "export", "check", "verify")
+_VERIFY_SEED = 2**41  # apart from the seeds of the design and of its evaluation
+
+
+def run(
+    spec: Spec,
+    directory: Path,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    rays: int | None = None,
+    resume: bool = False,
+    observer: Callable[[Progress], None] = lambda _: None,
+    announce: Callable[[str], None] = lambda _: None,
+) -> list[Gate]:
+    """Design, evaluate, export, check, verify, report into ``directory``; the gates of all stages.
+
+    ``observer`` sees every gradient step, ``announce`` the name of every later stage as it begins.
+    """
+    run_design(spec, directory, accuracy=accuracy, seed=seed, rays=rays, resume=resume, observer=observer)
+    for stage in (run_evaluate, run_export, run_check, run_verify, run_report):
+        announce(stage.__name__.removeprefix("run_"))
+        stage(directory)
+    return gates_of(directory)
+
+
+def run_design(
+    spec: Spec,
+    directory: Path,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    rays: int | None = None,
+    resume: bool = False,
+    observer: Callable[[Progress], None] = lambda _: None,
+) -> Lens:
+    """Search for the lens; writes ``lens.json`` and ``design.json``, and a checkpoint while it runs."""
+    source = build_source(spec.source)
+    result = design(
+        spec,
+        source,
+        accuracy=accuracy,
+        seed=seed,
+        rays=rays,
+        checkpoint=directory / CHECKPOINT,
+        resume=resume,
+        observer=observer,
+    )
+    result.lens.save(directory / "lens.json")
+    write_json(directory / "design.json", result.to_json() | _size(result.lens))
+    (directory / CHECKPOINT).unlink(missing_ok=True)
+    return result.lens
+
+
+def _size(lens: Lens) -> dict[str, float]:
+    directions = fibonacci_hemisphere(20_000)
+    radius = lens.outer.radius(directions)
+    return {"max_radius_mm": float(radius.max()), "height_mm": float((radius * directions[:, 2]).max())}
+
+
+def _lens_and_preset(directory: Path) -> tuple[Lens, Preset]:
+    lens = load_lens(directory / "lens.json")
+    if lens.accuracy not in PRESETS:
+        raise InputError(f"{directory / 'lens.json'}: accuracy = {lens.accuracy!r}: one of {', '.join(PRESETS)}")
+    return lens, PRESETS[lens.accuracy]
+
+
+def run_evaluate(
+    directory: Path, *, rays: int | None = None, pixels: int | None = None, source: Path | None = None
+) -> dict[str, Any]:
+    """Simulate the finished lens; ``source`` is a ray file that takes the place of the spec's source."""
+    lens, preset = _lens_and_preset(directory)
+    emitter = build_source(_replaced_source(lens.spec, source))
+    result = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels)
+    result.save(directory)
+    return result.report
+
+
+def _replaced_source(spec: Spec, file: Path | None) -> Any:
+    if file is None:
+        return spec.source
+    if isinstance(spec.source, RayfileSource):
+        return spec.source.model_copy(update={"file": file})
+    return RayfileSource(kind="rayfile", file=file, origin="virtual_focus", flux_w=spec.source.flux_w)
+
+
+def run_export(directory: Path) -> dict[str, Any]:
+    """STEP and STL, proven by reading them back. CAD loads here and nowhere else."""
+    lens, _ = _lens_and_preset(directory)
+    result: dict[str, Any] = import_module("lensforge.geometry.export").export_lens(lens, directory)
+    return result
+
+
+def run_check(directory: Path) -> dict[str, Any]:
+    """Whether the part can be cut."""
+    lens, _ = _lens_and_preset(directory)
+    result: dict[str, Any] = import_module("lensforge.manufacturing.check").check_lens(lens, directory)
+    return result
+
+
+def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
+    """Cast rays through the exported STL and compare with where the design sends the same rays."""
+    lens, preset = _lens_and_preset(directory)
+    spec = lens.spec
+    irradiance = _design_irradiance(directory)
+    source = build_source(spec.source)
+    count = min(rays or preset.verify_rays, source.population or 2**40)
+    bundle = source.sample(count, _VERIFY_SEED + lens.seed)
+    arrivals = TracedLens.of(lens, preset.nodes_per_sigma).trace(bundle)
+    hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
+    result: dict[str, Any] = import_module("lensforge.verification.verify").verify_part(
+        directory / "lens.stl",
+        directory,
+        rays=bundle,
+        refractive_index=lens.refractive_index,
+        distance_mm=spec.target.distance_mm,
+        receiver_mm=spec.target.receiver_mm,
+        window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
+        pixels=len(irradiance),
+        design_irradiance=irradiance,
+        design_hits=hits,
+        design_weights=arrivals.flux.numpy(),
+        filter_variance=spec.evaluate.filter_variance,
+    )
+    return result
+
+
+def _design_irradiance(directory: Path) -> np.ndarray:
+    path = directory / "evaluate.npz"
+    try:
+        with np.load(path) as images:
+            irradiance: np.ndarray = images["irradiance"]
+            return irradiance
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; run `lensforge evaluate {directory}` first") from None
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: damaged ({error}); run `lensforge evaluate {directory}` again") from None
+
+
+def run_report(directory: Path) -> Path:
+    """``report.html`` from the files in ``directory``."""
+    path: Path = import_module("lensforge.report.build").build_report(directory)
+    return path
+
+
+def gates_of(directory: Path) -> list[Gate]:
+    """The gates of every stage that has run in ``directory``."""
+    gates = []
+    for stage in STAGES:
+        path = directory / f"{stage}.json"
+        for entry in read_json(path)["gates"] if path.exists() else []:
+            gates.append(Gate(**{key: value for key, value in entry.items() if key != "passed"}))
+    return gates

@@ -1,0 +1,44 @@
+"""How far an irradiance is from the wanted one: differentiable, on torch images [row y, column x]."""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+
+def nmse_loss(flux: Float[Tensor, "p p"], wanted: Float[Tensor, "p p"]) -> Float[Tensor, ""]:
+    """Normalised mean-square error, Eq. (7); ``wanted`` carries the flux that one hopes for, so a dim image errs."""
+    return torch.sum((flux - wanted) ** 2) / torch.sum(wanted**2)
+
+
+def uniformity_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
+    """Relative variance inside ``mask``, Eq. (8), with the mean taken over the mask's pixels."""
+    inside = flux[mask]
+    return torch.mean((inside / inside.mean() - 1.0) ** 2)
+
+
+def mirror_mean(image: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p"]:
+    """Mean over the mirror images of a scene that has this symmetry: the same light from up to 8 times the rays."""
+    if symmetry in ("mirror_x", "rectangle", "square"):
+        image = 0.5 * (image + image.flip(1))
+    if symmetry in ("mirror_y", "rectangle", "square"):
+        image = 0.5 * (image + image.flip(0))
+    if symmetry == "square":
+        image = 0.5 * (image + image.T)
+    return image
+
+
+def stray_pull(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], side_mm: float) -> Float[Tensor, ""]:
+    """Flux beside the receiver, each ray weighted by ``e^2/(1+e^2)``, e its distance from the receiver in half widths.
+
+    Such rays have no weight and no derivative in the image, so plain descent never fetches them back. Bounded, so
+    that a few wild rays cannot outvote the image; ``flux`` counts as a constant.
+    """
+    half = 0.5 * side_mm
+    excess = torch.sum((torch.clamp(hits.abs() - half, min=0.0) / half) ** 2, dim=1)
+    return torch.sum(flux.detach() * excess / (1.0 + excess))
+
+
+def total_reflection_pull(sines: Float[Tensor, " n"], flux: Float[Tensor, " n"]) -> Float[Tensor, ""]:
+    """Flux whose squared exit sine exceeds 0.97, bounded: fetches totally reflected rays back, keeps others away."""
+    excess = torch.clamp((sines - 0.97) / 0.1, min=0.0)
+    return torch.sum(flux.detach() * excess / (1.0 + excess))
