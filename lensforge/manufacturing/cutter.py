@@ -8,8 +8,9 @@ its centre as the next Q, finds it in a few steps (J. Ma, S. W. Bae, S. Choi, Th
 One map of radii then answers for every cutter.
 
 Only the ball is tested, against the face that it cuts. The base has its own test (``relief``); a shank no thicker
-than the ball and tilted into the clear is assumed, a holder is not modelled. Q ranges over the samples, so a radius
-is never too small and is too large by a term of second order in the sample spacing.
+than the ball and tilted into the clear is assumed, a holder is not modelled. Q ranges over the samples, so a ball
+is never too small, and too large by a term that falls with the square of their spacing: on random cavities of four
+levels, 161 nodes against 321, the reached fraction moves by 0.1 % and the residual height by 0.05 um.
 """
 
 import numpy as np

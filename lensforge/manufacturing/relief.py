@@ -31,21 +31,20 @@ def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm
 def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
     """How much wider (mm) all around than the cavity's rim the bore must be for the ball to touch each sample.
 
-    Below z = 0 the ball is as wide as its section at that height, at most R, and must keep within the bore.
+    For samples that the ball reaches in the cavity itself. There a centre above z = 0 is at least R from the rim
+    already; one below, where the cavity narrows upwards, has its full width R against the wall of the bore.
     """
     centres = inner.points + cutter_radius_mm * inner.normals
+    low = centres[:, 2] < 0.0
     clearance = np.zeros(len(centres))
-    low = centres[:, 2] < cutter_radius_mm
-    section = np.sqrt(cutter_radius_mm**2 - np.maximum(centres[low, 2], 0.0) ** 2)
-    clearance[low] = section - _distance_inside_rim(inner.face, centres[low, :2])
+    if low.any():
+        clearance[low] = cutter_radius_mm - _distance_to_rim(inner.face, centres[low, :2])
     return np.where(clearance > _CLEAR_MM, clearance, 0.0)
 
 
-def _distance_inside_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """Distance (mm) in the plane z = 0 to the face's rim, negative outside it."""
+def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Distance (mm) in the plane z = 0 to the face's rim."""
     azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     distance, _ = cKDTree(face.radius(circle)[:, None] * circle).query(points)
-    reach = np.hypot(points[:, 0], points[:, 1])
-    here = points / np.maximum(reach, 1e-300)[:, None]
-    return np.where(reach <= face.radius(here), distance, -distance)
+    return distance

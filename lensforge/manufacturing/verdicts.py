@@ -50,12 +50,12 @@ def relief_verdict(surface: Literal["inner", "outer"], retreat_mm: float | None,
 
 
 def wall_verdict(wall_mm: float, wanted_mm: float) -> Verdict:
-    """Whether the wall along the normal is as thick as the radial thickness that the spec asks for."""
+    """Whether the thinnest wall, along the normal too, is as thick as the radial thickness that the spec asks for."""
     holds = wall_mm >= wanted_mm
     word = "at least" if holds else "less than"
     reason = (
-        f"the thinnest wall along the normal is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {wanted_mm:g}, "
-        "which bounds the radial thickness"
+        f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {wanted_mm:g}, "
+        "which bounds the radial thickness only"
     )
     return Verdict("wall", "body", holds, reason)
 

@@ -2,7 +2,7 @@
 
 The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest way between the
 faces is perpendicular to both, so starting from the outer face would give the same minimum. Lines that leave the
-hemisphere below z = 0 run into the base and have no thickness.
+hemisphere below z = 0 run into the base and have no thickness, so at the rim the radial wall may be the thinner one.
 """
 
 from dataclasses import dataclass

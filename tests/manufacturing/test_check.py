@@ -92,7 +92,9 @@ def test_the_verdicts_give_the_remedy(plain, rough):
     assert "0.8 mm" in tight["reason"]
     assert verdict(plain, "cutter", "outer")["holds"]
     assert not any(v["name"] == "relief" for v in plain["verdicts"])
+    assert not verdict(plain, "wall", "body")["holds"]
     _, content, _ = rough
+    assert verdict(content, "wall", "body")["holds"]
     assert not verdict(content, "relief", "outer")["holds"]
     assert f"{content['relief']['outer']['smallest_step_mm']:.4g} mm" in verdict(content, "relief", "outer")["reason"]
 

@@ -1,6 +1,8 @@
 import numpy as np
 from known_shapes import random_surface, sampled, sphere
+from scipy.spatial import cKDTree
 
+from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide
 from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
 
@@ -45,3 +47,16 @@ def test_with_the_relief_no_ball_enters_the_base():
     clearance = np.hypot(beside, np.maximum(centres[:, 2] + step, 0.0)) - BALL
     assert clearance.min() > -2e-6
     assert np.abs(clearance[step > 0.0]).max() < 1e-9  # and not a micrometre more than is needed
+
+
+def test_the_wider_bore_lets_every_reached_ball_pass():
+    samples, ball = sampled(random_surface(0.8, 0.04, 1), AirSide.INSIDE), 0.3
+    reached = reachable(largest_ball_mm(samples), ball)
+    clearance = bore_clearance_mm(samples, ball)[reached].max()
+    rim = samples.points[np.abs(samples.points[:, 2]) < 1e-9]
+    outward = rim / np.linalg.norm(rim, axis=1, keepdims=True)
+    centres = (samples.points + ball * samples.normals)[reached]
+    depths = np.linspace(0.0, -ball, 7)
+    wall = np.concatenate([rim + 1.05 * clearance * outward + [0.0, 0.0, depth] for depth in depths])
+    assert 1e-3 < clearance < ball
+    assert cKDTree(wall).query(centres)[0].min() > ball - 1e-3
