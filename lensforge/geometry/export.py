@@ -1,0 +1,131 @@
+"""The geometry stage: from a lens record to STEP and STL, proven by reading both back."""
+
+import hashlib
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lensforge.files import write_json
+from lensforge.gates import Gate
+from lensforge.geometry.form import FormError, face_error, worst
+from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
+from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan
+from lensforge.geometry.solid import Solid, build_solid
+from lensforge.geometry.step import read_step, write_step
+from lensforge.geometry.stl import read_mesh, write_mesh
+from lensforge.geometry.watertight import Closure, check_closed
+from lensforge.lens import Lens
+
+STEP_FILE, STL_FILE, JSON_FILE = "lens.step", "lens.stl", "export.json"
+
+_FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 10.0, 0.1
+_ROUND_TRIP_LIMIT = 1e-9
+_GENUS = 0  # with or without a base: the bore is the cavity continued, so the body is a cup
+
+
+@dataclass(frozen=True)
+class _Proof:
+    """What was found on the files as read back."""
+
+    solid: Solid
+    stl: Closure
+    form: FormError
+    volume_change: float
+    mesh_volume_change: float
+    mesh_volume_limit: float
+
+
+def export_lens(
+    lens: Lens,
+    directory: Path,
+    *,
+    nodes: int | None = None,
+    rings: int | None = None,
+    tolerance: MeshTolerance | None = None,
+) -> dict[str, Any]:
+    """Write ``lens.step``, ``lens.stl`` and ``export.json`` into ``directory``; return what the JSON holds.
+
+    ``nodes``: spline nodes across each optical face, by default as many as the narrowest SRBF needs.
+    ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
+    Failed gates do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
+    a base too narrow for the cavity.
+    """
+    start = time.perf_counter()
+    directory = Path(directory)
+    plan = make_plan(fit_patch(lens.inner, nodes), fit_patch(lens.outer, nodes), lens.spec.base)
+    solid = build_solid(plan)
+    mesh = build_mesh(plan, rings or rings_for(plan, tolerance or MeshTolerance()))
+    reached = mesh_error(plan, mesh.rings)
+    write_step(solid, directory / STEP_FILE, lens.spec.name)
+    write_mesh(mesh, directory / STL_FILE)
+    proof = _prove(lens, solid, mesh, reached, directory)
+    content = {
+        "form_error_nm": {"max": proof.form.form_max_nm, "rms": proof.form.form_rms_nm},
+        "normal_error_mrad": {"max": proof.form.normal_max_mrad, "rms": proof.form.normal_rms_mrad},
+        "volume_mm3": proof.solid.volume_mm3,
+        "volume_mesh_mm3": proof.stl.volume_mm3,
+        "watertight": proof.stl.watertight,
+        "genus": proof.stl.genus,
+        "faces": {"count": len(proof.solid.shape.Faces()), "names": sorted(proof.solid.faces)},
+        "nodes": {"inner": plan.inner.nodes, "outer": plan.outer.nodes},
+        "mesh": _describe(mesh, reached),
+        "files": {name: _fingerprint(directory / name) for name in (STEP_FILE, STL_FILE)},
+        "seconds": round(time.perf_counter() - start, 3),
+        "gates": [gate.to_json() for gate in _gates(proof)],
+    }
+    write_json(directory / JSON_FILE, content)
+    return content
+
+
+def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, directory: Path) -> _Proof:
+    """Read the files again and compare them with the surfaces and with each other."""
+    solid = read_step(directory / STEP_FILE)
+    stl = check_closed(*read_mesh(directory / STL_FILE))
+    form = worst([face_error(lens.outer, solid.faces[OUTER]), face_error(lens.inner, solid.faces[INNER])])
+    return _Proof(
+        solid=solid,
+        stl=stl,
+        form=form,
+        volume_change=abs(solid.volume_mm3 / built.volume_mm3 - 1.0),
+        mesh_volume_change=abs(stl.volume_mm3 / solid.volume_mm3 - 1.0),
+        mesh_volume_limit=mesh.area() * reached.chord_mm / solid.volume_mm3,
+    )
+
+
+def _gates(proof: _Proof) -> list[Gate]:
+    """Everything that must hold before the files may go to a shop."""
+    finer = "raise the number of nodes"
+    return [
+        Gate("form_error", proof.form.form_max_nm, "<=", _FORM_LIMIT_NM, "nm", finer),
+        Gate("normal_error", proof.form.normal_max_mrad, "<=", _NORMAL_LIMIT_MRAD, "mrad", finer),
+        Gate("step_valid", float(proof.solid.valid), ">=", 1.0, "", "try another base.diameter_mm, or no base"),
+        Gate("step_volume_change", proof.volume_change, "<=", _ROUND_TRIP_LIMIT, "", finer),
+        Gate("watertight", float(proof.stl.watertight), ">=", 1.0, "", "change the number of rings"),
+        Gate("genus_difference", abs(proof.stl.genus - _GENUS), "<=", 0.0, "", "change the number of rings"),
+        Gate(
+            "mesh_volume_change",
+            proof.mesh_volume_change,
+            "<=",
+            proof.mesh_volume_limit,
+            "",
+            "raise the number of rings",
+        ),
+    ]
+
+
+def _describe(mesh: BodyMesh, reached: MeshTolerance) -> dict[str, Any]:
+    return {
+        "triangles": len(mesh.triangles),
+        "vertices": len(mesh.vertices),
+        "rings": mesh.rings,
+        "chord_error_um": reached.chord_mm * 1e3,
+        "normal_error_mrad": reached.normal_rad * 1e3,
+    }
+
+
+def _fingerprint(path: Path) -> dict[str, Any]:
+    content = path.read_bytes()
+    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}

@@ -1,0 +1,89 @@
+"""Form and normal error of a CAD face against the exact surface, never measured on the nodes of its spline.
+
+"Valid and watertight" proves nothing about form: a face that is 12 um off passes every topological check.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import qmc
+
+from lensforge.errors import InputError
+from lensforge.geometry.plan import FULL_TURN, rim_directions
+from lensforge.surfaces.chart import to_chart
+from lensforge.surfaces.srbf import SrbfSurface
+
+SAMPLES = 4096
+_RIM_SHARE = 4  # one more sample for each four of these lies exactly on the rim, where splines are worst
+_SAME_CHART = 1e-3
+
+
+@dataclass(frozen=True)
+class FormError:
+    """Largest and root-mean-square distance along the normal (nm), and angle between normals (mrad)."""
+
+    form_max_nm: float
+    form_rms_nm: float
+    normal_max_mrad: float
+    normal_rms_mrad: float
+
+
+def worst(errors: list[FormError]) -> FormError:
+    """The largest of each figure."""
+    return FormError(*(float(max(figures)) for figures in zip(*(vars(e).values() for e in errors), strict=True)))
+
+
+def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2"]:
+    """Chart points of ``count`` Sobol directions, even over the hemisphere's area, and of a quarter more on the rim."""
+    rim = count // _RIM_SHARE
+    inside = qmc.Sobol(2, seed=seed).random(count)
+    height, azimuth = inside[:, 0], FULL_TURN * inside[:, 1]
+    radius = np.sqrt((1.0 - height) / (1.0 + height))  # tan(theta/2) of cos(theta) = height
+    inner = radius[:, None] * rim_directions(azimuth)[:, :2]
+    turn = np.random.default_rng(seed).random()
+    return np.concatenate([inner, rim_directions(FULL_TURN * (np.arange(rim) + turn) / rim)[:, :2]])
+
+
+def face_points(
+    face: Any, chart: Float[np.ndarray, "n 2"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Points (mm) and unit normals of a ``cadquery.Face`` at its parameters ``chart``, by the CAD kernel itself."""
+    from OCP.BRep import BRep_Tool
+    from OCP.gp import gp_Pnt, gp_Vec
+
+    surface = BRep_Tool.Surface_s(face.wrapped)
+    point, along_x, along_y = gp_Pnt(), gp_Vec(), gp_Vec()
+    points, normals = np.empty((len(chart), 3)), np.empty((len(chart), 3))
+    for k, (x, y) in enumerate(chart.tolist()):
+        surface.D1(x, y, point, along_x, along_y)
+        normal = along_x.Crossed(along_y)
+        points[k] = point.X(), point.Y(), point.Z()
+        normals[k] = normal.X(), normal.Y(), normal.Z()
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def form_error(surface: SrbfSurface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
+    """Compare points and normals with ``surface``: distance is radial times the cosine to the normal, first order."""
+    radius = np.linalg.norm(points, axis=1)
+    directions = points / radius[:, None]
+    exact = surface.normal(directions)
+    distance = (radius - surface.radius(directions)) * np.sum(exact * directions, axis=1) * 1e6
+    sine = np.linalg.norm(np.cross(normals, exact), axis=1)
+    cosine = np.abs(np.sum(normals * exact, axis=1))
+    angle = np.arctan2(sine, cosine) * 1e3
+    return FormError(float(np.abs(distance).max()), _rms(distance), float(angle.max()), _rms(angle))
+
+
+def face_error(surface: SrbfSurface, face: Any, count: int = SAMPLES) -> FormError:
+    """Form error of a face over the whole hemisphere. Raises :class:`InputError` if it has lost the chart."""
+    chart = chart_samples(count)
+    points, normals = face_points(face, chart)
+    if not np.allclose(to_chart(points), chart, atol=_SAME_CHART):
+        raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
+    return form_error(surface, points, normals)
+
+
+def _rms(values: Float[np.ndarray, " n"]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

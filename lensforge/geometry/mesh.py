@@ -1,0 +1,116 @@
+"""The closed triangle mesh of the body, straight from the surfaces' own splines: NumPy only.
+
+The body is one stack of rings: from the outer apex down the outer dome to its rim, around the base (cylinder
+top, cylinder bottom, bore bottom), and from the inner rim up the cavity to the inner apex. Every two
+neighbouring rings are zipped into a strip, so the mesh is closed, shares its rims and faces outwards by
+construction. Where the outer rim crosses the base's cylinder the two rings share that vertex, and the strip
+between them turns over from a ledge (facing up) to an overhang (facing down).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.geometry.plan import Plan, rim_directions
+from lensforge.geometry.rings import Ring, dome_rings, number_rings, rim_azimuths, zip_rings
+
+OUTER, INNER, RIM = "OPTICAL_OUTER", "OPTICAL_INNER", "RIM"
+TOP, SIDE, BOTTOM, BORE = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"
+
+# Rim and cylinder closer than this share a vertex: STL holds 1e-6 mm at lens size, so 20 of its steps stay apart.
+_SNAP_MM = 2e-5
+
+
+@dataclass(frozen=True)
+class BodyMesh:
+    """Vertices (mm), triangles facing outwards, and for every triangle the index of its face's name."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    triangles: Int[np.ndarray, "t 3"]
+    face: Int[np.ndarray, " t"]
+    names: tuple[str, ...]
+    rings: int
+
+    def part(self, name: str) -> Int[np.ndarray, "k 3"]:
+        """The triangles of the face ``name``."""
+        return self.triangles[self.face == self.names.index(name)]
+
+    def volume(self) -> float:
+        """Enclosed volume (mm^3), by the divergence theorem."""
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
+        return float(np.sum(np.cross(a, b) * c) / 6.0)
+
+    def area(self) -> float:
+        """Total area (mm^2)."""
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
+        return float(np.sum(np.linalg.norm(np.cross(b - a, c - a), axis=1)) / 2.0)
+
+
+def build_mesh(plan: Plan, rings: int) -> BodyMesh:
+    """Mesh the body with ``rings`` concentric rings on each optical surface, ring k of 6 k vertices."""
+    rim = rim_azimuths(6 * rings, plan.crossings)
+    stack = [
+        *dome_rings(plan.outer, rings, rim, OUTER),
+        *_base(plan, rim),
+        *reversed(dome_rings(plan.inner, rings, rim, INNER)),
+    ]
+    stack[rings] = Ring(rim, stack[rings].points, TOP if plan.has_base else RIM)
+    ids = number_rings(stack)
+    if plan.has_base:
+        _share_crossings(plan, stack, ids, rings)
+    strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(len(stack) - 1)]
+    labels = [np.full(len(strip), ring.strip) for strip, ring in zip(strips, stack, strict=False)]
+    if plan.has_base:
+        labels[rings] = _ledge_or_overhang(plan, strips[rings], stack, ids, rings)
+    return _collect(stack, np.concatenate(strips), np.concatenate(labels), rings)
+
+
+def _base(plan: Plan, rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:
+    """Cylinder top, cylinder bottom, bore bottom; the inner rim, which comes next, is the top of the bore."""
+    if not plan.has_base:
+        return
+    around = rim_directions(rim)
+    circle, opening = plan.base_radius_mm * around, plan.inner.radius(around)[:, None] * around
+    down = np.array([0.0, 0.0, -plan.base.height_mm])
+    yield Ring(rim, circle, SIDE)
+    yield Ring(rim, circle + down, BOTTOM)
+    yield Ring(rim, opening + down, BORE)
+
+
+def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " n"]], rings: int) -> None:
+    """Let the cylinder's top use the rim's own vertices where the two meet: the optical vertex stays exact."""
+    height = _rim_height(plan, stack[rings])
+    overhangs = _overhangs(plan, stack[rings].azimuths)
+    # The far side of a crossing that the plan did not resolve counts as meeting, too: strips never fold over.
+    resolved = np.where(overhangs, height, -height) > _SNAP_MM
+    ids[rings + 1] = np.where(resolved, ids[rings + 1], ids[rings])
+
+
+def _rim_height(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
+    return np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.base_radius_mm
+
+
+def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Whether the dome overhangs the base at each azimuth, by the plan's arcs."""
+    starts = np.array([arc.start for arc in plan.arcs])
+    relation = np.array([arc.relation == "overhang" for arc in plan.arcs])
+    return relation[np.searchsorted(starts, azimuths, side="right") - 1]
+
+
+def _ledge_or_overhang(
+    plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " n"]], rings: int
+) -> np.ndarray:
+    """Names of the strip between rim and cylinder: a triangle overhangs if a corner that is not shared does."""
+    rim, top = ids[rings], ids[rings + 1]
+    over = _overhangs(plan, stack[rings].azimuths) & (rim != top)
+    return np.where(np.isin(strip, np.concatenate([rim[over], top[over]])).any(axis=1), RIM, TOP)
+
+
+def _collect(stack: list[Ring], triangles: Int[np.ndarray, "t 3"], labels: np.ndarray, rings: int) -> BodyMesh:
+    """Drop the vertices that sharing has left unused, and turn labels into indices."""
+    used, compact = np.unique(triangles, return_inverse=True)
+    names, face = np.unique(labels, return_inverse=True)
+    vertices = np.concatenate([ring.points for ring in stack])[used]
+    return BodyMesh(vertices, compact.reshape(-1, 3), face, tuple(str(name) for name in names), rings)

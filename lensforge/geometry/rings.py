@@ -1,0 +1,91 @@
+"""Concentric rings of points over a dome, and the strips of triangles between neighbouring rings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.geometry.patch import Patch
+from lensforge.geometry.plan import FULL_TURN, rim_directions
+
+_CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth takes its place
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A closed ring of points (mm) at ascending azimuths (rad); a single point is an apex."""
+
+    azimuths: Float[np.ndarray, " n"]
+    points: Float[np.ndarray, "n 3"]
+    strip: str  # the face between this ring and the next one of the stack
+
+
+def dome_rings(patch: Patch, rings: int, rim: Float[np.ndarray, " n"], name: str) -> list[Ring]:
+    """Rings from the apex to the rim, equally spaced in angle from the axis."""
+    azimuths: list[Float[np.ndarray, " n"]] = [np.zeros(1)]
+    azimuths += [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(1, rings)]
+    directions = [_cone(k * np.pi / (2 * rings), ring) for k, ring in enumerate(azimuths)]
+    azimuths.append(rim)
+    directions.append(rim_directions(rim))
+    together = np.concatenate(directions)
+    points = patch.radius(together)[:, None] * together
+    parts = np.split(points, np.cumsum([len(ring) for ring in azimuths])[:-1])
+    return [Ring(ring, part, name) for ring, part in zip(azimuths, parts, strict=True)]
+
+
+def dome_mesh(patch: Patch, rings: int) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and outward triangles of one open dome, rim included."""
+    stack = dome_rings(patch, rings, rim_azimuths(6 * rings, np.array([])), "")
+    ids = number_rings(stack)
+    strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(rings)]
+    return np.concatenate([ring.points for ring in stack]), np.concatenate(strips)
+
+
+def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
+    """``count`` even azimuths and the crossings, ascending over one turn; no two almost equal."""
+    step = FULL_TURN / count
+    nearest = np.rint(crossings / step).astype(int)
+    close = np.abs(crossings - nearest * step) < _CROSSING_REPLACES * step
+    kept = np.setdiff1d(np.arange(count), nearest[close] % count) * step
+    wrapped = np.where(close & (nearest == count), crossings - FULL_TURN, crossings)
+    return np.sort(np.concatenate([kept, wrapped]))
+
+
+def zip_rings(
+    upper: Ring, lower: Ring, upper_ids: Int[np.ndarray, " n"], lower_ids: Int[np.ndarray, " m"]
+) -> Int[np.ndarray, "t 3"]:
+    """Triangles between two closed rings, seen counter-clockwise from where ``upper`` is the inner one.
+
+    Edges of both rings are taken in the order of their middles, which makes the diagonals short whatever the two
+    vertex counts are. Triangles that a shared vertex has made degenerate are left out.
+    """
+    n, m = len(upper_ids), len(lower_ids)
+    if n == 1:
+        around = np.roll(lower_ids, -1)
+        return np.stack([np.full(m, upper_ids[0]), lower_ids, around], axis=1)
+    if m == 1:
+        return np.stack([upper_ids, np.full(n, lower_ids[0]), np.roll(upper_ids, -1)], axis=1)
+    order = np.argsort(np.concatenate([_middles(upper.azimuths), _middles(lower.azimuths)]), kind="stable")
+    on_upper = order < n
+    i = np.concatenate([[0], np.cumsum(on_upper)])[:-1]
+    j = np.arange(n + m) - i
+    advanced = np.where(on_upper, upper_ids[(i + 1) % n], lower_ids[(j + 1) % m])
+    triangles = np.stack([upper_ids[i % n], lower_ids[j % m], advanced], axis=1)
+    distinct = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
+    return triangles[distinct]
+
+
+def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " n"]]:
+    """Vertex numbers of each ring, counted through the stack."""
+    counts = [len(ring.azimuths) for ring in stack]
+    return np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
+
+
+def _middles(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
+
+
+def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    plane = np.sin(polar) * rim_directions(azimuths)
+    plane[:, 2] = np.cos(polar)
+    return plane

@@ -1,0 +1,34 @@
+"""The mesh as binary STL, and as 3MF, which keeps the shared vertices that STL throws away; lengths in mm."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.files import replacing
+from lensforge.geometry.mesh import BodyMesh
+
+
+def write_mesh(mesh: BodyMesh, path: Path) -> None:
+    """Write ``mesh`` in the format of the suffix: ``.stl`` (binary) or ``.3mf``."""
+    import trimesh
+
+    body = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+    body.units = "millimeter"
+    with replacing(path) as temporary:
+        body.export(str(temporary))
+
+
+def read_mesh(path: Path) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices (mm), equal ones merged, and triangles of a mesh file. Raises :class:`InputError`."""
+    import trimesh
+
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file; run `lensforge export` first")
+    try:
+        body = trimesh.load_mesh(str(path), process=False)
+    except Exception as error:  # whatever the reader raises, the file is what is wrong
+        raise InputError(f"{path}: not readable as a mesh ({error}); run `lensforge export` again") from None
+    vertices, index = np.unique(np.asarray(body.vertices, dtype=np.float64), axis=0, return_inverse=True)
+    return vertices, index.reshape(-1)[np.asarray(body.faces)]

@@ -1,0 +1,35 @@
+"""Is a mesh the boundary of one body? Asked of manifold3d, in double precision."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+@dataclass(frozen=True)
+class Closure:
+    """manifold3d's verdict; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
+
+    ``genus`` counts handles: 0 for a lens, whose cavity and bore are one dent and not a hole; -1 for two bodies.
+    """
+
+    status: str
+    genus: int
+    volume_mm3: float
+
+    @property
+    def watertight(self) -> bool:
+        """Closed, oriented outwards, and one body."""
+        return self.status == "NoError" and self.volume_mm3 > 0.0 and self.genus >= 0
+
+
+def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Closure:
+    """Judge a mesh whose neighbouring triangles share vertex indices."""
+    import manifold3d
+
+    mesh = manifold3d.Mesh64(
+        vert_properties=np.ascontiguousarray(vertices, dtype=np.float64),
+        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
+    )
+    body = manifold3d.Manifold(mesh)
+    return Closure(body.status().name, int(body.genus()), float(body.volume()))
