@@ -22,8 +22,8 @@ class Expected:
     """What the design says of n rays: landings (mm, NaN if lost) and flux there (W); and its picture (W/m^2)."""
 
     irradiance: Float[np.ndarray, "pixels pixels"]
-    hits: Float[np.ndarray, "n 2"]
-    weights: Float[np.ndarray, " n"]
+    hits: Float[np.ndarray, "hits 2"]
+    weights: Float[np.ndarray, " weights"]
 
 
 @dataclass(frozen=True)

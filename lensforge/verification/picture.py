@@ -51,7 +51,8 @@ class Receiver:
         index = np.floor((landings[inside] / self.side_mm + 0.5) * self.pixels).astype(np.int64)
         index = np.minimum(index, self.pixels - 1)  # the far edge belongs to the last pixel
         flat = index[:, 1] * self.pixels + index[:, 0]
-        sums = np.bincount(flat, weights=values[inside], minlength=self.pixels**2)
+        sums = np.zeros(self.pixels**2)
+        np.add.at(sums, flat, values[inside])
         return sums.reshape(self.pixels, self.pixels)
 
     def _filter(self) -> Float[np.ndarray, "pixels pixels"]:

@@ -71,6 +71,8 @@ def test_open_and_folded_meshes_are_counted(tmp_path):
     turned = mesh.faces.copy()
     turned[5] = turned[5, ::-1]
     assert part_of(trimesh.Trimesh(mesh.vertices, turned, process=False)).open_edges > 0
+    doubled = np.concatenate([mesh.faces, mesh.faces[:1]])
+    assert part_of(trimesh.Trimesh(mesh.vertices, doubled, process=False)).open_edges == 3
 
 
 @pytest.mark.parametrize("content", [None, b"", b"solid nothing\nendsolid nothing\n", b"\x00" * 90])
