@@ -9,13 +9,15 @@ from lensforge.spec import Accuracy
 class Preset:
     """Knobs of a preset.
 
-    ``nodes_per_sigma``: table nodes across the narrowest SRBF's sigma at the apex, while designing and evaluating.
+    ``nodes_per_sigma``: table nodes across the narrowest SRBF's sigma at the apex, while designing;
+    ``judge_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
     ``design_rays``: rays of a gradient step. ``coarse_steps``, ``fine_steps``: gradient steps of every level but the
     last, and of the last. ``evaluate_rays``: rays that judge the finished lens. ``verify_rays``: rays of the
     independent cast.
     """
 
     nodes_per_sigma: float
+    judge_nodes_per_sigma: float
     design_rays: int
     coarse_steps: int
     fine_steps: int
@@ -24,7 +26,7 @@ class Preset:
 
 
 PRESETS: dict[Accuracy, Preset] = {
-    "draft": Preset(2.5, 2**14, 60, 120, 2**20, 2**14),
-    "standard": Preset(3.4, 2**16, 100, 300, 2**23, 2**16),
-    "reference": Preset(5.0, 2**18, 150, 600, 2**24, 2**17),
+    "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**14),
+    "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**16),
+    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**17),
 }

@@ -132,7 +132,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
     source = build_source(spec.source)
     count = min(rays or preset.verify_rays, source.population or 2**40)
     bundle = source.sample(count, _VERIFY_SEED + lens.seed)
-    arrivals = TracedLens.of(lens, preset.nodes_per_sigma).trace(bundle)
+    arrivals = TracedLens.of(lens, preset.judge_nodes_per_sigma).trace(bundle)
     hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
     result: dict[str, Any] = import_module("lensforge.verification.verify").verify_part(
         directory / "lens.stl",

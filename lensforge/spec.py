@@ -86,6 +86,15 @@ class FlatTopTarget(_Target):
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
 
 
+class CrossTarget(_Target):
+    """An upright cross of equal arms, ``length_mm`` from end to end, edges softened by a Gaussian of ``edge_mm``."""
+
+    kind: Literal["cross"]
+    length_mm: PositiveFloat
+    stroke_mm: PositiveFloat
+    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+
+
 class TextTarget(_Target):
     """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
 
@@ -138,7 +147,7 @@ class ManufactureSection(_Section):
 
 
 Source = Annotated[SquareSource | RayfileSource, Field(discriminator="kind")]
-Target = Annotated[FlatTopTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
+Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
 
 
 class Spec(_Section):
@@ -190,7 +199,7 @@ def parse_spec(content: dict[str, Any], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        tags = {"square", "rayfile", "flat_top", "text", "image"}
+        tags = {"square", "rayfile", "flat_top", "cross", "text", "image"}
         field = ".".join(str(part) for part in first["loc"] if part not in tags)
         message = first["msg"].removeprefix("Value error, ")
         value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"

@@ -52,7 +52,7 @@ def evaluate_lens(
     spec = lens.spec
     receiver = Receiver(spec.target.receiver_mm, pixels or spec.evaluate.pixels)
     window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-    traced = TracedLens.of(lens, preset.nodes_per_sigma)
+    traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
     count = rays or spec.evaluate.rays or preset.evaluate_rays
     simulation = simulate(traced, source, receiver, window_mm, count, lens.seed)
     images = np.stack([gaussian3(image, spec.evaluate.filter_variance) for image in simulation.images])

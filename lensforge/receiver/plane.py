@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,11 @@ class Receiver:
         """Coordinates of the pixel centres along either axis."""
         return (np.arange(self.pixels) + 0.5) * self.pitch_mm - self.side_mm / 2.0
 
-    def square_mask(self, side_mm: float) -> np.ndarray:
+    def rectangle_mask(self, width_mm: float, height_mm: float) -> Bool[np.ndarray, "p p"]:
+        """Pixels whose centres lie within a centred rectangle, ``width_mm`` along x."""
+        distance = np.abs(self.axis_mm())
+        return (distance <= height_mm / 2.0)[:, None] & (distance <= width_mm / 2.0)[None, :]
+
+    def square_mask(self, side_mm: float) -> Bool[np.ndarray, "p p"]:
         """Pixels whose centres lie within a centred square of ``side_mm``."""
-        inside = np.abs(self.axis_mm()) <= side_mm / 2.0
-        return inside[:, None] & inside[None, :]
+        return self.rectangle_mask(side_mm, side_mm)

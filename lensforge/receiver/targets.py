@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
 from lensforge.receiver.plane import Receiver
-from lensforge.spec import FlatTopTarget, ImageTarget, Target, TextTarget
+from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
 _GLYPH_PIXELS = 1024  # font size at which text is drawn before it is scaled
@@ -21,13 +21,20 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
     Raises :class:`InputError` when no light is wanted anywhere on the receiver.
     """
     fine = Receiver(receiver.side_mm, receiver.pixels * _OVERSAMPLING)
-    if isinstance(target, FlatTopTarget):
-        image = _flat_top(target, fine)
-    else:
-        picture = _draw_text(target) if isinstance(target, TextTarget) else _read_image(target)
-        image = _place(picture, target.width_mm, fine)
-        if target.edge_mm > 0.0:
-            image = gaussian_filter(image, target.edge_mm / fine.pitch_mm, mode="constant")
+    match target:
+        case FlatTopTarget():
+            image = _flat_top(target, fine)
+        case CrossTarget():
+            image = (
+                fine.rectangle_mask(target.length_mm, target.stroke_mm)
+                | fine.rectangle_mask(target.stroke_mm, target.length_mm)
+            ).astype(np.float64)
+        case TextTarget():
+            image = _place(_draw_text(target), target.width_mm, fine)
+        case ImageTarget():
+            image = _place(_read_image(target), target.width_mm, fine)
+    if not isinstance(target, FlatTopTarget) and target.edge_mm > 0.0:
+        image = gaussian_filter(image, target.edge_mm / fine.pitch_mm, mode="constant")
     n, k = receiver.pixels, _OVERSAMPLING
     coarse = image.reshape(n, k, n, k).mean(axis=(1, 3))
     total = coarse.sum()
