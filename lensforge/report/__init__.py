@@ -1,1 +1,1 @@
-"""The pictures and the page that show a result."""
+"""The report: one self-contained HTML page and its figures, from the files of a result folder and nothing else."""

@@ -1,0 +1,140 @@
+"""Light on the receiver: maps, their difference, lines across them, and how the flux gathers around the axis.
+
+Images are irradiance in W/m^2, indexed [row y, column x], y upwards; ``receiver_mm`` is the side of the square.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from scipy.ndimage import map_coordinates
+
+from lensforge.report.drawing import BLUE, INK, NARROW, WIDE, add_colour_bar, in_house_style, new_figure, new_map
+
+Image = Float[np.ndarray, "p p"]
+
+_IRRADIANCE = "irradiance (W/m²)"
+_LINE_HEIGHT = 2.4
+
+
+@in_house_style
+def irradiance_map(image: Image, receiver_mm: float, top: float, outline: Image | None = None) -> Figure:
+    """``image`` in false colour from 0 to ``top`` W/m^2, with the line at half of the peak of ``outline``."""
+    figure, axes, bar = new_map()
+    shown = _show(axes, image, receiver_mm, "inferno", 0.0, top)
+    if outline is not None and outline.max() > 0.0:
+        axis = pixel_axis_mm(receiver_mm, len(outline))
+        axes.contour(axis, axis, outline, levels=[0.5 * outline.max()], colors="white", linewidths=0.7, alpha=0.85)
+    add_colour_bar(bar, shown, _IRRADIANCE)
+    return figure
+
+
+@in_house_style
+def difference_map(difference: Image, receiver_mm: float, label: str = "difference (W/m²)") -> Figure:
+    """A difference of irradiances, its colours centred on zero."""
+    figure, axes, bar = new_map()
+    reach = float(np.abs(difference).max()) or 1.0
+    add_colour_bar(bar, _show(axes, difference, receiver_mm, "RdBu_r", -reach, reach), label)
+    return figure
+
+
+@in_house_style
+def line_comparison(
+    line: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
+    wanted: Image,
+    reached: Image,
+    receiver_mm: float,
+    names: tuple[str, str] = ("target", "simulated"),
+) -> Figure:
+    """Irradiance along the straight ``line`` from one point (x, y in mm) of the receiver to another."""
+    figure, axes = new_figure(NARROW, _LINE_HEIGHT)
+    start, end = line
+    position = np.linspace(-0.5, 0.5, 2 * len(wanted)) * float(np.linalg.norm(end - start))
+    for image, name, style in (
+        (wanted, names[0], {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}),
+        (reached, names[1], {"color": BLUE}),
+    ):
+        axes.plot(position, along(image, start, end, receiver_mm), label=name, **style)
+    axes.set(xlabel="position on the line (mm)", ylabel=_IRRADIANCE, xlim=(position[0], position[-1]))
+    axes.set_ylim(bottom=0.0)
+    axes.grid(True)
+    figure.legend(loc="outside upper right", ncols=2)
+    return figure
+
+
+@in_house_style
+def encircled_flux(wanted: Image, reached: Image, receiver_mm: float) -> Figure:
+    """The share of the receiver's flux within a circle around the axis, over the circle's radius."""
+    figure, axes = new_figure(WIDE, 2.5)
+    radius, share = encircled_share(wanted, receiver_mm)
+    axes.plot(radius, share, color=INK, linestyle=(0, (4, 2)), linewidth=1.0, label="target")
+    axes.plot(*encircled_share(reached, receiver_mm), color=BLUE, label="simulated, unfiltered")
+    axes.set(xlabel="radius around the axis (mm)", ylabel="share of the receiver's flux")
+    axes.set(xlim=(0.0, radius[-1]), ylim=(0.0, 1.02))
+    axes.grid(True)
+    axes.legend(loc="lower right")
+    return figure
+
+
+def encircled_share(image: Image, receiver_mm: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Radii (mm) and the share of the image's sum in pixels whose centres are no farther from the axis."""
+    axis = pixel_axis_mm(receiver_mm, len(image))
+    distance = np.hypot(axis[:, None], axis[None, :]).ravel()
+    order = np.argsort(distance, kind="stable")
+    gathered = np.cumsum(image.ravel()[order])
+    radii = np.linspace(0.0, distance.max(), 200)
+    within = np.searchsorted(distance[order], radii, side="right")
+    share = np.concatenate([[0.0], gathered])[within]
+    return radii, share / gathered[-1] if gathered[-1] > 0.0 else share
+
+
+def along(
+    image: Image, start: Float[np.ndarray, " 2"], end: Float[np.ndarray, " 2"], receiver_mm: float
+) -> Float[np.ndarray, " k"]:
+    """``image`` at two points per pixel of the line from ``start`` to ``end`` (x, y in mm), bilinear between pixels."""
+    pixels = len(image)
+    x, y = (start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, 2 * pixels)) / receiver_mm
+    rows_columns = np.stack([y, x]) * pixels + 0.5 * pixels - 0.5
+    return map_coordinates(image, rows_columns, order=1, mode="nearest")
+
+
+def telling_lines(target: Image, receiver_mm: float) -> list[tuple[str, tuple[np.ndarray, np.ndarray]]]:
+    """Names and ends (mm) of the lines y = 0, x = 0, and a third: the target's brightest row, else the diagonal.
+
+    A pattern that is brightest on the axis gets its diagonal, where a square has its corners.
+    """
+    half = 0.5 * receiver_mm
+    axis = pixel_axis_mm(receiver_mm, len(target))
+    level = float(axis[int(np.argmax(target.sum(axis=1)))])
+    lines = [("y = 0", (-half, 0.0), (half, 0.0)), ("x = 0", (0.0, -half), (0.0, half))]
+    if target.sum(axis=1).max() > 1.05 * _row(target, 0.5) and abs(level) > 0.02 * receiver_mm:
+        lines.append((f"y = {level:.4g} mm (brightest row)", (-half, level), (half, level)))
+    else:
+        lines.append(("x = y (diagonal)", (-half, -half), (half, half)))
+    return [(name, (np.array(start), np.array(end))) for name, start, end in lines]
+
+
+def pixel_axis_mm(receiver_mm: float, pixels: int) -> Float[np.ndarray, " p"]:
+    """Coordinates of the pixel centres."""
+    return ((np.arange(pixels) + 0.5) / pixels - 0.5) * receiver_mm
+
+
+def _row(image: Image, height: float) -> float:
+    """Sum of the row at ``height`` of the image, from 0 to 1."""
+    return float(image[min(len(image) - 1, int(height * len(image)))].sum())
+
+
+def _show(axes: Axes, image: Image, receiver_mm: float, colours: str, low: float, high: float) -> AxesImage:
+    half = 0.5 * receiver_mm
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    axes.spines[:].set_visible(False)
+    return axes.imshow(
+        image,
+        origin="lower",
+        extent=(-half, half, -half, half),
+        cmap=colours,
+        vmin=low,
+        vmax=high,
+        interpolation="none",
+    )

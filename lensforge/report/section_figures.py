@@ -1,0 +1,97 @@
+"""The lens cut open along its axis, to scale: glass, base, source, constraints, and a fan of rays."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from lensforge.lens import Lens
+from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
+from lensforge.report.ray_fan import trace_fan
+from lensforge.surfaces.srbf import SrbfSurface
+
+_FAN_DEG = np.linspace(-75.0, 75.0, 21)
+_MARGIN = 1.3  # the drawing's reach in largest radii
+
+
+@in_house_style
+def lens_section(lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None) -> Figure:
+    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
+
+    Drawn beside the body: the paraboloid that must fit into the cavity, and the largest radius allowed.
+    """
+    figure, axes = new_figure(WIDE, 3.3)
+    across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
+    inner, outer = profile(lens.inner, across), profile(lens.outer, across)
+    reach = _MARGIN * max(float(np.linalg.norm(outer, axis=1).max()), lens.spec.constraints.max_radius_mm)
+    _draw_body(axes, lens, inner, outer)
+    _draw_fan(axes, lens, across, outline_mm, reach)
+    _draw_constraints(axes, lens)
+    if outline_mm is not None:
+        _draw_source(axes, outline_mm @ across)
+    depth = lens.spec.base.height_mm if lens.spec.base.kind == "cylinder" else 0.0
+    axes.set(xlim=(-reach, reach), ylim=(-depth - 0.08 * reach, reach), aspect="equal", anchor="N")
+    axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
+    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
+    return figure
+
+
+def profile(surface: SrbfSurface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:
+    """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
+    directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
+    directions[[0, -1], 2] = 0.0
+    return surface.radius(directions)[:, None] * np.column_stack([np.sin(theta), np.cos(theta)])
+
+
+def _axis_name(azimuth_deg: float) -> str:
+    return {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
+
+
+def _draw_body(axes: Axes, lens: Lens, inner: Float[np.ndarray, "n 2"], outer: Float[np.ndarray, "n 2"]) -> None:
+    axes.add_patch(_glass(np.concatenate([outer, inner[::-1]]), "lens"))
+    base = lens.spec.base
+    if base.kind == "cylinder":
+        for rim, side in ((inner[0, 0], -1.0), (inner[-1, 0], 1.0)):
+            edge = side * base.diameter_mm / 2.0
+            corners = np.array([[rim, 0.0], [edge, 0.0], [edge, -base.height_mm], [rim, -base.height_mm]])
+            axes.add_patch(_glass(corners))
+            axes.plot(*corners[1:].T, color=INK, linewidth=0.8)
+            axes.plot(*corners[[3, 0]].T, color=INK, linewidth=0.8)
+    for curve in (inner, outer):
+        axes.plot(*curve.T, color=INK, linewidth=1.2)
+    axes.plot([outer[0, 0], outer[-1, 0]], [0.0, 0.0], color=INK, linewidth=0.4, alpha=0.5)
+
+
+def _glass(corners: Float[np.ndarray, "n 2"], label: str | None = None) -> Polygon:
+    return Polygon(corners, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label)
+
+
+def _draw_fan(
+    axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], outline_mm: Float[np.ndarray, "k 3"] | None, reach: float
+) -> None:
+    """Rays from the centre of the source, in the section when they start."""
+    theta = np.radians(_FAN_DEG)
+    directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
+    centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
+    paths = trace_fan(lens, np.tile(centre, (len(theta), 1)), directions, 2.0 * reach)
+    for index, path in enumerate(paths):
+        label = "rays" if index == 0 else None
+        axes.plot(path @ across, path[:, 2], color=ORANGE, linewidth=0.6, label=label)
+
+
+def _draw_constraints(axes: Axes, lens: Lens) -> None:
+    limits = lens.spec.constraints
+    position = np.linspace(-limits.cavity_radius_mm, limits.cavity_radius_mm, 121)
+    height = limits.cavity_height_mm * (1.0 - (position / limits.cavity_radius_mm) ** 2)
+    axes.plot(position, height, color=GREEN, linewidth=1.1, label="cavity limit")
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+    circle = limits.max_radius_mm * np.array([np.sin(theta), np.cos(theta)])
+    axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="radius limit")
+
+
+def _draw_source(axes: Axes, position: Float[np.ndarray, " k"]) -> None:
+    axes.plot(
+        [position.min(), position.max()], [0.0, 0.0], color=RED, linewidth=3.0, solid_capstyle="butt", label="source"
+    )

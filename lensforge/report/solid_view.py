@@ -1,0 +1,125 @@
+"""The exported mesh in three dimensions, rendered off-screen by a process of its own.
+
+Where a machine has no renderer at all, OpenGL may end the process instead of raising: then the page says so in one
+line and all else stays. ``python -m lensforge.report.solid_view STL FOLDER`` is that process.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lensforge.errors import InputError
+
+_COMMAND = (sys.executable, "-m", "lensforge.report.solid_view")
+_LIMIT_SECONDS = 60.0
+_UNREADABLE = 3  # exit code of the process when the file is no mesh
+_PIXELS = (880, 640)
+_GLASS, _CUT = "#a9c9e6", "#f2b27a"
+_ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
+
+# Name: (where the camera stands as seen from the lens, whether the half towards it is cut away).
+VIEWS: dict[str, tuple[tuple[float, float, float], bool]] = {
+    "above": ((0.75, -1.2, 0.75), False),
+    "cut": ((0.25, -1.2, 0.45), True),
+    "below": ((0.6, -1.0, -1.0), False),
+}
+
+
+@dataclass(frozen=True)
+class SolidViews:
+    """PNG pictures by name of the view, the bounds of the part (mm, low and high x, y, z), or why there are none."""
+
+    pictures: dict[str, bytes]
+    bounds_mm: tuple[float, ...] = ()
+    problem: str = ""
+
+
+class Rendering:
+    """A rendering under way, so that figures can be drawn meanwhile."""
+
+    def __init__(self, stl: Path) -> None:
+        self._stl = stl
+        self._folder = tempfile.TemporaryDirectory(prefix="lensforge-")
+        self._process = subprocess.Popen(
+            [*_COMMAND, str(stl), self._folder.name],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL,
+        )
+
+    def result(self) -> SolidViews:
+        """Wait for the pictures. Raises :class:`InputError` when the file is no mesh."""
+        try:
+            code = self._process.wait(_LIMIT_SECONDS)
+        except subprocess.TimeoutExpired:
+            return SolidViews({}, problem=f"No 3-D picture: the renderer took more than {_LIMIT_SECONDS:.0f} s.")
+        finally:
+            self._process.kill()
+            self._process.wait()
+        if code == _UNREADABLE:
+            raise InputError(f"{self._stl}: not a readable mesh; run `lensforge export` again")
+        if code != 0:
+            return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
+        folder = Path(self._folder.name)
+        bounds = json.loads((folder / "bounds.json").read_text())
+        return SolidViews({name: (folder / f"{name}.png").read_bytes() for name in VIEWS}, tuple(bounds))
+
+    def close(self) -> None:
+        """End the process if it still runs, and remove its files."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        self._folder.cleanup()
+
+
+def _render(stl: Path, folder: Path) -> None:
+    """Write one PNG per view and bounds.json into ``folder``; :class:`ValueError` for a file that is no mesh."""
+    import pyvista as pv
+
+    try:
+        mesh = pv.read(stl).clean()
+    except Exception as error:  # whatever the reader throws, the file is not a mesh
+        raise ValueError(str(error)) from error
+    if mesh.n_cells == 0:
+        raise ValueError("no triangles")
+    for name, (camera, cut) in VIEWS.items():
+        plotter = pv.Plotter(off_screen=True, window_size=list(_PIXELS))
+        for part, colour in _parts(mesh, cut):
+            plotter.add_mesh(
+                part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
+                specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
+            )  # fmt: skip
+        _aim(plotter, mesh, camera)
+        plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
+        plotter.close()
+    (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]))
+
+
+def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
+    """The mesh, or its half behind y = 0, with the cut in a flat colour of its own."""
+    if not cut:
+        return [(mesh, _GLASS)]
+    half = mesh.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
+    cap = abs(half.cell_centers().points[:, 1]) < _ON_PLANE * mesh.length
+    return [(half.remove_cells(cap), _GLASS), (half.remove_cells(~cap), _CUT)]
+
+
+def _aim(plotter: Any, mesh: Any, camera: tuple[float, float, float]) -> None:
+    """A parallel view of the whole part, at one scale for all views."""
+    centre = mesh.center
+    distance = 3.0 * mesh.length
+    plotter.camera_position = [tuple(c + distance * d for c, d in zip(centre, camera, strict=True)), centre, (0, 0, 1)]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 0.37 * mesh.length
+    plotter.enable_anti_aliasing("ssaa")
+
+
+if __name__ == "__main__":
+    try:
+        _render(Path(sys.argv[1]), Path(sys.argv[2]))
+    except ValueError:
+        sys.exit(_UNREADABLE)
