@@ -30,5 +30,7 @@ def read_mesh(path: Path) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 
         body = trimesh.load_mesh(str(path), process=False)
     except Exception as error:  # whatever the reader raises, the file is what is wrong
         raise InputError(f"{path}: not readable as a mesh ({error}); run `lensforge export` again") from None
+    if len(getattr(body, "faces", ())) == 0:
+        raise InputError(f"{path}: holds no triangles; run `lensforge export` again")
     vertices, index = np.unique(np.asarray(body.vertices, dtype=np.float64), axis=0, return_inverse=True)
     return vertices, index.reshape(-1)[np.asarray(body.faces)]

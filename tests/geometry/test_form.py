@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+from geometry_lenses import random_surface
+
+from lensforge.errors import InputError
+from lensforge.geometry.edges import geom_surface
+from lensforge.geometry.form import chart_samples, face_error, form_error, worst
+from lensforge.geometry.patch import Patch, fit_patch
+from lensforge.surfaces.chart import HALF_WIDTH, to_sphere
+from lensforge.surfaces.srbf import SrbfSurface
+
+SURFACE = random_surface(2.45, 0.01, seed=3)
+
+
+def face_of(patch):
+    import cadquery as cq
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+
+    return cq.Face(BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face())
+
+
+def test_samples_are_even_over_the_hemisphere_and_never_on_grid_nodes():
+    chart = chart_samples(4096)
+    directions = to_sphere(chart)
+    assert len(chart) == 5120
+    assert (np.abs(directions[4096:, 2]) < 1e-15).all()
+    np.testing.assert_allclose(directions[:4096].mean(axis=0), [0.0, 0.0, 0.5], atol=2e-3)
+    for nodes in (72, 86, 114):
+        on_node = np.abs(np.mod((chart + HALF_WIDTH) / (2 * HALF_WIDTH) * (nodes - 1) + 0.5, 1.0) - 0.5)
+        assert (on_node.max(axis=1) < 1e-6).sum() == 0
+
+
+def test_the_kernel_sees_the_same_surface_as_the_spline():
+    error = face_error(SURFACE, face_of(fit_patch(SURFACE)))
+    assert error.form_max_nm < 1.0
+    assert error.normal_max_mrad < 0.02
+
+
+def test_an_offset_is_reported_along_the_normal():
+    directions = to_sphere(chart_samples(512))
+    normals = SURFACE.normal(directions)
+    points = SURFACE.radius(directions)[:, None] * directions + 7e-6 * normals
+    error = form_error(SURFACE, points, SURFACE.normal(points / np.linalg.norm(points, axis=1, keepdims=True)))
+    assert error.form_max_nm == pytest.approx(7.0, rel=1e-3)
+    assert error.form_rms_nm == pytest.approx(7.0, rel=1e-3)
+    assert error.normal_max_mrad < 1e-6
+
+
+def test_a_turned_normal_is_reported_as_its_angle():
+    directions = to_sphere(chart_samples(512))
+    normals = SURFACE.normal(directions)
+    across = np.cross(normals, [0.0, 0.3, 1.0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turned = np.cos(5e-5) * normals + np.sin(5e-5) * across
+    error = form_error(SURFACE, SURFACE.radius(directions)[:, None] * directions, turned)
+    assert error.normal_max_mrad == pytest.approx(0.05, rel=1e-6)
+    assert error.form_max_nm < 1e-5
+
+
+def test_one_wrong_weight_is_found_on_the_cad_face():
+    weights = SURFACE.weights.copy()
+    weights[4] += 50e-6
+    error = face_error(SrbfSurface(SURFACE.basis, weights, 2.45), face_of(fit_patch(SURFACE)))
+    assert 30.0 < error.form_max_nm <= 51.0
+
+
+def test_a_face_over_another_chart_is_refused():
+    patch = fit_patch(SURFACE)
+    turned = Patch(np.ascontiguousarray(patch.control.transpose(1, 0, 2)), patch.knots)
+    with pytest.raises(InputError, match="chart"):
+        face_error(SURFACE, face_of(turned))
+
+
+def test_the_worst_of_two_is_taken_figure_by_figure():
+    directions = to_sphere(chart_samples(64))
+    points, normals = SURFACE.radius(directions)[:, None] * directions, SURFACE.normal(directions)
+    exact, moved = form_error(SURFACE, points, normals), form_error(SURFACE, points * (1 + 1e-8), normals)
+    assert worst([exact, moved]).form_max_nm == moved.form_max_nm

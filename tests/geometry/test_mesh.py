@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, random_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
+from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, build_mesh
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan, rim_directions
+from lensforge.geometry.rings import rim_azimuths
+from lensforge.geometry.watertight import check_closed
+from lensforge.spec import BaseSection
+
+NONE = BaseSection(kind="none")
+
+
+def plan_of(inner, outer, base):
+    return make_plan(fit_patch(inner), fit_patch(outer), base)
+
+
+def edges_pair_up(triangles):
+    """Every directed edge once, and its reverse once: closed, oriented, two-sided; no library asked."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    keys, back = edges[:, 0] * 2**32 + edges[:, 1], edges[:, 1] * 2**32 + edges[:, 0]
+    return len(np.unique(keys)) == len(keys) and np.array_equal(np.sort(keys), np.sort(back))
+
+
+def part_area_vector(mesh, name):
+    a, b, c = np.moveaxis(mesh.vertices[mesh.part(name)], 1, 0)
+    return np.cross(b - a, c - a).sum(axis=0) / 2.0
+
+
+@pytest.mark.parametrize("base", [NONE, BaseSection()], ids=["no base", "cylinder"])
+@pytest.mark.parametrize("radii", [(0.8, 2.45), (6.0, 12.7), (6.0, 13.7)])
+def test_volume_of_a_shell_converges_to_its_closed_form_with_order_two(radii, base):
+    inner, outer = (random_surface(radius, 0.0, seed=0) for radius in radii)
+    volume = 2.0 * np.pi * (radii[1] ** 3 - radii[0] ** 3) / 3.0
+    volume += base.height_mm * np.pi * (12.7**2 - radii[0] ** 2) if base.kind == "cylinder" else 0.0
+    plan = plan_of(inner, outer, base)
+    coarse, fine = (build_mesh(plan, rings).volume() / volume - 1.0 for rings in (24, 48))
+    assert -2e-3 < fine < 0.0
+    assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
+    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    plan = plan_of(inner, outer, BaseSection())
+    coarse, fine = (build_mesh(plan, rings).volume() for rings in (32, 64))
+    extrapolated = (4.0 * fine - coarse) / 3.0
+    assert extrapolated == pytest.approx(exact_volume(inner, outer, BaseSection()), rel=2e-6)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    relative=st.floats(0.0, 0.03),
+    excess=st.floats(-0.05, 0.05),
+    rings=st.integers(3, 24),
+)
+def test_every_body_is_closed_however_the_rim_crosses_the_cylinder(seed, relative, excess, rings):
+    inner, outer = random_surface(1.0, relative, seed), random_surface(2.45, relative, seed + 1)
+    radius = 2.45 * (1.0 + excess * relative / 0.03)
+    for base in (NONE, BaseSection(diameter_mm=2.0 * radius)):
+        mesh = build_mesh(plan_of(inner, outer, base), rings)
+        closure = check_closed(mesh.vertices, mesh.triangles)
+        assert edges_pair_up(mesh.triangles)
+        assert closure.watertight
+        assert closure.genus == 0
+        # A flat polygon has the area of its rim's polygon, whichever of its two sides shows.
+        assert closure.volume_mm3 == pytest.approx(mesh.volume(), rel=1e-9)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-9, 1e-6, 1e-5, 1e-4, -1e-5, -1e-9])
+def test_a_rim_that_almost_touches_the_cylinder_is_still_closed(offset):
+    plan = plan_of(random_surface(6.0, 0.0, seed=0), random_surface(12.7 + offset, 1e-7, seed=4), BaseSection())
+    mesh = build_mesh(plan, 40)
+    single = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
+    for vertices, triangles in ((mesh.vertices, mesh.triangles), (single[0], single[1].reshape(-1)[mesh.triangles])):
+        assert check_closed(vertices, triangles).watertight
+
+
+def test_names_lie_where_they_should_and_face_outwards():
+    plan = plan_of(random_surface(6.0, 0.02, 1), random_surface(12.7, 0.02, 51), BaseSection())
+    mesh = build_mesh(plan, 48)
+    assert set(mesh.names) == {OUTER, INNER, RIM, TOP, SIDE, BOTTOM, BORE}
+    height = {name: mesh.vertices[np.unique(mesh.part(name)), 2] for name in mesh.names}
+    for name in (TOP, RIM):
+        assert (height[name] == 0.0).all()
+    assert (height[BOTTOM] == -2.0).all()
+    signs = {OUTER: 1, INNER: -1, RIM: -1, TOP: 1, BOTTOM: -1}
+    assert {name: np.sign(part_area_vector(mesh, name)[2]) for name in signs} == signs
+    for name, sign in {SIDE: 1, BORE: -1}.items():
+        corners = mesh.vertices[mesh.part(name)]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (sign * np.sum(normal * corners.mean(axis=1), axis=1) > 0.0).all()
+
+
+def test_ledge_and_overhang_have_the_areas_between_rim_and_circle():
+    plan = plan_of(random_surface(6.0, 0.0, 1), random_surface(12.7, 0.02, 51), BaseSection())
+    mesh = build_mesh(plan, 100)
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
+    excess = (plan.outer.radius(rim_directions(azimuths)) ** 2 - 12.7**2) * np.pi
+    for name, area in ((TOP, -np.minimum(excess, 0.0).mean()), (RIM, -np.maximum(excess, 0.0).mean())):
+        assert part_area_vector(mesh, name)[2] == pytest.approx(area, rel=2e-3)
+
+
+def test_optical_vertices_lie_on_the_exact_surfaces_and_domes_share_their_rims():
+    inner, outer = random_surface(6.0, 0.02, 1), random_surface(12.7, 0.02, 51)
+    mesh = build_mesh(plan_of(inner, outer, BaseSection()), 40)
+    for name, surface in ((OUTER, outer), (INNER, inner)):
+        points = mesh.vertices[np.unique(mesh.part(name))]
+        radius = np.linalg.norm(points, axis=1)
+        assert np.abs(radius - surface.radius(points / radius[:, None])).max() < 1e-6
+    assert set(mesh.part(INNER).ravel()) & set(mesh.part(BORE).ravel())
+
+
+def test_crossings_replace_azimuths_that_almost_coincide():
+    step = 2.0 * np.pi / 60
+    azimuths = rim_azimuths(60, np.array([3.05 * step, 7.5 * step, 59.99 * step]))
+    assert len(azimuths) == 61
+    assert np.diff(azimuths).min() > 0.4 * step
+    assert azimuths[0] == pytest.approx(-0.01 * step)
+
+
+@pytest.mark.parametrize("tolerance", [MeshTolerance(2e-3, 0.02), MeshTolerance(5e-4, 0.05)])
+def test_the_mesh_keeps_its_tolerance_without_waste(tolerance):
+    plan = plan_of(random_surface(6.0, 0.01, 1), random_surface(13.7, 0.01, 51), NONE)
+    rings = rings_for(plan, tolerance)
+    kept = mesh_error(plan, rings)
+    assert kept.chord_mm <= tolerance.chord_mm
+    assert kept.normal_rad <= tolerance.normal_rad
+    assert rings == 64 or mesh_error(plan, rings * 9 // 10).chord_mm > tolerance.chord_mm
+
+
+def test_facets_approach_the_surface_with_order_two():
+    plan = plan_of(random_surface(0.8, 0.01, 1), random_surface(2.45, 0.01, 51), NONE)
+    coarse, fine = mesh_error(plan, 40), mesh_error(plan, 80)
+    assert np.log2(coarse.chord_mm / fine.chord_mm) == pytest.approx(2.0, abs=0.15)
+    assert np.log2(coarse.normal_rad / fine.normal_rad) == pytest.approx(1.0, abs=0.15)

@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, make_lens, random_surface
+
+from lensforge.errors import InputError
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan
+from lensforge.geometry.solid import build_solid
+from lensforge.geometry.step import read_step, write_step
+from lensforge.spec import BaseSection
+
+NONE = BaseSection(kind="none")
+OPTICAL = {"OPTICAL_INNER", "OPTICAL_OUTER"}
+BASE = {"BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"}
+
+
+def solid_of(inner, outer, base, nodes=None):
+    return build_solid(make_plan(fit_patch(inner, nodes), fit_patch(outer, nodes), base))
+
+
+@pytest.mark.parametrize(
+    ("radii", "base", "names"),
+    [
+        ((0.8, 2.45), NONE, OPTICAL | {"RIM"}),
+        ((0.8, 2.45), BaseSection(), OPTICAL | BASE | {"BASE_TOP"}),
+        ((6.0, 13.7), BaseSection(), OPTICAL | BASE | {"RIM"}),
+        ((6.0, 12.7), BaseSection(), OPTICAL | BASE),
+    ],
+    ids=["no base", "ledge", "overhang", "flush"],
+)
+def test_a_shell_has_its_faces_and_the_volume_of_its_closed_form(radii, base, names):
+    solid = solid_of(*(random_surface(radius, 0.0, seed=0) for radius in radii), base)
+    volume = 2.0 * np.pi * (radii[1] ** 3 - radii[0] ** 3) / 3.0
+    volume += base.height_mm * np.pi * (12.7**2 - radii[0] ** 2) if base.kind == "cylinder" else 0.0
+    assert set(solid.faces) == names
+    assert solid.valid
+    assert solid.volume_mm3 == pytest.approx(volume, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rim_that_crosses_the_cylinder_gives_a_valid_solid_of_the_right_volume(seed, tmp_path):
+    inner, outer = random_surface(6.0, 0.02, seed), random_surface(12.7, 0.02, seed + 50)
+    solid = solid_of(inner, outer, BaseSection())
+    assert solid.valid
+    assert sum(name.startswith("OPTICAL") for name in solid.faces) == 2
+    assert solid.volume_mm3 == pytest.approx(exact_volume(inner, outer, BaseSection()), rel=2e-9)
+    write_step(solid, tmp_path / "lens.step", "crossing")
+    again = read_step(tmp_path / "lens.step")
+    assert again.valid
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    assert set(again.faces) == set(solid.faces)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    lens = make_lens(0.8, 2.45, 0.01)
+    solid = solid_of(lens.inner, lens.outer, BaseSection())
+    path = tmp_path_factory.mktemp("step") / "lens.step"
+    write_step(solid, path, "small_lens")
+    return solid, path
+
+
+def test_step_says_millimetres_ap214_and_the_names(written):
+    text = written[1].read_text()
+    assert "FILE_SCHEMA(('AUTOMOTIVE_DESIGN" in text
+    assert "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)" in text
+    assert "PRODUCT('small_lens','small_lens'" in text
+    assert text.count("PRODUCT(") == 1
+    assert text.count("MANIFOLD_SOLID_BREP(") == 1
+    for name in OPTICAL | BASE | {"BASE_TOP"}:
+        assert text.count(f"ADVANCED_FACE('{name}'") == 1
+
+
+def test_optical_faces_are_single_patches_trimmed_by_a_circle(written):
+    text = written[1].read_text().replace("\n", "")
+    assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',5,5") == 2
+    assert text.count("CIRCLE('',") >= 2  # the two trims in parameter space, and the base's own circles
+    for name in OPTICAL:
+        face = read_step(written[1]).faces[name]
+        assert len(face.Edges()) == 1
+        assert len(face.Wires()) == 1
+
+
+def test_step_round_trip_keeps_solid_and_bounding_box(written):
+    solid, again = written[0], read_step(written[1])
+    assert again.valid
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-12)
+    box = again.shape.BoundingBox()
+    assert (box.zmin, box.xmax, box.ymin) == pytest.approx((-2.0, 12.7, -12.7), abs=1e-3)
+
+
+def test_the_kernel_s_own_boolean_agrees_in_the_crossing_case():
+    import cadquery as cq
+
+    inner, outer = random_surface(6.0, 0.0, 0), random_surface(12.7, 0.02, 51)
+    dome = solid_of(inner, outer, NONE).shape
+    ring = cq.Workplane("XY").circle(12.7).circle(6.0).extrude(-2.0).val()
+    assert dome.intersect(ring).Volume() == pytest.approx(0.0, abs=1e-3)
+    assert dome.Volume() + ring.Volume() == pytest.approx(solid_of(inner, outer, BaseSection()).volume_mm3, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "content", [None, b"", b"ISO-10303-21;", b"\x00\xff" * 50], ids=["missing", "empty", "header", "noise"]
+)
+def test_a_missing_or_damaged_step_is_one_line(tmp_path, content):
+    path = tmp_path / "lens.step"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"lens\.step: ") as caught:
+        read_step(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_truncated_step_is_refused(written, tmp_path):
+    path = tmp_path / "cut.step"
+    path.write_bytes(written[1].read_bytes()[:200_000])
+    with pytest.raises(InputError, match=r"cut\.step"):
+        read_step(path)

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+import trimesh
+
+from lensforge.errors import InputError
+from lensforge.geometry.mesh import BodyMesh
+from lensforge.geometry.stl import read_mesh, write_mesh
+from lensforge.geometry.watertight import check_closed
+
+BOX = trimesh.creation.box()
+TORUS = trimesh.creation.torus(2.0, 0.5)
+
+
+def as_body(mesh):
+    return BodyMesh(mesh.vertices, mesh.faces, np.zeros(len(mesh.faces), int), ("ALL",), 0)
+
+
+def test_a_box_is_closed_and_a_torus_has_a_handle():
+    assert check_closed(BOX.vertices, BOX.faces).watertight
+    assert check_closed(BOX.vertices, BOX.faces).volume_mm3 == pytest.approx(1.0, rel=1e-12)
+    assert check_closed(TORUS.vertices, TORUS.faces).genus == 1
+
+
+def test_a_missing_triangle_is_found():
+    closure = check_closed(BOX.vertices, BOX.faces[1:])
+    assert closure.status == "NotManifold"
+    assert not closure.watertight
+
+
+def test_a_body_turned_inside_out_and_two_bodies_are_not_one_part():
+    assert not check_closed(BOX.vertices, BOX.faces[:, ::-1]).watertight
+    twice = np.concatenate([BOX.vertices, BOX.vertices + 5.0]), np.concatenate([BOX.faces, BOX.faces + 8])
+    assert not check_closed(*twice).watertight
+
+
+def test_stl_round_trip_keeps_the_body(tmp_path):
+    write_mesh(as_body(TORUS), tmp_path / "torus.stl")
+    assert (tmp_path / "torus.stl").stat().st_size == 84 + 50 * len(TORUS.faces)
+    vertices, triangles = read_mesh(tmp_path / "torus.stl")
+    assert vertices.shape == TORUS.vertices.shape
+    assert check_closed(vertices, triangles).volume_mm3 == pytest.approx(TORUS.volume, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "content", [None, b"", b"solid nothing", b"\x00" * 90], ids=["missing", "empty", "ascii", "zeros"]
+)
+def test_a_missing_or_damaged_stl_is_one_line(tmp_path, content):
+    path = tmp_path / "lens.stl"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"lens\.stl: ") as caught:
+        check_closed(*read_mesh(path))
+    assert "\n" not in str(caught.value)
