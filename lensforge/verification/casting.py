@@ -14,8 +14,8 @@ from trimesh.intersections import planes_lines
 from trimesh.ray.ray_triangle import RayMeshIntersector
 from trimesh.triangles import points_to_barycentric
 
-CELL_EDGES = 2.0  # edge of a cell in typical triangle edges
-MAX_CELLS = 192  # cells along the longest side at most: bounds the memory
+CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
+MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 
 
@@ -59,7 +59,7 @@ class Grid:
         low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
         extent = high.max(axis=0) - low.min(axis=0)
         edge = float(np.sqrt(2.0 * np.median(mesh.area_faces)))
-        self.cell = max(CELL_EDGES * edge, float(extent.max()) / MAX_CELLS)
+        self.cell = max(CELL_EDGES * edge, float(np.cbrt(extent.prod() / MAX_CELLS)))
         self.corner = low.min(axis=0) - 0.5 * self.cell
         self.shape = np.ceil((extent + self.cell) / self.cell).astype(np.int64)
         self.strides = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])

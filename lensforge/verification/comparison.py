@@ -14,6 +14,7 @@ _MISSED = {
     "starts_inside": Fate.STARTS_INSIDE,
     "base": Fate.BASE,
     "back_into_cavity": Fate.BACK_INTO_CAVITY,
+    "averted": Fate.AVERTED,
 }
 
 
@@ -69,14 +70,14 @@ def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[d
     """Shares of the emitted flux by fate, which add up to 1; and those missed, by cause.
 
     What a ray has lost by reflection up to its end is absorbed_fresnel; what is left of it has its fate. Rays that
-    leave the lens and then miss the window, or go away from the receiver, are outside.
+    reach the receiver's plane beside the window are outside.
     """
     landed = passage.fates == Fate.LANDED
     inside = landed & within(passage.landings, window_mm)
     missed = {name: share(rays, passage.flux[passage.fates == fate]) for name, fate in _MISSED.items()}
     flux = {
         "detected": share(rays, passage.flux[inside]),
-        "outside": share(rays, passage.flux[(landed & ~inside) | (passage.fates == Fate.AVERTED)]),
+        "outside": share(rays, passage.flux[landed & ~inside]),
         "missed": sum(missed.values()),
         "total_reflection": share(rays, passage.flux[passage.fates == Fate.TOTAL_REFLECTION]),
         "absorbed_fresnel": share(rays, rays.weights - passage.flux),

@@ -14,7 +14,7 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Hits, Leg
 from lensforge.verification.part import Part
 
-_CHUNK = 131072  # rays cast at a time: bounds the memory
+_CHUNK = 16384  # rays cast at a time: bounds the memory, and stays in the cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
 
