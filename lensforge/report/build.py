@@ -136,7 +136,7 @@ def _files(directory: Path) -> list[FileRow]:
 
 
 def _spec_tables(results: Results) -> dict[str, list[Row]]:
-    """Section of the spec -> its rows, what stands before the first section under ``""``; folders are nobody's business."""
+    """Section of the spec -> its rows, what stands before the first section under ``""``."""
     content = results.lens.spec.model_dump()
     top = {key: value for key, value in content.items() if not isinstance(value, dict)}
     sections = {key: rows(value) for key, value in content.items() if isinstance(value, dict)}

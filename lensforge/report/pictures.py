@@ -138,7 +138,7 @@ def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray
             f"Hollow is negative. Line: −1/R of the mill, R = {cutter.radius_mm:g} mm.",
         ),
     ]
-    if np.nanmax(left, initial=0.0) > 0.0:
+    if (left > 0.0).any():
         caption = f"The mill reaches {percent(cutter.reachable_fraction, 2)} of the face (grey)."
         title = f"{name.capitalize()} face: left by the mill"
         pictures.append(_picture(f"uncut-{name}", surface_figures.uncut_map(left), title, caption))

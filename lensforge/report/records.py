@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 
 class _Record(BaseModel):
@@ -62,8 +62,8 @@ class EvaluateRecord(_Stage):
     rays: int
     pixels: int
     filter: str = ""
-    receiver_mm: float
-    window_mm: float
+    receiver_mm: PositiveFloat
+    window_mm: PositiveFloat
 
 
 class Extremes(_Record):
@@ -94,7 +94,7 @@ class SphereRecord(_Record):
 class CutterRecord(_Record):
     """How a ball cutter fares on a face; an unbounded number is None."""
 
-    radius_mm: float
+    radius_mm: PositiveFloat
     reachable_fraction: float
     largest_radius_mm: float | None
     residual_mm: float | None

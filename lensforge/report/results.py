@@ -123,8 +123,18 @@ def _load_arrays(directory: Path, content: dict[str, Any], stage: str, names: tu
         raise InputError(f"{path}: {error.args[0]}; {again}") from None
     except (OSError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {again}") from None
+    _require_sound(path, arrays, stage)
+    return arrays
+
+
+def _require_sound(path: Path, arrays: _Arrays, stage: str) -> None:
+    """Pictures are square, of one size, and finite; maps have gaps outside the rim, and something inside."""
+    again = f"run `lensforge {stage}` again"
     pictures = [array for name, array in arrays.items() if name != "axis_mm"]
     first = pictures[0].shape
     if len(first) != 2 or first[0] != first[1] or first[0] < 2 or any(picture.shape != first for picture in pictures):
         raise InputError(f"{path}: its arrays must be square and of one size; {again}")
-    return arrays
+    for name, array in arrays.items():
+        known = np.isfinite(array)
+        if np.isinf(array).any() or not (known.all() if stage != "check" else known.any() or "residual" in name):
+            raise InputError(f"{path}: {name} holds numbers that are not finite; {again}")

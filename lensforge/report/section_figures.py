@@ -40,9 +40,10 @@ def lens_section(lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "
 def profile(surface: SrbfSurface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:
     """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
-    directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
-    directions[[0, -1], 2] = 0.0
-    return surface.radius(directions)[:, None] * np.column_stack([np.sin(theta), np.cos(theta)])
+    polar = np.column_stack([np.sin(theta), np.cos(theta)])
+    polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
+    directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
+    return surface.radius(directions)[:, None] * polar
 
 
 def _axis_name(azimuth_deg: float) -> str:
