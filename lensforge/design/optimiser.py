@@ -1,8 +1,9 @@
 """The search: Adam, coarse to fine, with multiplier updates between rounds; resumable at any step."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from torch import Tensor
 from lensforge.accuracy import PRESETS
 from lensforge.design.checkpoint import fingerprint, load_checkpoint, save_checkpoint
 from lensforge.design.constraints import AugmentedLagrangian, constraint_gates, measure_constraints
-from lensforge.design.objective import Objective
+from lensforge.design.objective import Evaluated, Objective
 from lensforge.design.parameters import Parametrisation
 from lensforge.design.schedule import Stage, plan
 from lensforge.gates import Gate
@@ -63,9 +64,12 @@ class Design:
         }
 
 
-@dataclass
+@dataclass(frozen=True)
 class _State:
-    """Everything that a resumed run needs to go on to the same bits."""
+    """Everything that a resumed run needs to go on to the same bits; never changed in place.
+
+    An interrupt may come between any two instructions: it finds either the old state or the new one.
+    """
 
     weights: Float[Tensor, "m 2"]
     offsets: Float[Tensor, "2"]
@@ -102,9 +106,9 @@ def design(
     state = _fresh_state(parametrisation, constraints)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))
-    constraints.multipliers = state.multipliers
-    search = _Search(spec, source, objective, constraints, stages, seed, observer)
-    search.run(state, checkpoint, key)
+    search = _Search(source, objective, constraints, stages, seed, observer, state)
+    search.run(checkpoint, key)
+    state = search.state
     lens = parametrisation.lens(state.weights, state.offsets, spec, seed, accuracy)
     measured = measure_constraints(lens)
     return Design(lens, state.history, measured, constraint_gates(measured), state.seconds, stages[-1].rays)
@@ -117,65 +121,68 @@ def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrang
 
 @dataclass
 class _Search:
-    spec: Spec
     source: Source
     objective: Objective
     constraints: AugmentedLagrangian
     stages: list[Stage]
     seed: int
     observer: Callable[[Progress], None]
+    state: _State
 
-    def run(self, state: _State, checkpoint: Path | None, key: str) -> None:
-        """Run all remaining stages on ``state``; keep the checkpoint fresh."""
+    def run(self, checkpoint: Path | None, key: str) -> None:
+        """Run all remaining stages; keep the checkpoint fresh, also at an interrupt."""
         saved = time.monotonic()
-
-        def save(force: bool = False) -> None:
-            nonlocal saved
-            if checkpoint is not None and (force or time.monotonic() - saved > _CHECKPOINT_SECONDS):
-                save_checkpoint(checkpoint, key, vars(state))
-                saved = time.monotonic()
-
         try:
-            while state.stage < len(self.stages):
-                self._run_stage(state, self.stages[state.stage], save)
-                state.stage, state.step, state.optimiser = state.stage + 1, 0, None
-        except KeyboardInterrupt:
-            save(force=True)
-            raise
-        save(force=True)
+            while self.state.stage < len(self.stages):
+                for _ in self._stage_steps(self.stages[self.state.stage]):
+                    if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                        save_checkpoint(checkpoint, key, vars(self.state))
+                        saved = time.monotonic()
+                self.state = replace(self.state, stage=self.state.stage + 1, step=0, optimiser=None)
+        finally:
+            if checkpoint is not None:
+                save_checkpoint(checkpoint, key, vars(self.state))
 
-    def _run_stage(self, state: _State, stage: Stage, save: Callable[[], None]) -> None:
-        weights = state.weights[: stage.functions].clone().requires_grad_()
-        offsets = state.offsets.clone().requires_grad_()
+    def _stage_steps(self, stage: Stage) -> Iterator[None]:
+        """Take the stage's remaining steps, one for each item; the state is renewed before every yield."""
+        weights = self.state.weights[: stage.functions].clone().requires_grad_()
+        offsets = self.state.offsets.clone().requires_grad_()
         optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99))
-        if state.optimiser is not None:
-            optimiser.load_state_dict(state.optimiser)
-        if state.step == 0:
-            state.history.append({"level": stage.level, "functions": stage.functions, "nmse": [], "efficiency": []})
-        for step in range(state.step, stage.steps):
+        if self.state.optimiser is not None:
+            optimiser.load_state_dict(deepcopy(self.state.optimiser))
+        self.constraints.multipliers = self.state.multipliers
+        earlier = sum(before.steps for before in self.stages[: stage.level])
+        for step in range(self.state.step, stage.steps):
             started = time.perf_counter()
-            self._descend(weights, offsets, optimiser, stage, step, state)
-            state.weights[: stage.functions] = weights.detach()
-            state.offsets = offsets.detach().clone()
-            state.multipliers, state.step = self.constraints.multipliers, step + 1
-            state.optimiser = optimiser.state_dict()
-            state.seconds += time.perf_counter() - started
-            save()
+            for group in optimiser.param_groups:
+                group["lr"] = stage.rate(step)
+            rays = self.source.sample(stage.rays, self.seed * _SEED_STRIDE + earlier + step)
+            result = self.objective.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
+            optimiser.zero_grad()
+            result.loss.backward()
+            optimiser.step()
+            if step % _ROUND == _ROUND - 1:
+                self.constraints.update(result.fields)
+            every_weight = self.state.weights.clone()
+            every_weight[: stage.functions] = weights.detach()
+            self.state = replace(
+                self.state,
+                weights=every_weight,
+                offsets=offsets.detach().clone(),
+                multipliers=self.constraints.multipliers,
+                step=step + 1,
+                optimiser=deepcopy(optimiser.state_dict()),
+                history=_grown(self.state.history, stage, step, result),
+                seconds=self.state.seconds + time.perf_counter() - started,
+            )
+            total = sum(each.steps for each in self.stages)
+            self.observer(Progress(stage.level, step + 1, earlier + step + 1, total, result.nmse, result.efficiency))
+            yield
 
-    def _descend(
-        self, weights: Tensor, offsets: Tensor, optimiser: torch.optim.Adam, stage: Stage, step: int, state: _State
-    ) -> None:
-        for group in optimiser.param_groups:
-            group["lr"] = stage.rate(step)
-        done = sum(earlier.steps for earlier in self.stages[: state.stage]) + step
-        rays = self.source.sample(stage.rays, self.seed * _SEED_STRIDE + done)
-        result = self.objective.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
-        optimiser.zero_grad()
-        result.loss.backward()
-        optimiser.step()
-        if step % _ROUND == _ROUND - 1:
-            self.constraints.update(result.fields)
-        state.history[-1]["nmse"].append(result.nmse)
-        state.history[-1]["efficiency"].append(result.efficiency)
-        total = sum(stage.steps for stage in self.stages)
-        self.observer(Progress(stage.level, step + 1, done + 1, total, result.nmse, result.efficiency))
+
+def _grown(history: list[dict[str, Any]], stage: Stage, step: int, result: Evaluated) -> list[dict[str, Any]]:
+    if step == 0:
+        history = [*history, {"level": stage.level, "functions": stage.functions, "nmse": [], "efficiency": []}]
+    last = history[-1]
+    grown = {"nmse": [*last["nmse"], result.nmse], "efficiency": [*last["efficiency"], result.efficiency]}
+    return [*history[:-1], last | grown]

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -49,8 +48,6 @@ class Parametrisation:
         self, weights: Float[Tensor, "m 2"], offsets: Float[Tensor, "2"], spec: Spec, seed: int, accuracy: str
     ) -> Lens:
         """The frozen record of these parameters."""
-        inner, outer = (
-            SrbfSurface(self.basis, np.array(weights[:, i] * self.scale_mm[i]), float(offsets[i] * self.scale_mm[i]))
-            for i in (0, 1)
-        )
+        millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
+        inner, outer = (SrbfSurface(self.basis, millimetres[:, i].copy(), radii[i]) for i in (0, 1))
         return Lens(inner, outer, spec, seed, accuracy)

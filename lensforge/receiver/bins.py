@@ -14,7 +14,7 @@ def bin_flux(
     inside = np.all((cell >= 0) & (cell < receiver.pixels), axis=1) & (flux > 0.0)
     column, row = cell[inside].astype(np.int64).T
     total = np.bincount(row * receiver.pixels + column, flux[inside], minlength=receiver.pixels**2)
-    return total.reshape(receiver.pixels, receiver.pixels)
+    return total.astype(np.float64).reshape(receiver.pixels, receiver.pixels)  # no ray inside: bincount gives integers
 
 
 def flux_in_square(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], side_mm: float) -> float:

@@ -1,7 +1,7 @@
 """Rays as they leave a source, and what every source promises."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,7 @@ class RayBundle:
         return len(self.weights)
 
 
+@runtime_checkable
 class Source(Protocol):
     """An emitter in lens coordinates: the lens axis is +z, the cavity opens at z = 0."""
 

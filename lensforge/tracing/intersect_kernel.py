@@ -20,6 +20,7 @@ LOST = 2  # no convergence
 
 _MAX_STEPS = 200
 _TOLERANCE = 1e-13  # of the distance from the origin
+_ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
 
 
 @kernel
@@ -96,10 +97,10 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
         if newton:
             move = -F / slope
             t += move
-            if abs(move) <= _TOLERANCE * r:
+            if abs(move) <= _TOLERANCE * r or abs(F) <= _ROUNDING * r:
                 return t, FOUND
             continue
-        if F <= 0.0:  # at the root to rounding, or started on or beyond it
+        if F <= _ROUNDING * r:  # at the root to rounding, or started on or beyond it
             return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST
         nearest = r
         if outward < 0.0:

@@ -1,0 +1,5 @@
+"""``python -m lensforge`` is the command line."""
+
+from lensforge.cli import main
+
+main()

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from scenes import random_surface, small_spec, sphere
+
+from lensforge.accuracy import PRESETS
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.lens import Lens
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.sources.build import build_source
+
+DRAFT = PRESETS["draft"]
+
+
+def _evaluate(lens: Lens, **options):
+    return evaluate_lens(lens, build_source(lens.spec.source), DRAFT, **options)
+
+
+def test_jackknife_of_a_mean_is_the_textbook_standard_error() -> None:
+    values = np.random.default_rng(0).normal(size=(40, 1))
+    mean, error = jackknife(values, lambda m: float(m[0]))
+    assert mean == pytest.approx(values.mean())
+    assert error == pytest.approx(values.std(ddof=1) / np.sqrt(40), rel=1e-12)
+
+
+def test_metrics_of_known_images() -> None:
+    image = np.array([[1.0, 1.0], [1.0, 0.6]])
+    mask = np.ones((2, 2), dtype=bool)
+    assert uniformity(image, mask) == pytest.approx(0.6 / 0.9)
+    assert relative_deviation(image, mask) == pytest.approx(np.std([1, 1, 1, 0.6]) / 0.9)
+    assert nmse(image, 7.0 * image) == pytest.approx(0.0, abs=1e-30)
+
+
+def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> None:
+    """cos^4 on the receiver, weakened by two surfaces at normal incidence: closed form, pixel by pixel."""
+    spec = small_spec(
+        source={"kind": "square", "side_mm": 0.0}, evaluate={"rays": 2**20, "pixels": 16, "filter_variance": 0.0}
+    )
+    result = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    fine = np.arange(-100, 100, 0.5) + 0.25
+    x, y = np.meshgrid(fine, fine)
+    irradiance = normal_transmittance(1.4936) ** 2 / np.pi * 100.0**2 / (100.0**2 + x**2 + y**2) ** 2 * 1e6
+    expected = irradiance.reshape(16, 25, 16, 25).mean(axis=(1, 3))
+    difference = result.raw / expected - 1.0
+    assert np.abs(difference).max() < 0.04  # some 2,000 rays a pixel
+    assert np.abs(difference).mean() < 0.01
+    window = irradiance.mean() * 0.2**2
+    assert result.report["efficiency"] == pytest.approx(
+        window, abs=5 * result.report["efficiency_standard_error"] + 1e-5
+    )
+
+
+def test_flux_adds_up_to_one_and_every_cause_is_there() -> None:
+    lens = Lens(random_surface(1, 3.0, 0.1), random_surface(2, 6.0, 0.1), small_spec(), 0, "draft")
+    report = _evaluate(lens).report
+    assert set(report["flux"]) == {
+        "detected", "outside", "missed", "total_reflection", "not_converged", "absorbed_fresnel",
+    }  # fmt: skip
+    assert sum(report["flux"].values()) == pytest.approx(1.0, abs=1e-13)
+    assert sum(report["missed_by_cause"].values()) == pytest.approx(report["flux"]["missed"], abs=1e-15)
+    assert report["flux"]["total_reflection"] > 0.0
+    assert report["flux"]["not_converged"] == 0.0
+    assert report["efficiency"] == report["flux"]["detected"]
+
+
+def test_standard_errors_tell_the_truth() -> None:
+    """Thirty evaluations with other seeds scatter as the standard error of one says."""
+    spec = small_spec()
+    lenses = [Lens(sphere(3.0), sphere(6.0), spec, seed, "draft") for seed in range(30)]
+    reports = [_evaluate(lens, rays=4096).report for lens in lenses]
+    for metric in ("efficiency", "nmse"):
+        scatter = np.std([report[metric] for report in reports], ddof=1)
+        stated = np.mean([report[f"{metric}_standard_error"] for report in reports])
+        assert 0.5 < stated / scatter < 2.0, metric
+
+
+def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
+    """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
+    spec = small_spec()
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    errors = [_evaluate(lens, rays=rays).report["efficiency_standard_error"] for rays in (2**10, 2**18)]
+    share = _evaluate(lens, rays=2**18).report["efficiency"]
+    plain = np.sqrt(share * (1.0 - share) / 2**18)
+    assert errors[1] < 0.3 * plain
+    assert np.log2(errors[0] / errors[1]) / 8 > 0.55
+
+
+@pytest.mark.parametrize(("rays", "pixels"), [(1, 16), (1, 1), (4096, 1)])
+def test_the_smallest_evaluations_are_finite(rays: int, pixels: int) -> None:
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    result = _evaluate(lens, rays=rays, pixels=pixels)
+    assert np.isfinite(result.irradiance).all()
+    assert sum(result.report["flux"].values()) == pytest.approx(1.0)

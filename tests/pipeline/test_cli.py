@@ -1,0 +1,231 @@
+"""The command line as a user meets it: a process, its exit code, one line for every mistake."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from lensforge.cli import cli
+
+SPEC = """
+[source]
+kind = "square"
+side_mm = 1.0
+[lens]
+levels = [9, 25]
+inner_offset_mm = 3.0
+outer_offset_mm = 6.0
+[constraints]
+cavity_height_mm = 0.5
+cavity_radius_mm = 1.0
+min_thickness_mm = 1.0
+max_radius_mm = 7.0
+[target]
+kind = "flat_top"
+half_width_mm = 80.0
+distance_mm = 100.0
+receiver_mm = 200.0
+uniform_mm = 100.0
+[optimise]
+steps_per_level = [STEPS, STEPS]
+rays = 1024
+pixels = 16
+[evaluate]
+rays = 4096
+pixels = 16
+[base]
+diameter_mm = 16.0
+"""
+
+
+def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lensforge", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+
+
+def write_spec(folder: Path, steps: int = 10, **replace: str) -> Path:
+    text = SPEC.replace("STEPS", str(steps))
+    for old, new in replace.items():
+        text = text.replace(old, new)
+    path = folder / "small.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One small design, the whole way, by the command line."""
+    folder = tmp_path_factory.mktemp("cli")
+    done = lensforge("design", write_spec(folder), "--accuracy", "draft", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "evaluate.efficiency\t" in done.stdout
+    return folder / "cad_out" / "small"
+
+
+def test_the_whole_way_leaves_every_file(designed: Path) -> None:
+    for name in ("lens.json", "lens.step", "lens.stl", "report.html"):
+        assert (designed / name).stat().st_size > 1000
+    for name in ("design", "evaluate", "export", "check", "verify"):
+        content = json.loads((designed / f"{name}.json").read_text())
+        assert all(gate["passed"] for gate in content["gates"]), name
+    assert not list(designed.glob(".writing-*"))
+    assert not (designed / "checkpoint.pt").exists()
+
+
+def test_the_keys_that_scripts_rely_on_are_there(designed: Path) -> None:
+    def read(name: str) -> dict:
+        return json.loads((designed / f"{name}.json").read_text())
+
+    assert {"uniformity", "rsd", "nmse", "efficiency", "flux", "rays", "pixels", "filter"} <= read("evaluate").keys()
+    assert sum(read("evaluate")["flux"].values()) == pytest.approx(1.0)
+    design = read("design")
+    assert {"steps", "forward_evaluations", "seconds", "constraints", "max_radius_mm", "height_mm"} <= design.keys()
+    assert set(design["constraints"]) == {"g1_mm", "g2_mm", "g3_mm"}
+    assert {"form_error_nm", "normal_error_mrad", "volume_mm3", "watertight", "genus", "faces"} <= read("export").keys()
+    for surface in ("inner", "outer"):
+        assert {"best_fit_sphere", "cutter", "draft_deg", "undercut_fraction"} <= read("check")[surface].keys()
+    assert "min_wall_mm" in read("check")
+    assert {"rays", "seconds", "nmse_vs_design", "noise_floor_nmse", "efficiency", "deviation_mm"} <= read(
+        "verify"
+    ).keys()
+
+
+def test_single_stages_run_again(designed: Path) -> None:
+    done = lensforge("evaluate", designed, "--rays", 2048, "--pixels", 8)
+    assert done.returncode == 0, done.stderr
+    values = dict(line.split("\t") for line in done.stdout.splitlines())
+    assert values["rays"] == "2048"
+    assert values["pixels"] == "8"
+    assert lensforge("check", designed).returncode == 0
+    assert lensforge("evaluate", designed, "--source", designed / "lens.stl").returncode == 2
+
+
+def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) -> None:
+    from lensforge.lens import load_lens
+
+    lens = load_lens(designed / "lens.json")
+    lens.save(tmp_path / "again.json")
+    again = load_lens(tmp_path / "again.json")
+    assert np.array_equal(again.inner.weights, lens.inner.weights)
+    assert (tmp_path / "again.json").read_text() == (designed / "lens.json").read_text()
+
+
+def test_a_killed_design_resumes_to_the_same_lens(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, steps=60)
+    command = [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft", "--out"]
+    process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "cut").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    if process.returncode == 130:
+        assert "--resume" in stderr
+        assert "Traceback" not in stderr
+    done = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "cut", "--resume")
+    whole = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "whole")
+    assert done.returncode == whole.returncode == 0, done.stderr + whole.stderr
+    assert (tmp_path / "cut/lens.json").read_bytes() == (tmp_path / "whole/lens.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("replace", "message"),
+    [
+        ({"side_mm = 1.0": "side_mm = -1.0"}, "source.side_mm = -1.0"),
+        ({"min_thickness_mm = 1.0": "min_thickness_mm = -0.1"}, "constraints.min_thickness_mm = -0.1"),
+        ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5.0"),
+        ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
+        ({"half_width_mm = 80.0": "half_width_mm = nan"}, "half_width_mm"),
+        ({"levels = [9, 25]": "levels = []"}, "levels"),
+        ({"levels = [9, 25]": "levels = [9, 25"}, "not readable as TOML"),
+        ({"[lens]": "[lense]"}, "lens"),
+        ({"outer_offset_mm = 6.0": "outer_offset_mm = 2.0"}, "outer_offset_mm = 2.0 must exceed"),
+        ({"rays = 1024": "rays = 1e9"}, "optimise.rays"),
+    ],
+)
+def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
+    result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert result.stderr.startswith("lensforge: ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["design", "nowhere.toml"],
+        ["design"],
+        ["design", "nowhere.toml", "--accuracy", "perfect"],
+        ["evaluate", "nowhere"],
+        ["export", "nowhere"],
+        ["check", "nowhere"],
+        ["verify", "nowhere"],
+        ["rays", "nowhere.ray"],
+        ["fly"],
+    ],
+)
+def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path) -> None:
+    result = lensforge(*arguments, cwd=tmp_path)
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    result = lensforge("design", write_spec(tmp_path), "--out", tmp_path / "file" / "out", "--accuracy", "draft")
+    assert result.returncode == 2
+    assert len(result.stderr.splitlines()[-1:]) == 1
+    assert "cannot be written" in result.stderr
+
+
+def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> None:
+    before = (designed / "lens.json").read_bytes()
+    bad = write_spec(tmp_path, **{"side_mm = 1.0": "side_mm = -1.0"})
+    assert lensforge("design", bad, "--out", designed).returncode == 2
+    assert (designed / "lens.json").read_bytes() == before
+
+
+def test_a_failed_gate_is_exit_code_one_and_says_which(tmp_path: Path) -> None:
+    # two steps cannot bring a 13 mm start under a limit of 7 mm
+    spec = write_spec(tmp_path, steps=1, **{"outer_offset_mm = 6.0": "outer_offset_mm = 13.0", "16.0": "40.0"})
+    result = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
+    assert result.returncode == 1
+    assert "constraint g3" in result.stderr
+    assert "fails by" in result.stderr
+    assert (tmp_path / "out" / "lens.step").exists(), "a failed gate still leaves its files"
+
+
+def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
+    runner = CliRunner()
+    described = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json"])
+    assert described.exit_code == 0
+    assert json.loads(described.stdout)["rays"] == 20_000
+    converted = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--to", str(tmp_path / "led.csv")])
+    assert converted.exit_code == 0
+    again = runner.invoke(cli, ["rays", str(tmp_path / "led.csv"), "--json"])
+    assert json.loads(again.stdout)["format"] == "csv"
+
+
+def test_help_is_quick_to_ask_for() -> None:
+    help_text = CliRunner().invoke(cli, ["--help"]).stdout
+    for command in ("design", "evaluate", "export", "check", "verify", "rays"):
+        assert command in help_text
+
+
+def test_threads_do_not_change_the_lens(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path, steps=2)
+    records = []
+    for threads in (1, 2):
+        out = tmp_path / str(threads)
+        assert lensforge("design", spec, "--accuracy", "draft", "--threads", threads, "--out", out).returncode in (0, 1)
+        records.append(json.loads((out / "lens.json").read_text())["outer"]["weights_mm"])
+    assert np.allclose(*records, rtol=1e-9, atol=1e-12)

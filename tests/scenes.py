@@ -1,0 +1,69 @@
+"""Small lenses, directions and specs that many tests start from."""
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+
+def hemisphere_directions(count: int, seed: int = 0) -> np.ndarray:
+    """Uniform random unit directions with z > 0."""
+    rng = np.random.default_rng(seed)
+    z, azimuth = rng.random(count), 2.0 * np.pi * rng.random(count)
+    sine = np.sqrt(1.0 - z * z)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=1)
+
+
+def random_surface(
+    seed: int, offset_mm: float, roughness: float = 0.02, levels: tuple[int, ...] = (25, 81), symmetry: str = "none"
+) -> SrbfSurface:
+    """A surface whose weights are normal with a standard deviation of ``roughness`` times its offset."""
+    basis = SrbfBasis(levels, 1.75, symmetry)
+    weights = np.random.default_rng(seed).normal(size=basis.size) * roughness * offset_mm
+    return SrbfSurface(basis, weights, offset_mm)
+
+
+def sphere(radius_mm: float) -> SrbfSurface:
+    """A hemisphere about the origin."""
+    return SrbfSurface(SrbfBasis((4,), 1.75), np.zeros(4), radius_mm)
+
+
+def table_of(surface: SrbfSurface, grid: TableGrid) -> torch.Tensor:
+    """The surface's table as the tracer takes it."""
+    return torch.from_numpy(tabulate(grid, surface))
+
+
+def small_spec(**changes: Any) -> Spec:
+    """A flat top that a few steps of a few rays can begin to make; ``section__field=value`` changes a field."""
+    content: dict[str, Any] = {
+        "name": "small",
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0},
+        "constraints": {
+            "cavity_height_mm": 0.5,
+            "cavity_radius_mm": 1.0,
+            "min_thickness_mm": 1.0,
+            "max_radius_mm": 7.0,
+        },
+        "target": {
+            "kind": "flat_top",
+            "half_width_mm": 80.0,
+            "distance_mm": 100.0,
+            "receiver_mm": 200.0,
+            "uniform_mm": 100.0,
+        },
+        "optimise": {"steps_per_level": [4, 4], "rays": 1024, "pixels": 16},
+        "evaluate": {"rays": 4096, "pixels": 16},
+        "base": {"diameter_mm": 16.0},
+    }
+    for key, value in changes.items():
+        section, _, field = key.partition("__")
+        if field:
+            content.setdefault(section, {})[field] = value
+        else:
+            content[section] = value
+    return parse_spec(content, "small")

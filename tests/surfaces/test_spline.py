@@ -1,0 +1,25 @@
+import numpy as np
+import pytest
+from scenes import random_surface
+
+from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate, weight_matrix
+from lensforge.surfaces.symmetry import NAMES
+
+
+@pytest.mark.parametrize("symmetry", NAMES)
+def test_the_weight_matrix_makes_the_table_of_the_exact_sum(symmetry: str) -> None:
+    surface = random_surface(1, 6.0, symmetry=symmetry)
+    grid = TableGrid(40)
+    table = surface.offset_mm + weight_matrix(grid, surface.basis) @ surface.weights
+    assert np.allclose(table.reshape(grid.side, -1), tabulate(grid, surface), atol=1e-12)
+
+
+def test_the_table_converges_with_the_fourth_power_of_the_step() -> None:
+    surface = random_surface(2, 2.45, levels=(25, 81))
+    errors = [table_error(TableGrid(nodes), surface) for nodes in (61, 121)]
+    assert 3.6 < np.log2(errors[0] / errors[1]) < 4.4
+
+
+def test_the_grid_resolves_the_narrowest_function() -> None:
+    grid = grid_for(0.1, 4.0)
+    assert 2.0 * grid.step <= 0.1 / 4.0 < 2.0 * grid.step * 1.02

@@ -1,0 +1,111 @@
+"""The first crossing, against a dense scan that shares no code with the kernels."""
+
+import numpy as np
+import pytest
+from scenes import random_surface
+from scipy.ndimage import map_coordinates
+
+from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.tracing.intersect_kernel import BELOW, FOUND, first_hit, surface_bounds
+from lensforge.tracing.jit import kernel
+
+SCAN = 1500
+
+
+@kernel
+def _all_hits(origins, directions, table, origin, inverse_step, bounds, lengths, states):
+    for k in range(len(lengths)):
+        o, d = origins[k], directions[k]
+        lengths[k], states[k] = first_hit(o[0], o[1], o[2], d[0], d[1], d[2], table, origin, inverse_step, bounds)
+
+
+def _gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:
+    """rho - |p| with scipy's spline evaluation."""
+    r = np.linalg.norm(points, axis=-1)
+    position = (points[..., :2] / (r + points[..., 2])[..., None] - grid.origin) / grid.step
+    return map_coordinates(table, np.moveaxis(position, -1, 0), order=3, prefilter=False) - r
+
+
+def _hard_rays(table: np.ndarray, grid: TableGrid, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Starts from deep inside to a hair below the surface; directions from radial to tangent, up and down."""
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=(count, 3))
+    u[:, 2] = np.abs(u[:, 2])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    rho = _gap(u, table, grid) + 1.0
+    starts = u * (rho * (1.0 - 10.0 ** rng.uniform(-9, -0.01, count)))[:, None]
+    across = np.cross(u, rng.normal(size=u.shape))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    lean = rng.normal(size=count) * 10.0 ** rng.uniform(-6, 0.5, count)
+    d = across + lean[:, None] * u
+    return starts, d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
+    """(rays on which the kernel is late, lost, or not on the surface; rays with more than one crossing)."""
+    surface = random_surface(seed, 2.0, roughness, levels=(25, 81, 289))
+    grid = TableGrid(100)
+    table = tabulate(grid, surface)
+    starts, directions = _hard_rays(table, grid, count, seed)
+    bounds = surface_bounds(table, grid.origin, grid.step)
+    lengths, states = np.empty(count), np.empty(count, dtype=np.int64)
+    _all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
+
+    # quadratically denser near the start, where tangent rays cross
+    t = 2.2 * bounds[1] * np.linspace(0, 1, SCAN) ** 2
+    first, several = np.full(count, np.inf), 0
+    for part in np.array_split(np.arange(count), max(1, count // 1000)):
+        points = starts[part, None] + t[None, :, None] * directions[part, None]
+        above = points[..., 2] >= 0.0
+        inside = _gap(np.where(above[..., None], points, [0.0, 0.0, 1e-3]), table, grid) > 0.0
+        crossing = inside[:, :-1] & ~inside[:, 1:] & above[:, 1:]
+        hit = crossing.any(axis=1)
+        several += int((crossing.sum(axis=1) > 1).sum())
+        first[part[hit]] = t[1:][crossing[hit].argmax(axis=1)]
+        below = (~above).argmax(axis=1)  # a ray that has left through z = 0 meets nothing afterwards
+        gone = (~above).any(axis=1) & (t[below] <= first[part])
+        first[part[gone]] = np.inf
+
+    ends = starts + lengths[:, None] * directions
+    found = (states == FOUND) & (ends[:, 2] >= 0.0)
+    late = found & (lengths > first + 1e-9)
+    missed = ~found & np.isfinite(first)
+    astray = found & (np.abs(_gap(np.where(found[:, None], ends, 1.0), table, grid)) > 1e-9)
+    lost = ~np.isin(states, (FOUND, BELOW))
+    return int((late | missed | astray | lost).sum()), several
+
+
+@pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])
+def test_no_hard_ray_is_wrong(seed: int, roughness: float) -> None:
+    wrong, several = _wrong(seed, roughness, 4000)
+    assert several > 20, "the surface should be wavy enough for rays that cross it more than once"
+    assert wrong == 0
+
+
+def test_bounds_hold_everywhere() -> None:
+    surface = random_surface(5, 2.0, 0.03, levels=(25, 81))
+    grid = TableGrid(80)
+    table = tabulate(grid, surface)
+    low, high, slope, bend = surface_bounds(table, grid.origin, grid.step)
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=(20_000, 3))
+    u[:, 2] = np.abs(u[:, 2])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    rho = surface.radius(u)
+    assert low <= rho.min() and rho.max() <= high
+    gradient = np.linalg.norm(surface.gradient(u), axis=1)
+    assert gradient.max() <= slope < 3.0 * gradient.max()
+    along = np.cross(u, rng.normal(size=u.shape))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    e = 1e-3
+    ahead, behind = (surface.radius(np.cos(e) * u + s * np.sin(e) * along) for s in (1, -1))
+    assert np.abs((ahead - 2.0 * rho + behind) / e**2).max() <= bend
+
+
+if __name__ == "__main__":  # the long run: python tests/tracing/test_first_hit.py
+    import sys
+
+    per_surface = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    results = [_wrong(seed, roughness, per_surface) for seed in range(10, 20) for roughness in (0.01, 0.03, 0.06)]
+    wrong, several = (sum(result[i] for result in results) for i in (0, 1))
+    print(f"{30 * per_surface} hard rays, {several} with several crossings, {wrong} wrong")

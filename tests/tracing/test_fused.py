@@ -1,0 +1,177 @@
+"""The fused tracer against the readable one (exact sum, other code), closed forms, and finite differences."""
+
+import numpy as np
+import pytest
+import torch
+from scenes import hemisphere_directions, random_surface, sphere, table_of
+
+from lensforge.errors import InputError
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.square import SquareEmitter
+from lensforge.surfaces.spline import TableGrid, weight_matrix
+from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.reference import ExactSurface, trace_exact
+
+N, Z = 1.4936, 1000.0
+
+
+def _exact(surface) -> ExactSurface:
+    weights = torch.tensor(surface.weights, requires_grad=True)
+    offset = torch.tensor(surface.offset_mm, dtype=torch.float64, requires_grad=True)
+    return ExactSurface(surface.basis, weights, offset)
+
+
+def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Arrivals:
+    grid = TableGrid(nodes)
+    return trace_tables(*(table_of(s, grid) for s in surfaces), Scene(index, distance, grid), rays)
+
+
+def _mixed(arrivals: Arrivals, seed: int = 0) -> torch.Tensor:
+    """A scalar in which every output has a random say."""
+    count = len(arrivals.fates)
+    rng = np.random.default_rng(seed)
+    by_hits, by_flux, by_sines = (torch.from_numpy(rng.normal(size=shape)) for shape in ((count, 2), count, count))
+    hits = (arrivals.hits / Z * by_hits).sum()
+    return hits + 100 * (arrivals.flux * by_flux).sum() + (arrivals.sines * by_sines).sum()
+
+
+@pytest.mark.parametrize("symmetry", ["none", "square"])
+def test_fused_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
+    surfaces = random_surface(1, 0.8, 0.01, symmetry=symmetry), random_surface(2, 2.45, 0.008, symmetry=symmetry)
+    rays = SquareEmitter(0.8).sample(512, 0)
+    exact = trace_exact(*(_exact(s) for s in surfaces), N, Z, rays)
+    errors = []
+    for nodes in (61, 121):
+        fused = _fused(surfaces, rays, nodes)
+        assert torch.equal(fused.fates, exact.fates)
+        errors.append((fused.hits - exact.hits).norm(dim=1).median().item())
+        assert torch.allclose(fused.carried, exact.carried, rtol=1e-4, atol=0)
+    assert errors[1] < 1e-5 * Z
+    assert np.log2(errors[0] / errors[1]) > 2.5  # the normal converges with the third power of the step
+
+
+def test_gradients_agree_with_finite_differences_of_the_fused_tracer() -> None:
+    surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
+    rays = SquareEmitter(0.9).sample(256, 1)
+    grid = TableGrid(64)
+    scene = Scene(N, Z, grid)
+    tables = [table_of(s, grid).requires_grad_() for s in surfaces]
+    before = trace_tables(*tables, scene, rays)
+    gradients = torch.autograd.grad(_mixed(before), tables)
+    for which, gradient in enumerate(gradients):
+        direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
+        step = 1e-7
+        values = []
+        for sign in (1, -1):
+            moved = [t.detach() + sign * step * direction * (i == which) for i, t in enumerate(tables)]
+            after = trace_tables(*moved, scene, rays)
+            assert torch.equal(after.fates, before.fates)
+            values.append(_mixed(after).item())
+        assert (values[0] - values[1]) / (2 * step) == pytest.approx((gradient * direction).sum().item(), rel=1e-5)
+
+
+def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
+    surfaces = random_surface(6, 0.8, 0.01), random_surface(7, 2.45, 0.008)
+    rays = SquareEmitter(0.6).sample(256, 2)
+    exact = [_exact(s) for s in surfaces]
+    parameters = [p for e in exact for p in (e.weights, e.offset)]
+    expected = torch.autograd.grad(_mixed(trace_exact(*exact, N, Z, rays)), parameters)
+    grid = TableGrid(161)
+    matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
+    tables = [(matrix @ e.weights + e.offset).reshape(grid.side, -1) for e in exact]
+    found = torch.autograd.grad(_mixed(trace_tables(*tables, Scene(N, Z, grid), rays)), parameters)
+    for a, b in zip(found, expected, strict=True):
+        assert ((a - b).norm() / b.norm()).item() < 3e-3
+
+
+def test_totally_reflected_rays_still_pull_on_the_surface() -> None:
+    """Their squared sine exceeds 1 and its derivative is right: this is what fetches them back."""
+    surfaces = sphere(0.8), random_surface(8, 2.45, 0.05, levels=(25, 81))
+    rays = SquareEmitter(0.9).sample(2048, 3)
+    grid = TableGrid(64)
+    tables = [table_of(s, grid).requires_grad_() for s in surfaces]
+    scene = Scene(N, Z, grid)
+    before = trace_tables(*tables, scene, rays)
+    reflected = (before.fates == Fate.TOTAL_REFLECTION) & (before.sines > 1.0)
+    assert reflected.sum() > 20
+    gradient = torch.autograd.grad(before.sines[reflected].sum(), tables[1])[0]
+    direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
+    step = 1e-8
+    ahead, behind = (
+        trace_tables(tables[0].detach(), tables[1].detach() + s * step * direction, scene, rays).sines[reflected].sum()
+        for s in (1, -1)
+    )
+    assert ((ahead - behind) / (2 * step)).item() == pytest.approx((gradient * direction).sum().item(), rel=1e-4)
+
+
+def test_concentric_spheres_around_a_point_bend_nothing() -> None:
+    u = hemisphere_directions(2000)
+    u = u[u[:, 2] > 0.02]
+    rays = RayBundle(np.zeros_like(u), u, np.full(len(u), 1.0 / len(u)))
+    arrivals = _fused((sphere(0.8), sphere(2.45)), rays, 48)
+    assert (arrivals.fates == Fate.ARRIVED).all()
+    assert np.allclose(arrivals.hits, u[:, :2] / u[:, 2:] * Z, rtol=1e-11)
+    assert arrivals.flux.sum().item() == pytest.approx(normal_transmittance(N) ** 2, rel=1e-13)
+
+
+def test_a_lens_of_air_is_not_there() -> None:
+    rays = SquareEmitter(0.6).sample(1000, 4)
+    arrivals = _fused((random_surface(1, 0.8), random_surface(2, 2.45)), rays, 48, index=1.0)
+    arrived = arrivals.arrived.numpy()
+    straight = rays.origins + (Z / rays.directions[:, 2])[:, None] * rays.directions
+    assert np.allclose(arrivals.hits.numpy()[arrived], straight[arrived, :2], rtol=1e-9, atol=1e-9)
+    assert np.array_equal(arrivals.flux.numpy()[arrived], rays.weights[arrived])
+
+
+def test_a_scaled_scene_gives_scaled_hits() -> None:
+    """From micrometres to metres: the same picture, to rounding."""
+    rays = SquareEmitter(0.8).sample(500, 5)
+    surfaces = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.01)
+    grid = TableGrid(48)
+    tables = [table_of(s, grid) for s in surfaces]
+    unit = trace_tables(*tables, Scene(N, Z, grid), rays)
+    for scale in (2.0**-10, 2.0**13):
+        scaled_rays = RayBundle(rays.origins * scale, rays.directions, rays.weights)
+        scaled = trace_tables(*(t * scale for t in tables), Scene(N, Z * scale, grid), scaled_rays)
+        assert torch.equal(scaled.fates, unit.fates)
+        assert torch.allclose(scaled.hits, unit.hits * scale, rtol=1e-11, atol=1e-11 * scale)
+
+
+def test_every_ray_has_its_fate() -> None:
+    origins = np.array([[0, 0, 0], [0, 0, 0.1], [1.5, 0, 0], [0, 0, -1.0], [2.0, 0, -0.1], [0, 0, 3.0]], dtype=float)
+    directions = np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, 1], [-0.1, 0, 1], [0, 0, 1]], dtype=float)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    arrivals = _fused((sphere(0.8), sphere(2.45)), RayBundle(origins, directions, np.ones(6)), 48)
+    outside = Fate.OUTSIDE_CAVITY
+    assert arrivals.fates.tolist() == [Fate.ARRIVED, Fate.BACKWARD, outside, Fate.ARRIVED, outside, outside]
+
+
+def test_crossed_surfaces_are_named() -> None:
+    rays = SquareEmitter(0.1).sample(64, 0)
+    arrivals = _fused((sphere(2.0), sphere(1.0)), rays, 48)
+    assert (arrivals.fates == Fate.CROSSED).all()
+
+
+def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
+    surfaces = random_surface(1, 0.8), random_surface(2, 2.45)
+    rays = SquareEmitter(0.8).sample(5000, 0)
+    grid = TableGrid(48)
+    results = []
+    threads = torch.get_num_threads()
+    for count in (1, 3):
+        torch.set_num_threads(count)
+        tables = [table_of(s, grid).requires_grad_() for s in surfaces]
+        arrivals = trace_tables(*tables, Scene(N, Z, grid), rays)
+        results.append((arrivals.hits, *torch.autograd.grad(_mixed(arrivals), tables)))
+    torch.set_num_threads(threads)
+    assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
+
+
+def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
+    grid = TableGrid(48)
+    bad = table_of(sphere(1.0), grid) - 1.5
+    with pytest.raises(InputError, match=r"inner surface: its radius falls to -0\.5"):
+        trace_tables(bad, table_of(sphere(2.0), grid), Scene(N, Z, grid), SquareEmitter(0.1).sample(8, 0))
