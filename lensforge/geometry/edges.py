@@ -15,8 +15,6 @@ from lensforge.geometry.plan import FULL_TURN, Arc, rim_directions
 
 # The rim curve lies in z = 0, the face's own boundary within the patch's form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
-# Two edges that cross at a small angle are within their tolerances for a while: the shared vertex must cover that.
-_VERTEX_REACH, _MAX_VERTEX_TOLERANCE_MM = 8.0, 1e-3
 _RIM_NODES_PER_NODE = 4  # along the whole rim, for each node across the patch: 1.3 times as dense
 
 
@@ -80,32 +78,18 @@ def wire(edges: list[Any]) -> Any:
     return maker.Wire()
 
 
-def _corners(patch: Patch, arcs: tuple[Arc, ...], edge_tolerance: float) -> list[Any]:
+def _corners(patch: Patch, arcs: tuple[Arc, ...], tolerance: float) -> list[Any]:
     """A vertex at the start of each arc."""
     from OCP.BRep import BRep_Builder
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS_Vertex
 
-    azimuths = np.array([arc.start for arc in arcs])
     corners = []
-    tolerances = _vertex_tolerances(patch, azimuths, edge_tolerance)
-    for point, tolerance in zip(_rim_points(patch, azimuths), tolerances, strict=True):
+    for point in _rim_points(patch, np.array([arc.start for arc in arcs])).tolist():
         vertex = TopoDS_Vertex()
-        BRep_Builder().MakeVertex(vertex, gp_Pnt(*point.tolist()), float(tolerance))
+        BRep_Builder().MakeVertex(vertex, gp_Pnt(*point), tolerance)
         corners.append(vertex)
     return corners
-
-
-def _vertex_tolerances(
-    patch: Patch, azimuths: Float[np.ndarray, " n"], edge_tolerance: float
-) -> Float[np.ndarray, " n"]:
-    if len(azimuths) == 1:
-        return np.array([edge_tolerance])
-    step = 1e-5
-    ahead, behind = (np.linalg.norm(_rim_points(patch, azimuths + turn), axis=1) for turn in (step, -step))
-    slope = np.abs(ahead - behind) / (ahead + behind) / step
-    reach = _VERTEX_REACH * edge_tolerance / np.maximum(slope, 1e-12)
-    return np.clip(reach, edge_tolerance, _MAX_VERTEX_TOLERANCE_MM)
 
 
 def _rim_tolerance(patch: Patch) -> float:

@@ -79,7 +79,7 @@ def _base(plan: Plan, rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:
     yield Ring(rim, opening + down, BORE)
 
 
-def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " n"]], rings: int) -> None:
+def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " _"]], rings: int) -> None:
     """Let the cylinder's top use the rim's own vertices where the two meet: the optical vertex stays exact."""
     height = _rim_height(plan, stack[rings])
     overhangs = _overhangs(plan, stack[rings].azimuths)
@@ -100,7 +100,7 @@ def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
 
 
 def _ledge_or_overhang(
-    plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " n"]], rings: int
+    plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], rings: int
 ) -> np.ndarray:
     """Names of the strip between rim and cylinder: a triangle overhangs if a corner that is not shared does."""
     rim, top = ids[rings], ids[rings + 1]

@@ -22,7 +22,7 @@ class Ring:
 
 def dome_rings(patch: Patch, rings: int, rim: Float[np.ndarray, " n"], name: str) -> list[Ring]:
     """Rings from the apex to the rim, equally spaced in angle from the axis."""
-    azimuths: list[Float[np.ndarray, " n"]] = [np.zeros(1)]
+    azimuths: list[Float[np.ndarray, " _"]] = [np.zeros(1)]
     azimuths += [np.arange(6 * k) * (FULL_TURN / (6 * k)) for k in range(1, rings)]
     directions = [_cone(k * np.pi / (2 * rings), ring) for k, ring in enumerate(azimuths)]
     azimuths.append(rim)
@@ -75,7 +75,7 @@ def zip_rings(
     return triangles[distinct]
 
 
-def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " n"]]:
+def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " _"]]:
     """Vertex numbers of each ring, counted through the stack."""
     counts = [len(ring.azimuths) for ring in stack]
     return np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
