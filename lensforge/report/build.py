@@ -20,6 +20,7 @@ from lensforge.report.results import STAGES, Results, load_results
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.version import __version__
 
 FILE_NAME = "report.html"
@@ -52,7 +53,7 @@ def build_report(directory: Path) -> Path:
     directory = Path(directory)
     results = load_results(directory)
     stl = directory / "lens.stl"
-    rendering = Rendering(stl) if stl.exists() else None
+    rendering = Rendering(stl, _optics_radius_mm(results)) if stl.exists() else None
     try:
         context = _context(results)
         views = rendering.result() if rendering else SolidViews({}, problem="No 3-D picture: there is no lens.stl.")
@@ -64,6 +65,11 @@ def build_report(directory: Path) -> Path:
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return path
+
+
+def _optics_radius_mm(results: Results) -> float:
+    """The largest radius (mm) of the outer surface, to a per cent."""
+    return float(results.lens.outer.radius(fibonacci_hemisphere(500)).max())
 
 
 def _template() -> Any:

@@ -8,6 +8,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.patches import Rectangle
+from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
 from lensforge.report.drawing import BLUE, INK, NARROW, WIDE, add_colour_bar, in_house_style, new_figure, new_map
@@ -16,16 +18,29 @@ Image = Float[np.ndarray, "p p"]
 
 _IRRADIANCE = "irradiance (W/m²)"
 _LINE_HEIGHT = 2.4
+MOST_DRAWN = 512  # pixels a side of a map: more than any screen gives a third of its width
 
 
 @in_house_style
-def irradiance_map(image: Image, receiver_mm: float, top: float, outline: Image | None = None) -> Figure:
-    """``image`` in false colour from 0 to ``top`` W/m^2, with the line at half of the peak of ``outline``."""
+def irradiance_map(
+    image: Image, receiver_mm: float, top: float, outline: Image | None = None, mask_mm: float | None = None
+) -> Figure:
+    """``image`` in false colour from 0 to ``top`` W/m^2, with the line at half of the peak of ``outline``.
+
+    ``mask_mm``: side of the square in which uniformity is judged, drawn dashed.
+    """
     figure, axes, bar = new_map()
     shown = _show(axes, image, receiver_mm, "inferno", 0.0, top)
     if outline is not None and outline.max() > 0.0:
+        outline = drawn(outline)
         axis = pixel_axis_mm(receiver_mm, len(outline))
         axes.contour(axis, axis, outline, levels=[0.5 * outline.max()], colors="white", linewidths=0.7, alpha=0.85)
+    if mask_mm is not None:
+        corner = (-0.5 * mask_mm, -0.5 * mask_mm)
+        dashed = Rectangle(
+            corner, mask_mm, mask_mm, fill=False, edgecolor="white", linestyle=(0, (4, 3)), linewidth=0.7
+        )
+        axes.add_patch(dashed)
     add_colour_bar(bar, shown, _IRRADIANCE)
     return figure
 
@@ -120,6 +135,14 @@ def pixel_axis_mm(receiver_mm: float, pixels: int) -> Float[np.ndarray, " p"]:
     return ((np.arange(pixels) + 0.5) / pixels - 0.5) * receiver_mm
 
 
+def drawn(image: Image) -> Float[np.ndarray, "q q"]:
+    """``image``, or its area means on ``MOST_DRAWN`` pixels a side if it has more."""
+    if len(image) <= MOST_DRAWN:
+        return image
+    picture = PictureFile.fromarray(image.astype(np.float32))
+    return np.asarray(picture.resize((MOST_DRAWN, MOST_DRAWN), PictureFile.Resampling.BOX), dtype=np.float64)
+
+
 def _row(image: Image, height: float) -> float:
     """Sum of the row at ``height`` of the image, from 0 to 1."""
     return float(image[min(len(image) - 1, int(height * len(image)))].sum())
@@ -130,7 +153,7 @@ def _show(axes: Axes, image: Image, receiver_mm: float, colours: str, low: float
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
     axes.spines[:].set_visible(False)
     return axes.imshow(
-        image,
+        drawn(image),
         origin="lower",
         extent=(-half, half, -half, half),
         cmap=colours,

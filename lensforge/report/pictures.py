@@ -36,10 +36,16 @@ def irradiance_pictures(results: Results) -> list[Picture]:
     top = float(max(target.max(), reached.max())) or 1.0
     draw = irradiance_figures.irradiance_map
     record = results.evaluate
+    mask = results.lens.spec.target.uniform_mm
+    dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
     simulated = f"{number(record.rays)} rays, {record.pixels} × {record.pixels} pixels. {record.filter}."
+    if len(reached) > irradiance_figures.MOST_DRAWN:
+        simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels a side."
     return [
         _picture("target", draw(target, side, top, target), "Target", "Scaled to the simulated flux. Line: half peak."),
-        _picture("simulated", draw(reached, side, top, target), "Simulated", f"{simulated} Line: the target's."),
+        _picture(
+            "simulated", draw(reached, side, top, target, mask), "Simulated", f"{simulated} Line: the target's.{dashed}"
+        ),
         _picture(
             "difference",
             irradiance_figures.difference_map(reached - target, side),

@@ -1,7 +1,7 @@
 """The exported mesh in three dimensions, rendered off-screen by a process of its own.
 
 Where a machine has no renderer at all, OpenGL may end the process instead of raising: then the page says so in one
-line and all else stays. ``python -m lensforge.report.solid_view STL FOLDER`` is that process.
+line and all else stays. ``python -m lensforge.report.solid_view STL FOLDER RADIUS`` is that process.
 """
 
 import json
@@ -21,11 +21,22 @@ _PIXELS = (880, 640)
 _GLASS, _CUT = "#a9c9e6", "#f2b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
 
-# Name: (where the camera stands as seen from the lens, whether the half towards it is cut away).
-VIEWS: dict[str, tuple[tuple[float, float, float], bool]] = {
-    "above": ((0.75, -1.2, 0.75), False),
-    "cut": ((0.25, -1.2, 0.45), True),
-    "below": ((0.6, -1.0, -1.0), False),
+_WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture: of the part's diagonal, of the optics' radius
+
+
+@dataclass(frozen=True)
+class _View:
+    """``camera``: direction in which it stands; ``cut``: without the half towards it; ``close``: the optics only."""
+
+    camera: tuple[float, float, float]
+    cut: bool = False
+    close: bool = True
+
+
+VIEWS = {
+    "above": _View((0.75, -1.2, 0.75)),
+    "cut": _View((0.25, -1.2, 0.45), cut=True),
+    "below": _View((0.6, -1.0, -1.0), close=False),
 }
 
 
@@ -41,11 +52,11 @@ class SolidViews:
 class Rendering:
     """A rendering under way, so that figures can be drawn meanwhile."""
 
-    def __init__(self, stl: Path) -> None:
+    def __init__(self, stl: Path, optics_radius_mm: float) -> None:
         self._stl = stl
         self._folder = tempfile.TemporaryDirectory(prefix="lensforge-")
         self._process = subprocess.Popen(
-            [*_COMMAND, str(stl), self._folder.name],
+            [*_COMMAND, str(stl), self._folder.name, str(optics_radius_mm)],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
@@ -76,7 +87,7 @@ class Rendering:
         self._folder.cleanup()
 
 
-def _render(stl: Path, folder: Path) -> None:
+def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
     """Write one PNG per view and bounds.json into ``folder``; :class:`ValueError` for a file that is no mesh."""
     import pyvista as pv
 
@@ -86,14 +97,14 @@ def _render(stl: Path, folder: Path) -> None:
         raise ValueError(str(error)) from error
     if mesh.n_cells == 0:
         raise ValueError("no triangles")
-    for name, (camera, cut) in VIEWS.items():
+    for name, view in VIEWS.items():
         plotter = pv.Plotter(off_screen=True, window_size=list(_PIXELS))
-        for part, colour in _parts(mesh, cut):
+        for part, colour in _parts(mesh, view.cut):
             plotter.add_mesh(
                 part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
                 specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
             )  # fmt: skip
-        _aim(plotter, mesh, camera)
+        _aim(plotter, mesh, view, optics_radius_mm)
         plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
         plotter.close()
     (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]))
@@ -108,18 +119,21 @@ def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
     return [(half.remove_cells(cap), _GLASS), (half.remove_cells(~cap), _CUT)]
 
 
-def _aim(plotter: Any, mesh: Any, camera: tuple[float, float, float]) -> None:
-    """A parallel view of the whole part, at one scale for all views."""
-    centre = mesh.center
+def _aim(plotter: Any, mesh: Any, view: _View, optics_radius_mm: float) -> None:
+    """A parallel view of the whole part, or of its optics where the base is much wider than they are."""
+    whole, close = _WHOLE * mesh.length, _CLOSE * optics_radius_mm
+    near = view.close and close < whole
+    centre = (0.0, 0.0, 0.4 * optics_radius_mm) if near else mesh.center
     distance = 3.0 * mesh.length
-    plotter.camera_position = [tuple(c + distance * d for c, d in zip(centre, camera, strict=True)), centre, (0, 0, 1)]
+    position = tuple(c + distance * d for c, d in zip(centre, view.camera, strict=True))
+    plotter.camera_position = [position, centre, (0.0, 0.0, 1.0)]
     plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = 0.37 * mesh.length
+    plotter.camera.parallel_scale = close if near else whole
     plotter.enable_anti_aliasing("ssaa")
 
 
 if __name__ == "__main__":
     try:
-        _render(Path(sys.argv[1]), Path(sys.argv[2]))
+        _render(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]))
     except ValueError:
         sys.exit(_UNREADABLE)
