@@ -15,7 +15,7 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan
 from lensforge.geometry.solid import Solid, build_solid
 from lensforge.geometry.step import read_step, write_step
-from lensforge.geometry.stl import read_mesh, write_mesh
+from lensforge.geometry.stl import read_stl, write_stl
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 
@@ -56,11 +56,11 @@ def export_lens(
     start = time.perf_counter()
     directory = Path(directory)
     plan = make_plan(fit_patch(lens.inner, nodes), fit_patch(lens.outer, nodes), lens.spec.base)
-    solid = build_solid(plan)
-    mesh = build_mesh(plan, rings or rings_for(plan, tolerance or MeshTolerance()))
+    mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
+    solid = build_solid(plan)
     write_step(solid, directory / STEP_FILE, lens.spec.name)
-    write_mesh(mesh, directory / STL_FILE)
+    write_stl(mesh, directory / STL_FILE)
     proof = _prove(lens, solid, mesh, reached, directory)
     content = {
         "form_error_nm": {"max": proof.form.form_max_nm, "rms": proof.form.form_rms_nm},
@@ -83,7 +83,7 @@ def export_lens(
 def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, directory: Path) -> _Proof:
     """Read the files again and compare them with the surfaces and with each other."""
     solid = read_step(directory / STEP_FILE)
-    stl = check_closed(*read_mesh(directory / STL_FILE))
+    stl = check_closed(*read_stl(directory / STL_FILE))
     form = worst([face_error(lens.outer, solid.faces[OUTER]), face_error(lens.inner, solid.faces[INNER])])
     return _Proof(
         solid=solid,

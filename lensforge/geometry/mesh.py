@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.errors import InputError
 from lensforge.geometry.plan import Plan, rim_directions
 from lensforge.geometry.rings import Ring, dome_rings, number_rings, rim_azimuths, zip_rings
 
@@ -21,6 +22,7 @@ TOP, SIDE, BOTTOM, BORE = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"
 
 # Rim and cylinder closer than this share a vertex: STL holds 1e-6 mm at lens size, so 20 of its steps stay apart.
 _SNAP_MM = 2e-5
+_MAX_RINGS = 1000  # 12 million triangles
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,12 @@ class BodyMesh:
 
 
 def build_mesh(plan: Plan, rings: int) -> BodyMesh:
-    """Mesh the body with ``rings`` concentric rings on each optical surface, ring k of 6 k vertices."""
+    """Mesh the body with ``rings`` concentric rings on each optical surface, ring k of 6 k vertices.
+
+    Raises :class:`InputError` for fewer than 3 rings or more than 1000.
+    """
+    if not 3 <= rings <= _MAX_RINGS:
+        raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to let the tolerance decide")
     rim = rim_azimuths(6 * rings, plan.crossings)
     stack = [
         *dome_rings(plan.outer, rings, rim, OUTER),

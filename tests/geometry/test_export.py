@@ -81,6 +81,12 @@ def test_bad_input_leaves_earlier_files_alone(tmp_path):
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+@pytest.mark.parametrize("knob", [{"rings": 0}, {"rings": 5000}, {"nodes": 3}, {"nodes": 10_000}])
+def test_knobs_out_of_range_are_refused_by_name(tmp_path, knob):
+    with pytest.raises(InputError, match=f"{next(iter(knob))} = {next(iter(knob.values()))}: from"):
+        export_lens(make_lens(0.8, 2.45), tmp_path, **knob)
+
+
 def test_importing_the_stage_loads_neither_torch_nor_cad():
     program = (
         "import pkgutil, sys, importlib, lensforge.geometry as g\n"

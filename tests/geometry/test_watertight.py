@@ -4,7 +4,7 @@ import trimesh
 
 from lensforge.errors import InputError
 from lensforge.geometry.mesh import BodyMesh
-from lensforge.geometry.stl import read_mesh, write_mesh
+from lensforge.geometry.stl import read_stl, write_stl
 from lensforge.geometry.watertight import check_closed
 
 BOX = trimesh.creation.box()
@@ -34,9 +34,9 @@ def test_a_body_turned_inside_out_and_two_bodies_are_not_one_part():
 
 
 def test_stl_round_trip_keeps_the_body(tmp_path):
-    write_mesh(as_body(TORUS), tmp_path / "torus.stl")
+    write_stl(as_body(TORUS), tmp_path / "torus.stl")
     assert (tmp_path / "torus.stl").stat().st_size == 84 + 50 * len(TORUS.faces)
-    vertices, triangles = read_mesh(tmp_path / "torus.stl")
+    vertices, triangles = read_stl(tmp_path / "torus.stl")
     assert vertices.shape == TORUS.vertices.shape
     assert check_closed(vertices, triangles).volume_mm3 == pytest.approx(TORUS.volume, rel=1e-6)
 
@@ -49,5 +49,5 @@ def test_a_missing_or_damaged_stl_is_one_line(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=r"lens\.stl: ") as caught:
-        check_closed(*read_mesh(path))
+        check_closed(*read_stl(path))
     assert "\n" not in str(caught.value)
