@@ -14,7 +14,8 @@ from lensforge.sources.rayfiles.reading import decode
 NAMED_CASES = [(name, index) for name, cases in CASES.items() for index in range(len(cases))]
 # LightTools' convention: its ray fluxes add up to the number of rays times the header's flux.
 SCALED_BY_COUNT = ("lighttools_binary", "lighttools_text")
-BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos")
+BINARY = ("tm25", "zemax_binary", "lighttools_binary", "speos", "asap")
+WITH_WAVELENGTHS = [name for name in CASES if name != "asap"]
 
 
 def test_every_format_of_the_folder_has_a_case():
@@ -61,7 +62,7 @@ def test_exactly_one_format_recognises_the_content(name, index):
     assert matching == [name]
 
 
-@pytest.mark.parametrize("name", ["tm25", "zemax_binary", "lighttools_binary", "lighttools_text"])
+@pytest.mark.parametrize("name", ["tm25", "zemax_binary", "lighttools_binary", "lighttools_text", "asap"])
 def test_cut_anywhere_it_is_refused_in_one_line(name):
     content = encoded(name, CASES[name][0])
     for cut in np.unique(np.linspace(1, len(content) - 2, 80).astype(int)):
@@ -98,8 +99,8 @@ def refused_in_one_line(content):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("source", CASES)
-@pytest.mark.parametrize("target", CASES)
+@pytest.mark.parametrize("source", WITH_WAVELENGTHS)
+@pytest.mark.parametrize("target", WITH_WAVELENGTHS)
 def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target, tmp_path):
     original = rays(wavelengths="each")
     (tmp_path / "in").write_bytes(encoded(source, original))
@@ -108,6 +109,16 @@ def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target,
     assert (report["from"], report["to"], report["rays"], report["lost"]) == (source, target, len(original), [])
     np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
     np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=3e-7)
+    assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
+
+
+@pytest.mark.parametrize("source", WITH_WAVELENGTHS)
+def test_asap_loses_the_wavelengths_and_says_so(source, tmp_path):
+    original = rays(wavelengths="each")
+    (tmp_path / "in").write_bytes(encoded(source, original))
+    assert convert(tmp_path / "in", tmp_path / "out.dis")["lost"] == ["wavelengths"]
+    back = read_rayfile(tmp_path / "out.dis")
+    np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
 
 
@@ -128,6 +139,7 @@ def test_what_a_format_cannot_hold_is_refused_not_guessed(tmp_path):
     for name, rayfile in (
         ("speos", rays()),
         ("speos", rays(unit="lm", wavelengths="each")),
+        ("asap", rays(unit="lm")),
         ("tm25", rays(unit="lm", wavelengths="each")),
         ("zemax_binary", rays(unit="lm", wavelengths="each")),
         ("zemax_text", rays(unit="lm", wavelengths="each")),
@@ -148,7 +160,7 @@ def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path
     for suffix in (".ray", ".txt", ".xyz"):
         with pytest.raises(InputError, match="format"):
             write_rayfile(tmp_path / f"a{suffix}", rays())
-    with pytest.raises(InputError, match="one of csv"):
+    with pytest.raises(InputError, match="one of asap, csv"):
         write_rayfile(tmp_path / "a.csv", rays(), "tm52")
 
 

@@ -223,3 +223,26 @@ def test_csv_names_its_columns_in_any_order():
     assert (rayfile.unit, rayfile.flux[0]) == ("lm", 0.5)
     with pytest.raises(InputError, match="exactly one"):
         decode(image(content.replace(b"remark", b"flux_w")))
+
+
+def asap(rays=1, words=7):
+    """Five records of 28 bytes as the one public reader of ASAP files takes them."""
+    records = [
+        struct.pack("<7i", 1024 * words + 247, 1, 2, 3, 4, 5, 6),
+        struct.pack("<24si", b"blue die".ljust(24), 9),
+        struct.pack("<8sf16s", b"z label", 1.5, b"f label"),
+        struct.pack("<16s2fi", b"y label", -1.0, 1.0, -rays),
+        struct.pack("<16s2fi", b"x label", -1.0, 1.0, 7),
+    ]
+    return b"".join(records) + struct.pack("<7f", *ROW)
+
+
+def test_asap():
+    rayfile = decode(image(asap()))
+    np.testing.assert_array_equal(rayfile.positions, [[1.0, 2.0, 3.0]])
+    np.testing.assert_allclose(rayfile.directions, [[0.0, 0.6, 0.8]], rtol=1e-7)
+    assert (rayfile.format, rayfile.total_flux(), rayfile.header["name"]) == ("asap", 0.5, "blue die")
+    assert "experimental" in rayfile.warnings[0]
+    for content in (asap(rays=2), asap(rays=-1), asap(words=8)):
+        with pytest.raises(InputError):
+            decode(image(content))

@@ -18,7 +18,6 @@ from lensforge.sources.rayfiles.record import RayFile
 _PRIVATE = {
     ".fcr": "FRED",
     ".frbs": "FRED",
-    ".dis": "ASAP",
     ".rs8": "SimuLux",
     ".oml": "TracePro",
     ".ray": "TracePro, LucidShape, FRED or OPTICAD",
