@@ -125,7 +125,7 @@ def run_check(directory: Path) -> dict[str, Any]:
 
 
 def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
-    """Cast rays through the exported STL and compare with where the design sends the same rays."""
+    """Cast rays through the exported STL, and some through the STEP, and compare with where the design sends them."""
     lens, preset = _lens_and_preset(directory)
     spec = lens.spec
     irradiance = _design_irradiance(directory)
@@ -134,6 +134,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
     bundle = source.sample(count, _VERIFY_SEED + lens.seed)
     arrivals = TracedLens.of(lens, preset.judge_nodes_per_sigma).trace(bundle)
     hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
+    step = directory / "lens.step"
     result: dict[str, Any] = import_module("lensforge.verification.verify").verify_part(
         directory / "lens.stl",
         directory,
@@ -147,6 +148,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
         design_hits=hits,
         design_weights=arrivals.flux.numpy(),
         filter_variance=spec.evaluate.filter_variance,
+        step=step if step.exists() else None,
     )
     return result
 

@@ -135,7 +135,7 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
     rows = rows[reached]
     left = cross(part, entered.leg.take(reached), exits.take(reached), refractive_index)
     passage.facets_um[rows, 1] = 1e3 * left.heights
-    _land(passage, rows, left, distance_mm)
+    land(passage, rows, left, distance_mm)
     return passage
 
 
@@ -153,7 +153,7 @@ def _exit_fates(part: Part, entry: Hits, exits: Hits) -> Int[np.ndarray, " n"]:
     )
 
 
-def _land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance_mm: float) -> None:
+def land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance_mm: float) -> None:
     """Carry rays that met the way out to the receiver's plane, or note why not."""
     directions = left.leg.directions
     height = distance_mm - left.leg.origins[:, 2]

@@ -17,6 +17,7 @@ from lensforge.errors import InputError
 from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
+from lensforge.verification.brep import RAYS, judge_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_account, share
 from lensforge.verification.part import Part, load_part
@@ -78,13 +79,16 @@ def verify_part(
     design_weights: Float[np.ndarray, " weights"],
     filter_variance: float = 1.0,
     referee_rays: int = 200,
+    step: Path | None = None,
+    step_rays: int = RAYS,
 ) -> dict[str, Any]:
     """Cast ``rays`` into the part in ``stl`` (mm), compare with the design, write verify.json and verify.npz.
 
     ``design_irradiance`` (W/m^2, [y, x]) is the design's picture under the same 3 x 3 filter of ``filter_variance``
     (0: none); ``design_hits`` (mm) and ``design_weights`` (W) are where the design lands the same rays. Efficiency
-    counts the centred square of ``window_mm``. Raises :class:`InputError` for a file that is no mesh and for arrays
-    that do not fit; a part that is wrong fails its gates instead.
+    counts the centred square of ``window_mm``. ``step`` is the same part as a STEP file, through which the CAD kernel
+    casts ``step_rays`` of the rays; without it the key ``brep`` is None. Raises :class:`InputError` for a file that is
+    no mesh or no solid and for arrays that do not fit; a part that is wrong fails its gates instead.
     """
     start = perf_counter()
     expected = Expected(design_irradiance, design_hits, design_weights)
@@ -98,9 +102,14 @@ def verify_part(
     image = receiver.irradiance(passage.landings, passage.flux)
     figures = _part_figures(part, passage) | _picture_figures(case, passage, image) | _ray_figures(case, passage)
     figures["referee"] = asdict(judge(part, grid, rays, refractive_index, referee_rays))
-    gates = [gate.to_json() for gate in _gates(figures)]
+    gates = _gates(figures)
+    figures["brep"] = None
+    if step is not None:
+        verdict = judge_brep(step, case.rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
+        figures["brep"] = verdict.to_json()
+        gates += verdict.gates(distance_mm)
     seconds = {"seconds": perf_counter() - start, "cast_seconds": cast_seconds}
-    result = {"rays": len(rays), **seconds, **figures, "gates": gates}
+    result = {"rays": len(rays), **seconds, **figures, "gates": [gate.to_json() for gate in gates]}
     with replacing(Path(directory) / "verify.npz") as temporary:
         np.savez_compressed(temporary, irradiance=image, design_irradiance=design_irradiance)
     write_json(Path(directory) / "verify.json", result)

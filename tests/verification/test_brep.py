@@ -1,0 +1,124 @@
+import json
+
+import cadquery as cq
+import numpy as np
+import pytest
+from lens_meshes import lambertian, lens_mesh, oracle, sphere
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.brep import judge_brep, send_through_step
+from lensforge.verification.casting import Grid
+from lensforge.verification.comparison import Expected
+from lensforge.verification.part import part_of
+from lensforge.verification.passage import Fate, send_through
+from lensforge.verification.picture import Receiver
+from lensforge.verification.step_body import StepBody
+from lensforge.verification.verify import verify_part
+
+INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
+# Neither centre is on the seam or the pole of the kernel's spheres as rays see them: both lie off the axis.
+INNER, OUTER = sphere(6.0, (0.3, -0.2, 0.0)), sphere(13.0, (-0.4, 0.3, 0.0))
+RAYS = lambertian(300, 2.0, seed=3)
+HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+
+
+def ball(surface):
+    return cq.Workplane().sphere(surface.semi_axes[0]).translate(surface.centre)
+
+
+def step(path, outer=OUTER, scale=1.0):
+    """A dome with a cavity on a cylindrical base, built by the kernel's booleans."""
+    below = cq.Workplane().box(100.0, 100.0, 50.0).translate((0.0, 0.0, -25.0))
+    bore = cq.Workplane().circle(6.0).extrude(-2.0).translate((INNER.centre[0], INNER.centre[1], 0.0))
+    base = cq.Workplane().circle(16.0).extrude(-2.0)
+    body = ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
+    cq.exporters.export(cq.Workplane(body.val().scale(scale)), str(path))
+    return path
+
+
+@pytest.fixture(scope="module")
+def lens_step(tmp_path_factory):
+    return step(tmp_path_factory.mktemp("brep") / "lens.step")
+
+
+def verdict(path):
+    part = part_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
+    mesh = send_through(part, Grid(part.mesh), RAYS, INDEX, DISTANCE)
+    expected = Expected(np.ones((4, 4)), HITS, WEIGHTS)
+    return judge_brep(path, RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
+
+
+def failed(verdict):
+    return {gate.name for gate in verdict.gates(DISTANCE) if not gate.passed}
+
+
+def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
+    passage = send_through_step(StepBody(lens_step), RAYS, INDEX, DISTANCE)
+    landed = passage.fates == Fate.LANDED
+    np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
+    assert landed.sum() > 250
+    np.testing.assert_allclose(passage.landings[landed], HITS[landed], rtol=0.0, atol=1e-8 * DISTANCE)
+    np.testing.assert_allclose(passage.flux[landed], WEIGHTS[landed], rtol=1e-9)
+
+
+def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
+    judged = verdict(lens_step)
+    assert judged.rays == len(RAYS)
+    assert failed(judged) == set()
+    assert judged.design.rms < 1e-6
+    assert judged.mesh.rms > 100.0 * judged.design.rms
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"scale": 1.01}, {"scale": 1 / 25.4}, {"outer": sphere(13.0, (-0.38, 0.3, 0.0))}, {"outer": sphere(13.02, OUTER.centre)}],
+    ids=["scaled", "in inches", "outer 20 um to +x", "outer 20 um thicker"],
+)  # fmt: skip
+def test_a_wrong_step_fails(tmp_path, change):
+    assert "brep_deviation_rms" in failed(verdict(step(tmp_path / "lens.step", **change)))
+
+
+def test_rays_that_cannot_pass_say_why(lens_step):
+    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5]])
+    towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(3)), INDEX, DISTANCE)
+    assert passage.fates.tolist() == [Fate.BASE, Fate.STARTS_INSIDE, Fate.NO_HIT]
+
+
+def test_verify_reports_the_step_beside_the_mesh(lens_step, tmp_path):
+    lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(tmp_path / "lens.stl")
+    result = verify_part(
+        tmp_path / "lens.stl",
+        tmp_path,
+        rays=RAYS,
+        refractive_index=INDEX,
+        distance_mm=DISTANCE,
+        receiver_mm=SIDE,
+        window_mm=SIDE,
+        pixels=8,
+        design_irradiance=Receiver(SIDE, 8).irradiance(HITS, WEIGHTS),
+        design_hits=HITS,
+        design_weights=WEIGHTS,
+        referee_rays=1,
+        step=lens_step,
+        step_rays=50,
+    )
+    assert json.loads((tmp_path / "verify.json").read_text())["brep"] == result["brep"]
+    assert result["brep"]["rays"] == 50
+    assert result["brep"]["against_design"]["rms"] < result["deviation_mm"]["rms"]
+    assert {gate["name"] for gate in result["gates"]} >= {"brep_deviation_rms", "deviation_rms"}
+
+
+def test_what_is_no_solid_is_input_error(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        StepBody(tmp_path / "none.step")
+    (tmp_path / "bad.step").write_text("not a STEP file")
+    with pytest.raises(InputError, match="bad.step"):
+        StepBody(tmp_path / "bad.step")
+    cq.exporters.export(
+        cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0))), str(tmp_path / "two.step")
+    )
+    with pytest.raises(InputError, match="2 solids"):
+        StepBody(tmp_path / "two.step")
