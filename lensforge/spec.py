@@ -26,22 +26,69 @@ class SquareSource(_Section):
     side_mm: Annotated[float, Field(ge=0.0, le=1e4)]
     flux_w: PositiveFloat = 1.0
 
+    @property
+    def title(self) -> str:
+        """What it is, in a few words."""
+        return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
 
-class RayfileSource(_Section):
-    """A vendor's ray file. ``origin``: the file's own, its virtual focus, or a point (mm) put at the lens origin."""
 
-    kind: Literal["rayfile"]
-    file: Path
+class Placement(_Section):
+    """How measured rays come to lie in lens coordinates, in the order of the fields.
+
+    ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
+    factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
+    to -x. ``rotate_z_deg``: turn about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
+    of the file.
+    """
+
     origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file"
+    scale: PositiveFloat = 1.0
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
+    mirror: Literal["none", "x", "y"] = "none"
     rotate_z_deg: float = 0.0
     flux_w: PositiveFloat | None = None
 
 
+class RayfileSource(Placement):
+    """A vendor's ray file."""
+
+    kind: Literal["rayfile"]
+    file: Path
+
+    @property
+    def title(self) -> str:
+        """What it is, in a few words."""
+        return f"ray file {self.file.name}"
+
+
+class RayfilePart(_Section):
+    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts."""
+
+    file: Path
+    flux_w: PositiveFloat | None = None
+
+
+class RayfilesSource(Placement):
+    """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
+
+    kind: Literal["rayfiles"]
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1)]
+
+    @property
+    def title(self) -> str:
+        """What it is, in a few words."""
+        return f"ray files {', '.join(part.file.name for part in self.files)}"
+
+
 class LensSection(_Section):
-    """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both."""
+    """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
+
+    ``absorption_per_mm`` (Beer-Lambert) counts in the stray-light pass of ``verify``; the design leaves it out.
+    """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
     material: str = "PMMA at 564 nm"
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     levels: tuple[PositiveInt, ...] = (9, 25, 81, 289)
     sigma_c: PositiveFloat = 1.75
     inner_offset_mm: PositiveFloat
@@ -146,7 +193,7 @@ class ManufactureSection(_Section):
     cutter_radius_mm: PositiveFloat = 1.0
 
 
-Source = Annotated[SquareSource | RayfileSource, Field(discriminator="kind")]
+Source = Annotated[SquareSource | RayfileSource | RayfilesSource, Field(discriminator="kind")]
 Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
 
 
@@ -187,10 +234,21 @@ def load_spec(path: Path) -> Spec:
         raise InputError(f"{path}: not readable as TOML ({error})") from None
     content.setdefault("name", path.stem)
     for section in ("source", "target"):
-        table = content.get(section)
-        if isinstance(table, dict) and isinstance(table.get("file"), str):
-            table["file"] = str((path.parent / table["file"]).resolve())
+        _resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
+
+
+def _resolve_files(table: Any, folder: Path) -> None:
+    """Make every ``file`` in ``table``, however deep, relative to ``folder``."""
+    if isinstance(table, list):
+        for entry in table:
+            _resolve_files(entry, folder)
+    elif isinstance(table, dict):
+        for key, value in table.items():
+            if key == "file" and isinstance(value, str):
+                table[key] = str((folder / value).resolve())
+            else:
+                _resolve_files(value, folder)
 
 
 def parse_spec(content: dict[str, Any], origin: str) -> Spec:
@@ -199,9 +257,16 @@ def parse_spec(content: dict[str, Any], origin: str) -> Spec:
         return Spec.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        tags = {"square", "rayfile", "flat_top", "cross", "text", "image"}
-        field = ".".join(str(part) for part in first["loc"] if part not in tags)
+        field = _field(first["loc"])
         message = first["msg"].removeprefix("Value error, ")
         value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         raise InputError(f"{origin}: {field}{value}: {message}{more}".replace(": : ", ": ")) from None
+
+
+def _field(location: tuple[int | str, ...]) -> str:
+    """The path to a field as the user wrote it: without the ``kind`` that chose the form of a section."""
+    unions = ("source", "target", "intensity")
+    return ".".join(
+        str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
+    )

@@ -1,20 +1,13 @@
 """The task in words: what emits, what body, which pattern is wanted."""
 
-from lensforge.spec import CrossTarget, FlatTopTarget, Spec, SquareSource, TextTarget
+from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget
 
 
 def task(spec: Spec) -> str:
     """Source, lens and target in one line."""
     lens = spec.lens
     body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}"
-    return f"{_source(spec)} · {body} · {_target(spec)} at {spec.target.distance_mm:g} mm"
-
-
-def _source(spec: Spec) -> str:
-    source = spec.source
-    if isinstance(source, SquareSource):
-        return f"{source.side_mm:g} mm square Lambertian source" if source.side_mm else "point source"
-    return f"ray file {source.file.name}"
+    return f"{spec.source.title} · {body} · {_target(spec)} at {spec.target.distance_mm:g} mm"
 
 
 def _target(spec: Spec) -> str:

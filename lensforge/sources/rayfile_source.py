@@ -1,7 +1,6 @@
-"""A vendor's ray file as a source: placed on the lens axis, its power stated in W, its rays drawn by seed."""
+"""Measured rays as a source, in lens coordinates: drawn by seed, with weights that add up to a stated power."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,60 +9,22 @@ from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.rayfiles.cleaning import ValidRays, no_usable_ray, valid_rays
-from lensforge.sources.rayfiles.reading import read_rayfile
-from lensforge.sources.rayfiles.record import RayFile
-from lensforge.sources.rayfiles.virtual_focus import virtual_focus
-from lensforge.spec import RayfileSource
 
 _OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest is stray light, far out
 
 
 @dataclass(frozen=True, eq=False)
 class RayfileEmitter:
-    """The usable rays of a file in lens coordinates, their weights adding up to ``flux_w``.
+    """The usable rays of one file or several in lens coordinates, their weights adding up to ``flux_w``.
 
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer accounts for them by
-    cause. Only rows that are no rays are left out; ``account`` says how many, and what else was done to the file.
+    cause. Only rows that are no rays are left out; ``account`` says how many, and what else was done to each file.
     """
 
     rays: RayBundle
     flux_w: float
     account: dict[str, Any]
     symmetry: str = "none"
-
-    @classmethod
-    def load(cls, spec: RayfileSource) -> "RayfileEmitter":
-        """Read and place the file of ``spec``. Raises :class:`InputError`, one line, for what cannot be used."""
-        rayfile = read_rayfile(spec.file)
-        rays = valid_rays(rayfile)
-        if len(rays) == 0:
-            raise no_usable_ray(rayfile, rays.dropped)
-        flux_w = _flux_w(spec, rayfile, rays)
-        focus = virtual_focus(rays.positions, rays.directions, rays.flux)
-        origin = _origin(spec, focus)
-        turn = _rotation_z(np.deg2rad(spec.rotate_z_deg))
-        bundle = RayBundle(
-            (rays.positions - origin) @ turn.T, rays.directions @ turn.T, rays.flux * (flux_w / rays.flux.sum())
-        )
-        account = {
-            "file": Path(spec.file).name,
-            "format": rayfile.format,
-            "rays": len(rayfile),
-            "rays_dropped": rays.dropped,
-            "effective_rays": float(rays.flux.sum() ** 2 / (rays.flux @ rays.flux)),
-            "file_flux": rayfile.total_flux(),
-            "file_ray_sum": float(rays.flux.sum()),
-            "file_flux_unit": rayfile.unit,
-            "flux_w": flux_w,
-            "virtual_focus_mm": None if focus is None else focus.tolist(),
-            "origin_mm": origin.tolist(),
-            "rotate_z_deg": spec.rotate_z_deg,
-            "backward_share": float(bundle.weights[bundle.directions[:, 2] < 0.0].sum() / flux_w),
-            "below_plane_share": float(bundle.weights[bundle.origins[:, 2] < 0.0].sum() / flux_w),
-            "warnings": list(rayfile.warnings),
-        }
-        return cls(bundle, flux_w, account)
 
     def __len__(self) -> int:
         return len(self.rays)
@@ -138,33 +99,6 @@ class RayfileEmitter:
         weights = self.rays.weights[index]
         part = RayBundle(self.rays.origins[index], self.rays.directions[index], weights * (self.flux_w / weights.sum()))
         return replace(self, rays=part)
-
-
-def _flux_w(spec: RayfileSource, rayfile: RayFile, rays: ValidRays) -> float:
-    """The source's power (W): of the spec, or the file's own, never lm taken as W."""
-    if spec.flux_w is not None:
-        return spec.flux_w
-    if rayfile.unit == "W":
-        return rayfile.stated_flux or float(rays.flux.sum())
-    if rayfile.header_flux_w is not None:
-        return rayfile.header_flux_w
-    raise InputError(f"{spec.file}: its flux is in lm; give the source's power in W as source.flux_w")
-
-
-def _origin(spec: RayfileSource, focus: Float[np.ndarray, " 3"] | None) -> Float[np.ndarray, " 3"]:
-    """The point of the file (mm) that becomes the lens origin."""
-    if spec.origin == "file":
-        return np.zeros(3)
-    if spec.origin != "virtual_focus":
-        return np.array(spec.origin, dtype=np.float64)
-    if focus is None:
-        raise InputError(f"{spec.file}: its rays are parallel and have no virtual focus; give source.origin as a point")
-    return focus
-
-
-def _rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _median(points: Float[np.ndarray, "n 2"], weights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 2"]:

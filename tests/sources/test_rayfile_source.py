@@ -9,10 +9,13 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.placement import placed
+from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
-from lensforge.spec import RayfileSource, load_spec
+from lensforge.spec import Placement, RayfileSource, RayfilesSource, load_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -24,7 +27,7 @@ def load(tmp_path):
     def _load(rayfile, **fields):
         path = tmp_path / "led.rays"
         write_rayfile(path, rayfile, "csv" if rayfile.unit == "lm" else "tm25")
-        return RayfileEmitter.load(RayfileSource(kind="rayfile", file=path, **fields))
+        return load_rayfile(RayfileSource(kind="rayfile", file=path, **fields))
 
     return _load
 
@@ -39,6 +42,75 @@ def test_origin_and_rotation(load):
     expected = np.column_stack([-directions[:, 1], directions[:, 0], directions[:, 2]])
     np.testing.assert_allclose(emitter.rays.directions, expected, atol=1e-7)
     np.testing.assert_allclose(load(original).rays.origins, original.positions)
+
+
+AXES = {"+x": [1, 0, 0], "-x": [-1, 0, 0], "+y": [0, 1, 0], "-y": [0, -1, 0], "+z": [0, 0, 1], "-z": [0, 0, -1]}
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("mirror", ["none", "x", "y"])
+def test_any_axis_becomes_the_lens_axis_and_only_a_mirror_changes_the_handedness(axis, mirror):
+    frame = RayBundle(np.eye(3), np.array([AXES[axis]] * 3, dtype=float), np.ones(3))
+    turned = placed(frame, np.zeros(3), Placement(axis=axis, mirror=mirror, rotate_z_deg=33.0))
+    np.testing.assert_allclose(turned.directions, [[0.0, 0.0, 1.0]] * 3, atol=1e-15)
+    assert np.linalg.det(turned.origins) == pytest.approx(1.0 if mirror == "none" else -1.0)
+    np.testing.assert_allclose(turned.origins @ turned.origins.T, np.eye(3), atol=1e-15)
+
+
+def test_scale_and_mirror_come_before_the_rotation(load):
+    original = rays(20)
+    emitter = load(original, origin=(1.0, 0.0, 0.0), scale=2.0, mirror="x", rotate_z_deg=90.0)
+    moved = 2.0 * (original.positions.astype(np.float64) - [1.0, 0.0, 0.0]) * [-1.0, 1.0, 1.0]
+    np.testing.assert_allclose(emitter.rays.origins, np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]))
+    np.testing.assert_allclose(np.linalg.norm(emitter.rays.directions, axis=1), 1.0)
+
+
+@pytest.fixture
+def two_files(tmp_path):
+    """Blue and yellow: 40 and 60 rays; the yellow ones have longer files and other powers."""
+    for name, count, seed in (("blue", 40, 1), ("yellow", 60, 2)):
+        write_rayfile(tmp_path / name, rays(count, seed=seed), "tm25")
+    return tmp_path
+
+
+def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
+    def parts(*flux):
+        return [{"file": two_files / name, "flux_w": f} for name, f in zip(("blue", "yellow"), flux, strict=True)]
+
+    own = load_rayfiles(RayfilesSource(kind="rayfiles", files=parts(None, None)))
+    assert own.flux_w == pytest.approx(rays(40, seed=1).total_flux() + rays(60, seed=2).total_flux(), rel=1e-6)
+    stated = load_rayfiles(RayfilesSource(kind="rayfiles", files=parts(0.6, 0.2)))
+    assert stated.flux_w == pytest.approx(0.8)
+    assert stated.rays.weights[:40].sum() == pytest.approx(0.6)
+    scaled = load_rayfiles(RayfilesSource(kind="rayfiles", files=parts(3.0, 1.0), flux_w=2.0))
+    assert scaled.rays.weights[:40].sum() == pytest.approx(1.5)
+    assert [part["flux_w"] for part in scaled.account["files"]] == pytest.approx([1.5, 0.5])
+    assert (scaled.account["file"], scaled.account["rays"]) == ("blue, yellow", 100)
+    assert scaled.account["effective_rays"] < 100
+
+
+def test_several_files_share_one_origin_the_focus_of_all_their_light(two_files):
+    files = [{"file": two_files / name} for name in ("blue", "yellow")]
+    emitter = load_rayfiles(RayfilesSource(kind="rayfiles", files=files, origin="virtual_focus"))
+    focus = virtual_focus(emitter.rays.origins, emitter.rays.directions, emitter.rays.weights)
+    np.testing.assert_allclose(focus, 0.0, atol=1e-12)
+    together = np.concatenate([rays(40, seed=1).positions, rays(60, seed=2).positions]).astype(np.float64)
+    shifts = emitter.rays.origins - together
+    np.testing.assert_allclose(shifts, np.broadcast_to(shifts[0], shifts.shape), atol=1e-12)
+
+
+def test_a_spec_names_several_files_relative_to_itself(two_files, examples):
+    text = (examples / "led_rayfile.toml").read_text()
+    text = text.replace('kind = "rayfile"', 'kind = "rayfiles"').replace(
+        'file = "led.tm25ray"', 'files = [{file = "blue", flux_w = 0.6}, {file = "yellow", flux_w = 0.4}]'
+    )
+    (two_files / "led_rayfile.toml").write_text(text)
+    spec = load_spec(two_files / "led_rayfile.toml")
+    assert spec.source.title == "ray files blue, yellow"
+    assert build_source(spec.source).flux_w == pytest.approx(1.0)
+    (two_files / "led_rayfile.toml").write_text(text.replace("flux_w = 0.6", "flux_w = -0.6"))
+    with pytest.raises(InputError, match=r"source\.files\.0\.flux_w = -0\.6"):
+        load_spec(two_files / "led_rayfile.toml")
 
 
 def test_the_virtual_focus_goes_to_the_lens_origin(load):
@@ -158,7 +230,7 @@ def test_outline_of_rays_on_one_line(load):
 
 
 def load_example(name):
-    return RayfileEmitter.load(load_spec(EXAMPLES / f"{name}.toml").source)
+    return load_rayfile(load_spec(EXAMPLES / f"{name}.toml").source)
 
 
 def test_the_example_file_is_what_its_script_makes(tmp_path):
@@ -190,8 +262,8 @@ def test_the_cavities_of_the_examples_hold_nearly_all_of_the_light(name, share):
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
 def test_unknown_totals_and_weights_of_other_formats(tmp_path):
     """SPEOS: eleven equal weights, 1 W in the header. LightTools lumens: refused without a power."""
-    emitter = RayfileEmitter.load(RayfileSource(kind="rayfile", file=SHARED / "tiny" / "test_08_ray.ray"))
+    emitter = load_rayfile(RayfileSource(kind="rayfile", file=SHARED / "tiny" / "test_08_ray.ray"))
     assert emitter.flux_w == 1.0
     np.testing.assert_allclose(emitter.rays.weights, 1.0 / 11.0)
     with pytest.raises(InputError, match="lm"):
-        RayfileEmitter.load(RayfileSource(kind="rayfile", file=SHARED / "pairs" / "Cyl10k.1.ray"))
+        load_rayfile(RayfileSource(kind="rayfile", file=SHARED / "pairs" / "Cyl10k.1.ray"))
