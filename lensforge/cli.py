@@ -91,10 +91,23 @@ def check(directory: Path) -> None:
 @_FOLDER
 @_RAYS
 @_THREADS
-def verify(directory: Path, rays: int | None, threads: int | None) -> None:
+@click.option("--stray", is_flag=True, help="Also follow reflections, the base and absorption; writes stray.json.")
+@click.option(
+    "--base",
+    type=click.Choice(["polished", "black"]),
+    default="polished",
+    show_default=True,
+    help="Base under --stray.",
+)
+def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, base: str) -> None:
     """Cast rays through the exported part in DIR, independently of the design."""
     _use_threads(threads)
-    _finish(_pipeline().run_verify(directory, rays=rays), directory)
+    result = _pipeline().run_verify(directory, rays=rays)
+    if stray:
+        followed = _pipeline().run_stray(directory, rays=rays, base=base)
+        result["gates"] += followed.pop("gates")
+        result["stray_light"] = followed
+    _finish(result, directory)
 
 
 @cli.command()

@@ -26,6 +26,7 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 # Each stage's file, in the order of the data; the gates of all of them decide the exit code.
 STAGES = ("design", "evaluate", "export", "check", "verify")
 _VERIFY_SEED = 2**41  # apart from the seeds of the design and of its evaluation
+_STRAY_RAYS = 2**15  # every one of them becomes some ten: more would not be waited for
 
 
 def run(
@@ -47,6 +48,7 @@ def run(
     for stage in (run_evaluate, run_export, run_check, run_verify, run_report):
         announce(stage.__name__.removeprefix("run_"))
         stage(directory)
+    (directory / CHECKPOINT).unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
     return gates_of(directory)
 
 
@@ -73,8 +75,8 @@ def run_design(
         observer=observer,
     )
     result.lens.save(directory / "lens.json")
-    write_json(directory / "design.json", result.to_json() | _size(result.lens))
-    (directory / CHECKPOINT).unlink(missing_ok=True)
+    drawing = {"source_outline_mm": source.outline().tolist()}
+    write_json(directory / "design.json", result.to_json() | _size(result.lens) | drawing)
     return result.lens
 
 
@@ -149,6 +151,28 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
         design_weights=arrivals.flux.numpy(),
         filter_variance=spec.evaluate.filter_variance,
         step=step if step.exists() else None,
+    )
+    return result
+
+
+def run_stray(directory: Path, *, rays: int | None = None, base: str = "polished") -> dict[str, Any]:
+    """Follow rays through the exported STL with reflections, base and absorption: what the design leaves out."""
+    lens, preset = _lens_and_preset(directory)
+    spec = lens.spec
+    source = build_source(spec.source)
+    count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
+    bundle = source.sample(count, _VERIFY_SEED + lens.seed)
+    receiver = import_module("lensforge.verification.picture").Receiver
+    result: dict[str, Any] = import_module("lensforge.verification.stray").trace_stray(
+        directory / "lens.stl",
+        directory,
+        rays=bundle,
+        refractive_index=lens.refractive_index,
+        absorption_per_mm=spec.lens.absorption_per_mm,
+        distance_mm=spec.target.distance_mm,
+        receiver=receiver(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
+        window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
+        base=base,
     )
     return result
 

@@ -75,18 +75,28 @@ def refract(
 
 def cross(part: Part, leg: Leg, hits: Hits, index_ratio: float) -> Crossing:
     """Take every ray, all of which hit a facet, through the curved surface over it."""
-    facets = part.mesh.triangles[hits.triangles]
+    points, normals = meet(part, leg, hits)
+    directions, transmittance = refract(leg.directions, normals, index_ratio)
     flat = leg.origins + hits.distances[:, None] * leg.directions
-    points, barycentric = flat, hits.barycentric
+    heights = np.sum((points - flat) * normals, axis=1)
+    return Crossing(Leg(points, directions, skin(part, hits)), transmittance, heights)
+
+
+def meet(part: Part, leg: Leg, hits: Hits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Where rays, all of which hit a facet, meet the curved surface over it: points (mm) and unit normals."""
+    facets = part.mesh.triangles[hits.triangles]
+    points, barycentric = leg.origins + hits.distances[:, None] * leg.directions, hits.barycentric
     # A slanted ray meets the curved surface beside the point over its flat hit: the second round looks there.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
         points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
         barycentric = points_to_barycentric(facets, points)
-    directions, transmittance = refract(leg.directions, normals, index_ratio)
-    skin = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
-    heights = np.sum((points - flat) * normals, axis=1)
-    return Crossing(Leg(points, directions, skin), transmittance, heights)
+    return points, normals
+
+
+def skin(part: Part, hits: Hits) -> Float[np.ndarray, " n"]:
+    """Distance (mm) within which a ray that leaves a hit may meet the facets that it just left."""
+    return _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
 
 
 def _ahead(
@@ -142,14 +152,14 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
 def _entry_fates(part: Part, leg: Leg, hits: Hits) -> Int[np.ndarray, " n"]:
     """Fates of rays that hit something coming from the source; LANDED: goes on."""
     leaving = np.sum(leg.directions * part.mesh.face_normals[hits.triangles], axis=1) > 0.0
-    return np.select([leaving, _at_base(part, hits)], [Fate.STARTS_INSIDE, Fate.BASE], Fate.LANDED)
+    return np.select([leaving, at_base(part, hits)], [Fate.STARTS_INSIDE, Fate.BASE], Fate.LANDED)
 
 
 def _exit_fates(part: Part, entry: Hits, exits: Hits) -> Int[np.ndarray, " n"]:
     """Fates of rays cast inside of the material; LANDED: goes on."""
     same = part.faces[entry.triangles] == part.faces[exits.triangles]
     return np.select(
-        [~exits.found, _at_base(part, exits), same], [Fate.NO_HIT, Fate.BASE, Fate.BACK_INTO_CAVITY], Fate.LANDED
+        [~exits.found, at_base(part, exits), same], [Fate.NO_HIT, Fate.BASE, Fate.BACK_INTO_CAVITY], Fate.LANDED
     )
 
 
@@ -166,6 +176,6 @@ def land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance
     passage.landings[rows[lands]] = left.leg.origins[lands, :2] + height[lands, None] * slope
 
 
-def _at_base(part: Part, hits: Hits) -> Bool[np.ndarray, " n"]:
+def at_base(part: Part, hits: Hits) -> Bool[np.ndarray, " n"]:
     """Whether the triangle hit lies at or below z = 0, where no optical surface is."""
     return part.mesh.triangles_center[hits.triangles, 2] <= 0.0

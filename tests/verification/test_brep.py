@@ -70,13 +70,17 @@ def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
     assert judged.mesh.rms > 100.0 * judged.design.rms
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"scale": 1.01}, {"scale": 1 / 25.4}, {"outer": sphere(13.0, (-0.38, 0.3, 0.0))}, {"outer": sphere(13.02, OUTER.centre)}],
-    ids=["scaled", "in inches", "outer 20 um to +x", "outer 20 um thicker"],
-)  # fmt: skip
-def test_a_wrong_step_fails(tmp_path, change):
-    assert "brep_deviation_rms" in failed(verdict(step(tmp_path / "lens.step", **change)))
+WRONG = {
+    "scaled": {"scale": 1.01},
+    "in inches": {"scale": 1 / 25.4},
+    "outer 20 um to +x": {"outer": sphere(13.0, (-0.38, 0.3, 0.0))},
+    "outer 20 um thicker": {"outer": sphere(13.02, OUTER.centre)},
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_step_fails(tmp_path, name):
+    assert "brep_deviation_rms" in failed(verdict(step(tmp_path / "lens.step", **WRONG[name])))
 
 
 def test_rays_that_cannot_pass_say_why(lens_step):
@@ -115,7 +119,7 @@ def test_what_is_no_solid_is_input_error(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         StepBody(tmp_path / "none.step")
     (tmp_path / "bad.step").write_text("not a STEP file")
-    with pytest.raises(InputError, match="bad.step"):
+    with pytest.raises(InputError, match=r"not readable|0 solids"):
         StepBody(tmp_path / "bad.step")
     cq.exporters.export(
         cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0))), str(tmp_path / "two.step")
