@@ -22,6 +22,7 @@ from lensforge.tracing.fused import Scene, trace_tables
 # Weights against an NMSE of order 0.01 to 1; what each term buys is measured in docs/results.md.
 _STRAY = 0.3
 _TOTAL_REFLECTION = 0.1
+_EFFICIENCY = 0.2
 _UNIFORMITY = 10.0
 _IMAGE_BESIDE_UNIFORMITY = 0.2
 
@@ -46,6 +47,7 @@ class Objective:
     receiver: Receiver
     wanted: Float[Tensor, "p p"]
     mask: Bool[Tensor, "p p"] | None
+    window_mm: float
 
     @staticmethod
     def of(spec: Spec, source: Source, parametrisation: Parametrisation) -> "Objective":
@@ -55,10 +57,11 @@ class Objective:
         wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
         _require_symmetry(spec, source, wanted)
         scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid)
+        window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
         mask = None
         if spec.target.uniform_mm is not None:
             mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm))
-        return Objective(spec, parametrisation, scene, receiver, wanted * limit, mask)
+        return Objective(spec, parametrisation, scene, receiver, wanted * limit, mask, window_mm)
 
     def evaluate(
         self,
@@ -79,6 +82,8 @@ class Objective:
             loss = _IMAGE_BESIDE_UNIFORMITY * nmse + _UNIFORMITY * uniformity_loss(flux, self.mask)
         total = emitted.sum()
         pulls = _STRAY * stray_pull(arrivals.hits, emitted * arrivals.arrived, self.receiver.side_mm)
+        inside = torch.all(arrivals.hits.abs() <= 0.5 * self.window_mm, dim=1)
+        pulls = pulls - _EFFICIENCY * torch.sum(arrivals.flux * inside)
         pulls = pulls + _TOTAL_REFLECTION * total_reflection_pull(arrivals.sines, emitted)
         fields = constraints.fields(inner, outer)
         return Evaluated(

@@ -23,7 +23,7 @@ from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 
 _ROUND = 10  # steps between multiplier updates
-_CHECKPOINT_SECONDS = 5.0
+_CHECKPOINT_SECONDS = 2.0
 _SEED_STRIDE = 1_000_003  # a scramble of its own for every step, whatever step the run was resumed at
 
 

@@ -100,7 +100,7 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
             if abs(move) <= _TOLERANCE * r or abs(F) <= _ROUNDING * r:
                 return t, FOUND
             continue
-        if F <= _ROUNDING * r:  # at the root to rounding, or started on or beyond it
+        if _ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
             return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST
         nearest = r
         if outward < 0.0:

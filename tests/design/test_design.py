@@ -110,3 +110,14 @@ def test_a_symmetry_that_the_scene_has_not_is_refused(changes: dict, message: st
     spec = small_spec(**changes)
     with pytest.raises(InputError, match=message):
         design(spec, build_source(spec.source), accuracy="draft")
+
+
+def test_any_number_of_threads_gives_the_same_lens() -> None:
+    spec = small_spec(optimise__steps_per_level=[2, 2])
+    threads = torch.get_num_threads()
+    lenses = []
+    for count in (1, 2):
+        torch.set_num_threads(count)
+        lenses.append(design(spec, build_source(spec.source), accuracy="draft").lens)
+    torch.set_num_threads(threads)
+    assert np.allclose(lenses[0].outer.weights, lenses[1].outer.weights, rtol=1e-9, atol=1e-12)

@@ -49,7 +49,7 @@ def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.Complet
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
 
 
-def write_spec(folder: Path, steps: int = 10, **replace: str) -> Path:
+def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
     text = SPEC.replace("STEPS", str(steps))
     for old, new in replace.items():
         text = text.replace(old, new)
@@ -116,23 +116,25 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     assert (tmp_path / "again.json").read_text() == (designed / "lens.json").read_text()
 
 
-def test_a_killed_design_resumes_to_the_same_lens(tmp_path: Path) -> None:
-    spec = write_spec(tmp_path, steps=60)
-    command = [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft", "--out"]
-    process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
+def test_a_killed_design_resumes_to_the_same_lens(designed: Path, tmp_path: Path) -> None:
+    command = ["design", write_spec(tmp_path), "--accuracy", "draft", "--out", tmp_path / "cut"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lensforge", *map(str, command)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
     deadline = time.monotonic() + 60
-    while not (tmp_path / "cut").exists() and time.monotonic() < deadline:
+    while not (tmp_path / "cut" / "checkpoint.pt").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
-    if process.returncode == 130:
-        assert "--resume" in stderr
-        assert "Traceback" not in stderr
-    done = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "cut", "--resume")
-    whole = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "whole")
-    assert done.returncode == whole.returncode == 0, done.stderr + whole.stderr
-    assert (tmp_path / "cut/lens.json").read_bytes() == (tmp_path / "whole/lens.json").read_bytes()
+    assert process.returncode == 130
+    assert "--resume" in stderr
+    assert "Traceback" not in stderr
+    done = lensforge(*command, "--resume")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "cut/lens.json").read_bytes() == (designed / "lens.json").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -219,13 +221,3 @@ def test_help_is_quick_to_ask_for() -> None:
     help_text = CliRunner().invoke(cli, ["--help"]).stdout
     for command in ("design", "evaluate", "export", "check", "verify", "rays"):
         assert command in help_text
-
-
-def test_threads_do_not_change_the_lens(tmp_path: Path) -> None:
-    spec = write_spec(tmp_path, steps=2)
-    records = []
-    for threads in (1, 2):
-        out = tmp_path / str(threads)
-        assert lensforge("design", spec, "--accuracy", "draft", "--threads", threads, "--out", out).returncode in (0, 1)
-        records.append(json.loads((out / "lens.json").read_text())["outer"]["weights_mm"])
-    assert np.allclose(*records, rtol=1e-9, atol=1e-12)
