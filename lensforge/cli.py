@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from lensforge.errors import LensforgeError
+from lensforge.errors import InputError, LensforgeError
 from lensforge.gates import Gate, require
 from lensforge.version import __version__
 
@@ -108,6 +108,36 @@ def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, 
         result["gates"] += followed.pop("gates")
         result["stray_light"] = followed
     _finish(result, directory)
+
+
+class _Corner(click.ParamType):
+    """A pixel, written as column,row."""
+
+    name = "x,y"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, float]:
+        try:
+            column, row = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r}: write column,row in pixels, such as 120.5,88", param, ctx)
+        return column, row
+
+
+@cli.command()
+@_FOLDER
+@click.option("--on", type=click.Path(path_type=Path), help="Photograph of the target with the LED on.")
+@click.option("--off", type=click.Path(path_type=Path), help="The same with the LED off.")
+@click.option("--corners", type=_Corner(), nargs=4, help="Target corners in it: top left, and on clockwise.")
+@click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the square of --corners.")
+@click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Of the camera.")
+def compare(
+    directory: Path, on: Path | None, off: Path | None, corners: Any, target_mm: float | None, gamma: float
+) -> None:
+    """Compare the machined part with the design in DIR, by a photograph of its light."""
+    if on is None or not corners:
+        raise InputError("compare: give --on PHOTO and --corners, four pixels x,y")
+    shot = {"on": on, "off": off, "corners": corners, "target_mm": target_mm, "gamma": gamma}
+    _finish(_pipeline().run_compare_photo(directory, **shot), directory)
 
 
 @cli.command()

@@ -3,7 +3,7 @@
 A stage that fails a gate still writes its files; the gates are collected and judged at the end.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -173,6 +173,29 @@ def run_stray(directory: Path, *, rays: int | None = None, base: str = "polished
         receiver=receiver(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
         window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
         base=base,
+    )
+    return result
+
+
+def run_compare_photo(
+    directory: Path,
+    *,
+    on: Path,
+    off: Path | None,
+    corners: Sequence[tuple[float, float]],
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+) -> dict[str, Any]:
+    """Compare a photograph with the simulation; ``target_mm`` is the side of the square of ``corners``."""
+    lens, _ = _lens_and_preset(directory)
+    target = lens.spec.target
+    photo = import_module("lensforge.measurement.photo")
+    result: dict[str, Any] = photo.compare_photo(
+        photo.Shot(on, off, np.array(corners, dtype=np.float64), target_mm or target.receiver_mm, gamma),
+        directory,
+        simulated=_design_irradiance(directory),
+        receiver_mm=target.receiver_mm,
+        uniform_mm=target.uniform_mm,
     )
     return result
 

@@ -20,6 +20,7 @@ _CHECKED = [
     "lensforge.geometry",
     "lensforge.manufacturing",
     "lensforge.verification",
+    "lensforge.measurement",
 ]
 install_import_hook(_CHECKED, "beartype.beartype")
 

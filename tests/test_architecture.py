@@ -12,8 +12,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
     "version", "errors", "files", "gates", "surfaces", "spec", "accuracy", "lens", "optics", "sources", "tracing",
-    "receiver", "design", "evaluation", "geometry", "manufacturing", "verification", "report", "progress", "pipeline",
-    "cli", "__main__",
+    "receiver", "design", "evaluation", "geometry", "manufacturing", "verification", "measurement", "report",
+    "progress", "pipeline", "cli", "__main__",
 ]  # fmt: skip
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
@@ -85,7 +85,10 @@ def test_there_are_no_cycles() -> None:
         ("lensforge.geometry.export", ["torch", "numba", "cadquery", "trimesh"]),
         ("lensforge.manufacturing.check", ["torch", "numba", "cadquery"]),
         ("lensforge.verification.verify", ["torch", "numba", "cadquery", "embreex"]),
-        ("lensforge.pipeline", ["cadquery", "trimesh", "pyvista", "matplotlib", "lensforge.sources.rayfiles"]),
+        (
+            "lensforge.pipeline",
+            ["cadquery", "trimesh", "pyvista", "matplotlib", "skimage", "lensforge.sources.rayfiles"],
+        ),
     ],
 )
 def test_a_part_loads_only_what_it_needs(module: str, absent: list[str]) -> None:

@@ -1,0 +1,59 @@
+"""How alike two pictures of the same receiver are, whatever their exposure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import shift
+
+_SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
+_WINDOW = 11
+_SUBPIXEL = 50
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """``ssim``: structural similarity, 1 for equal pictures; ``nmse``: normalised mean squared error."""
+
+    ssim: float
+    nmse: float
+
+
+def normalised(image: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """``image`` with a mean of 1: what is left of it is its shape."""
+    return image / image.mean()
+
+
+def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Similarity:
+    """Compare two normalised pictures of at least 11 x 11 pixels.
+
+    SSIM as in Z. Wang et al., "Image quality assessment: from error visibility to structural similarity", IEEE Trans.
+    Image Process. 13 (2004): Gaussian window of 1.5 pixels, K = (0.01, 0.03), the dynamic range that of ``simulated``.
+    """
+    from skimage.metrics import structural_similarity
+
+    ssim = structural_similarity(
+        measured,
+        simulated,
+        data_range=float(simulated.max() - simulated.min()),
+        gaussian_weights=True,
+        sigma=_SIGMA,
+        use_sample_covariance=False,
+    )
+    return Similarity(float(ssim), float(np.sum((measured - simulated) ** 2) / np.sum(simulated**2)))
+
+
+def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "2"]:
+    """How far (pixels along x, y) the pattern of ``measured`` lies from that of ``simulated``, by cross-correlation."""
+    from skimage.registration import phase_cross_correlation
+
+    back = phase_cross_correlation(
+        simulated - simulated.mean(), measured - measured.mean(), upsample_factor=_SUBPIXEL, normalization=None
+    )[0]
+    return -np.asarray(back, dtype=np.float64)[::-1]
+
+
+def moved_back(image: Float[np.ndarray, "p p"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "p p"]:
+    """``image`` with a displacement (pixels along x, y) undone; the edge is repeated outwards."""
+    moved: Float[np.ndarray, "p p"] = shift(image, -by[::-1], order=3, mode="nearest")
+    return moved

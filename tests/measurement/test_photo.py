@@ -1,0 +1,162 @@
+"""Synthetic photographs: a known pattern seen by a known camera, with background, gamma and noise."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lensforge.errors import InputError
+from lensforge.measurement.photo import Shot, compare_photo, section
+from lensforge.measurement.rectify import rectify
+from lensforge.measurement.similarity import displacement, normalised, similarity
+from lensforge.receiver.plane import Receiver
+
+SIDE, PIXELS = 200.0, 64
+RECEIVER = Receiver(SIDE, PIXELS)
+# Top left, top right, bottom right, bottom left in the photograph of a tilted camera.
+CORNERS = np.array([[150.0, 90.0], [820.0, 140.0], [770.0, 700.0], [110.0, 610.0]])
+
+
+def pattern(x, y):
+    """Two soft bars and a spot: no symmetry, so that every exchange of axes shows."""
+    bar = np.exp(-(((x + 30.0) / 18.0) ** 4)) * np.exp(-((y / 70.0) ** 4))
+    return 0.2 + bar + 0.7 * np.exp(-((x - 20.0) ** 2 + (y - 35.0) ** 2) / 900.0)
+
+
+def simulated(shift=(0.0, 0.0)):
+    y, x = np.meshgrid(RECEIVER.axis_mm(), RECEIVER.axis_mm(), indexing="ij")
+    return pattern(x - shift[0], y - shift[1])
+
+
+def homography(corners):
+    """Rows of the direct linear transform from mm to pixels: written for the test alone."""
+    half = SIDE / 2
+    rows = []
+    for (x, y), (u, v) in zip([(-half, half), (half, half), (half, -half), (-half, -half)], corners, strict=True):
+        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
+    return np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
+
+
+def photographed(corners, shift=(0.0, 0.0), size=(950, 760)):
+    columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    x, y, w = np.linalg.inv(homography(corners)) @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    seen = pattern(x / w - shift[0], y / w - shift[1])
+    return seen.reshape(size[1], size[0])
+
+
+def background(shape):
+    rows, columns = np.indices(shape)
+    return 0.08 + 0.1 * columns / shape[1] + 0.05 * rows / shape[0]
+
+
+def write(path, light, gamma=1.0, noise=0.0, seed=0):
+    noisy = light + noise * np.random.default_rng(seed).normal(size=light.shape)
+    values = np.round(65535 * np.clip(noisy, 0.0, 1.0) ** (1 / gamma)).astype(np.uint16)
+    Image.fromarray(values).save(path)
+    return path
+
+
+def shot(folder, corners=CORNERS, shift=(0.0, 0.0), gamma=1.0, noise=0.0, dark=True, scale=0.4):
+    light = scale * photographed(corners, shift)
+    behind = background(light.shape)
+    on = write(folder / "on.png", light + behind, gamma, noise, 1)
+    off = write(folder / "off.png", behind, gamma, noise, 2) if dark else None
+    return Shot(on, off, corners, SIDE, gamma)
+
+
+def compare(taken, folder):
+    return compare_photo(taken, folder, simulated=simulated(), receiver_mm=SIDE, uniform_mm=50.0)
+
+
+def test_equal_pictures_are_wholly_similar():
+    same = similarity(normalised(simulated()), normalised(3.7 * simulated()))
+    assert same.ssim == pytest.approx(1.0, abs=1e-12)
+    assert same.nmse == pytest.approx(0.0, abs=1e-24)
+
+
+def test_a_homography_is_undone():
+    fine = Receiver(SIDE, 8 * PIXELS).axis_mm()
+    exact = pattern(*np.meshgrid(fine, fine)).reshape(PIXELS, 8, PIXELS, 8).mean(axis=(1, 3))
+    np.testing.assert_allclose(rectify(photographed(CORNERS), CORNERS, SIDE, RECEIVER), exact, atol=1e-3)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
+    content = compare(shot(tmp_path, gamma=gamma, noise=0.01), tmp_path)
+    assert content["ssim"] > 0.99
+    assert content["nmse"] < 1e-4
+    assert np.abs(content["displacement_mm"]).max() < 0.1
+    assert content["measured"]["uniformity"] == pytest.approx(content["simulated"]["uniformity"], rel=0.03)
+    assert content["gates"][0]["passed"]
+    assert json.loads((tmp_path / "compare.json").read_text()) == content
+    assert (tmp_path / "compare.png").stat().st_size > 10_000
+    with np.load(tmp_path / "compare.npz") as stored:
+        np.testing.assert_allclose(stored["measured"], stored["simulated"], atol=0.06)
+        np.testing.assert_allclose(stored["section_x_measured"], stored["section_x_simulated"], atol=0.05)
+        assert stored["measured"].mean() == pytest.approx(1.0)
+
+
+def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
+    right = shot(tmp_path, gamma=2.2)
+    wrong = Shot(right.on, right.off, right.corners, SIDE, gamma=1.0)
+    assert compare(wrong, tmp_path)["nmse"] > 100.0 * compare(right, tmp_path)["nmse"]
+    assert compare(shot(tmp_path, dark=False), tmp_path)["nmse"] > 0.01
+
+
+def test_a_shifted_pattern_is_found_shifted(tmp_path):
+    content = compare(shot(tmp_path, shift=(4.5, -2.0), noise=0.005), tmp_path)
+    np.testing.assert_allclose(content["displacement_mm"], [4.5, -2.0], atol=0.15)
+    assert content["aligned"]["ssim"] > content["ssim"] + 0.02
+    assert content["aligned"]["nmse"] < 0.1 * content["nmse"]
+
+
+def test_displacement_of_a_picture_to_itself_is_none():
+    np.testing.assert_array_equal(displacement(simulated(), simulated()), [0.0, 0.0])
+
+
+def test_a_camera_behind_the_panel_sees_the_target_mirrored(tmp_path):
+    mirrored = np.array([950.0, 0.0]) + [-1.0, 1.0] * CORNERS
+    assert compare(shot(tmp_path, corners=mirrored), tmp_path)["ssim"] > 0.99
+
+
+def test_corners_in_another_order_turn_the_picture(tmp_path):
+    turned = Shot(*[getattr(shot(tmp_path), name) for name in ("on", "off")], np.roll(CORNERS, 1, axis=0), SIDE)
+    assert compare(turned, tmp_path)["ssim"] < 0.8
+
+
+def test_clipped_light_fails(tmp_path):
+    content = compare(shot(tmp_path, scale=1.5), tmp_path)
+    assert content["clipped"] > 0.05
+    assert not content["gates"][0]["passed"]
+
+
+def test_colour_is_read_as_luminance(tmp_path):
+    light = 0.4 * photographed(CORNERS)
+    colour = np.stack([0.8 * light, light, 0.3 * light], axis=2)
+    Image.fromarray(np.round(255 * np.clip(colour, 0, 1)).astype(np.uint8)).save(tmp_path / "on.png")
+    assert compare(Shot(tmp_path / "on.png", None, CORNERS, SIDE), tmp_path)["ssim"] > 0.99
+
+
+def test_sections_run_through_the_centre():
+    image = np.arange(16.0).reshape(4, 4)
+    np.testing.assert_array_equal(section(image, "x"), [6.0, 7.0, 8.0, 9.0])
+    np.testing.assert_array_equal(section(image, "y"), [1.5, 5.5, 9.5, 13.5])
+    np.testing.assert_array_equal(section(np.arange(9.0).reshape(3, 3), "y"), [1.0, 4.0, 7.0])
+
+
+def test_what_cannot_be_used_is_input_error(tmp_path):
+    right = shot(tmp_path)
+    small = write(tmp_path / "small.png", np.ones((10, 10)))
+    (tmp_path / "bad.png").write_text("no picture")
+    cases = [
+        (Shot(tmp_path / "none.png", None, CORNERS, SIDE), "no such file"),
+        (Shot(tmp_path / "bad.png", None, CORNERS, SIDE), "not readable as an image"),
+        (Shot(right.on, small, CORNERS, SIDE), "same camera settings"),
+        (Shot(right.off, right.on, CORNERS, SIDE), "interchanged"),
+        (Shot(right.on, right.off, CORNERS[[0, 2, 1, 3]], SIDE), "convex"),
+        (Shot(right.on, right.off, CORNERS, SIDE / 3), "outside of"),
+    ]
+    for given, message in cases:
+        with pytest.raises(InputError, match=message):
+            compare(given, tmp_path)
