@@ -7,80 +7,17 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.section import Section
+from lensforge.source_spec import Source
 
 Symmetry = Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
 Accuracy = Literal["draft", "standard", "reference"]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class SquareSource(_Section):
-    """A square Lambertian emitter in the plane z = 0, centred on the axis, emitting towards +z."""
-
-    kind: Literal["square"]
-    side_mm: Annotated[float, Field(ge=0.0, le=1e4)]
-    flux_w: PositiveFloat = 1.0
-
-    @property
-    def title(self) -> str:
-        """What it is, in a few words."""
-        return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
-
-
-class Placement(_Section):
-    """How measured rays come to lie in lens coordinates, in the order of the fields.
-
-    ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
-    factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
-    to -x. ``rotate_z_deg``: turn about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
-    of the file.
-    """
-
-    origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file"
-    scale: PositiveFloat = 1.0
-    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
-    mirror: Literal["none", "x", "y"] = "none"
-    rotate_z_deg: float = 0.0
-    flux_w: PositiveFloat | None = None
-
-
-class RayfileSource(Placement):
-    """A vendor's ray file."""
-
-    kind: Literal["rayfile"]
-    file: Path
-
-    @property
-    def title(self) -> str:
-        """What it is, in a few words."""
-        return f"ray file {self.file.name}"
-
-
-class RayfilePart(_Section):
-    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts."""
-
-    file: Path
-    flux_w: PositiveFloat | None = None
-
-
-class RayfilesSource(Placement):
-    """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
-
-    kind: Literal["rayfiles"]
-    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1)]
-
-    @property
-    def title(self) -> str:
-        """What it is, in a few words."""
-        return f"ray files {', '.join(part.file.name for part in self.files)}"
-
-
-class LensSection(_Section):
+class LensSection(Section):
     """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
 
     ``absorption_per_mm`` (Beer-Lambert) counts in the stray-light pass of ``verify``; the design leaves it out.
@@ -104,7 +41,7 @@ class LensSection(_Section):
         return self
 
 
-class ConstraintsSection(_Section):
+class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14): a paraboloid of height r_a and radius r_b stays inside the cavity."""
 
     cavity_height_mm: PositiveFloat
@@ -113,7 +50,7 @@ class ConstraintsSection(_Section):
     max_radius_mm: PositiveFloat
 
 
-class _Target(_Section):
+class _Target(Section):
     distance_mm: PositiveFloat
     receiver_mm: PositiveFloat
     uniform_mm: PositiveFloat | None = None
@@ -160,7 +97,7 @@ class ImageTarget(_Target):
     edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
 
 
-class OptimiseSection(_Section):
+class OptimiseSection(Section):
     """How the design is searched for; what is left out comes from the accuracy preset."""
 
     steps_per_level: tuple[PositiveInt, ...] | None = None
@@ -170,7 +107,7 @@ class OptimiseSection(_Section):
     uniformity_steps: Annotated[int, Field(ge=0)] = 0
 
 
-class EvaluateSection(_Section):
+class EvaluateSection(Section):
     """How the finished lens is judged. ``window_mm``: side of the square in which flux counts as detected."""
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
@@ -179,7 +116,7 @@ class EvaluateSection(_Section):
     filter_variance: Annotated[float, Field(ge=0.0)] = 1.0
 
 
-class BaseSection(_Section):
+class BaseSection(Section):
     """The clamping base below z = 0: the paper's one-inch cylinder, or none."""
 
     kind: Literal["cylinder", "none"] = "cylinder"
@@ -187,17 +124,16 @@ class BaseSection(_Section):
     height_mm: PositiveFloat = 2.0
 
 
-class ManufactureSection(_Section):
+class ManufactureSection(Section):
     """What the shop has: the ball cutter of the paper by default."""
 
     cutter_radius_mm: PositiveFloat = 1.0
 
 
-Source = Annotated[SquareSource | RayfileSource | RayfilesSource, Field(discriminator="kind")]
 Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
 
 
-class Spec(_Section):
+class Spec(Section):
     """One design: what goes in, what is wanted, what is allowed."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]

@@ -11,7 +11,7 @@ from lensforge.report.drawing import to_svg
 from lensforge.report.numerals import number, percent
 from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results
-from lensforge.spec import SquareSource
+from lensforge.source_spec import SquareSource
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,21 @@
-"""From a spec's ``[source]`` to an emitter; a spec that names no ray file loads no ray-file code."""
+"""From a spec's ``[source]`` to an emitter; what one kind needs is loaded for that kind only."""
 
 from importlib import import_module
 
+from lensforge.source_spec import Source as SourceSpec
+from lensforge.source_spec import SquareSource
 from lensforge.sources.bundle import Source
 from lensforge.sources.square import SquareEmitter
-from lensforge.spec import Source as SourceSpec
-from lensforge.spec import SquareSource
 
 # The kinds that are loaded only where they are asked for, and what makes their emitter.
 _BUILDERS = {
     "rayfile": "lensforge.sources.rayfile_loading:load_rayfile",
     "rayfiles": "lensforge.sources.rayfile_loading:load_rayfiles",
+    "rectangle": "lensforge.sources.planar:planar_emitter",
+    "disc": "lensforge.sources.planar:planar_emitter",
+    "chips": "lensforge.sources.planar:planar_emitter",
+    "chip_array": "lensforge.sources.planar:planar_emitter",
+    "luminance": "lensforge.sources.planar:planar_emitter",
 }
 
 

@@ -9,13 +9,14 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
+from lensforge.source_spec import Placement, RayfileSource, RayfilesSource
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import placed
 from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
-from lensforge.spec import Placement, RayfileSource, RayfilesSource, load_spec
+from lensforge.spec import load_spec
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -1,0 +1,98 @@
+"""Where light starts in the plane z = 0: areas that turn points of the unit square into points of equal flux."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull
+
+from lensforge.surfaces.symmetry import NAMES, group
+
+_SAME_MM = 1e-9
+
+
+@runtime_checkable
+class Area(Protocol):
+    """An emitting area."""
+
+    @property
+    def symmetry(self) -> str:
+        """The largest mirror group that leaves the area and its flux as they are."""
+        ...
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Points of the unit square to start points (mm); equal areas become equal shares of the flux."""
+        ...
+
+    def corners(self) -> Float[np.ndarray, "k 2"]:
+        """A convex polygon (mm) around the area."""
+        ...
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A uniform disc about the axis."""
+
+    radius_mm: float
+    symmetry: str = "square"
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Radius by the square root of the first number, azimuth by the second."""
+        radius, azimuth = self.radius_mm * np.sqrt(points[:, 0]), 2.0 * np.pi * points[:, 1]
+        return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=1)
+
+    def corners(self) -> Float[np.ndarray, "k 2"]:
+        """A polygon of 64 corners around the disc."""
+        azimuth = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+        return self.radius_mm / np.cos(np.pi / 64) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Rectangles:
+    """Uniform rectangles: centres and sides (mm), and the share of the flux of each."""
+
+    centres: Float[np.ndarray, "k 2"]
+    sides: Float[np.ndarray, "k 2"]
+    shares: Float[np.ndarray, " k"]
+
+    @property
+    def symmetry(self) -> str:
+        """Found by comparing the rectangles with their mirror images."""
+        original = self._sorted(np.eye(3))
+        return largest_symmetry(lambda mirror: np.allclose(self._sorted(mirror), original, rtol=0.0, atol=_SAME_MM))
+
+    def _sorted(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "k 5"]:
+        matrix = mirror[:2, :2]
+        table = np.column_stack([self.centres @ matrix.T, self.sides @ np.abs(matrix).T, self.shares])
+        return table[np.lexsort(np.round(table / _SAME_MM).T)]
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """The first number chooses the rectangle; what is left of it, and the second, the place in it."""
+        index, rest = choose(np.cumsum(self.shares), points[:, 0])
+        inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
+        return self.centres[index] + inside * self.sides[index]
+
+    def corners(self) -> Float[np.ndarray, "k 2"]:
+        """The convex hull of all rectangles."""
+        signs = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+        points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
+        return points[ConvexHull(points).vertices]
+
+
+def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
+    """The largest mirror group all of whose mirrors leave something ``unchanged``."""
+    return next(name for name in reversed(NAMES) if all(unchanged(mirror) for mirror in group(name)))
+
+
+def choose(
+    cumulative: Float[np.ndarray, " k"], numbers: Float[np.ndarray, " n"]
+) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
+    """Which of ``k`` shares each of ``numbers`` in [0, 1) falls into, and how far into it, in [0, 1)."""
+    wanted = numbers * cumulative[-1]
+    index = np.minimum(np.searchsorted(cumulative, wanted, side="right"), len(cumulative) - 1)
+    before = np.where(index > 0, cumulative[index - 1], 0.0)
+    share = cumulative[index] - before
+    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return index, np.clip(rest, 0.0, 1.0)

@@ -1,0 +1,157 @@
+"""Which way light leaves: intensity profiles that turn points of the unit square into directions of equal flux.
+
+``gamma`` is the angle from the lens axis +z; ``C`` (rad or deg) the azimuth from +x towards +y.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.sources.areas import choose, largest_symmetry
+
+_FINE = np.deg2rad(0.25)  # cells of gamma in which the intensity is taken as constant for drawing; fluxes are exact
+
+
+@runtime_checkable
+class IntensityProfile(Protocol):
+    """An angular distribution."""
+
+    @property
+    def symmetry(self) -> str:
+        """The largest mirror group that leaves the distribution as it is."""
+        ...
+
+    def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        """Points of the unit square to unit directions; equal areas become equal shares of the flux."""
+        ...
+
+
+@dataclass(frozen=True)
+class CosinePower:
+    """Intensity in proportion to ``cos(gamma)^power``; 1 is Lambertian."""
+
+    power: float = 1.0
+    symmetry: str = "square"
+
+    def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        """``cos(gamma) = (1 - u)^(1/(power+1))``: with u in [0, 1) no ray skims the plane."""
+        return _directions((1.0 - points[:, 0]) ** (1.0 / (self.power + 1.0)), 2.0 * np.pi * points[:, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedIntensity:
+    """Intensity at ``gamma_deg`` in half-planes ``c_deg``, bilinear in between, none beyond the first and last gamma.
+
+    ``c_deg`` runs from 0 to 360, both included, or is the single number 0 for a distribution of revolution.
+    """
+
+    c_deg: Float[np.ndarray, " c"]
+    gamma_deg: Float[np.ndarray, " g"]
+    values: Float[np.ndarray, "c g"]
+
+    @cached_property
+    def plane_fluxes(self) -> Float[np.ndarray, " c"]:
+        """The integral of ``I sin(gamma) dgamma`` in each half-plane (W/rad or lm/rad)."""
+        return _cumulative(np.deg2rad(self.gamma_deg), self.values)[:, -1]
+
+    def flux(self) -> float:
+        """The integral over all directions, exact for the bilinear interpolation."""
+        if len(self.c_deg) == 1:
+            return float(2.0 * np.pi * self.plane_fluxes[0])
+        return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
+
+    def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
+        """The half-plane at ``c_deg``, whatever its sign or turn."""
+        if len(self.c_deg) == 1:
+            return self.values[0]
+        place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))
+        low = min(int(place), len(self.c_deg) - 2)
+        return self.values[low] + (place - low) * (self.values[low + 1] - self.values[low])
+
+    @property
+    def symmetry(self) -> str:
+        """Found by comparing half-planes with their mirror images, to 1e-6 of the largest intensity."""
+        tolerance = 1e-6 * float(self.values.max())
+
+        def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
+            azimuth = np.deg2rad(self.c_deg)
+            image = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1) @ mirror[:2, :2].T
+            angles = np.rad2deg(np.arctan2(image[:, 1], image[:, 0]))
+            return all(
+                np.allclose(self.at(float(angle)), plane, rtol=0.0, atol=tolerance)
+                for angle, plane in zip(angles, self.values, strict=True)
+            )
+
+        return largest_symmetry(unchanged)
+
+    def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        """Azimuth by the second number, gamma by the first given the azimuth: exact inverses of bilinear fluxes."""
+        gamma, cumulative = self._fine
+        if len(self.c_deg) == 1:
+            low, between, azimuth = np.zeros(len(points), dtype=int), np.zeros(len(points)), 2.0 * np.pi * points[:, 1]
+            cumulative = np.concatenate([cumulative, cumulative])
+        else:
+            low, between = self._plane(points[:, 1])
+            turn = np.deg2rad(self.c_deg)
+            azimuth = turn[low] + between * (turn[low + 1] - turn[low])
+        cell, rest = _invert(cumulative, low, between, points[:, 0])
+        cosine = np.cos(gamma)
+        return _directions(cosine[cell] + rest * (cosine[cell + 1] - cosine[cell]), azimuth)
+
+    @cached_property
+    def _fine(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "c f"]]:
+        """Gamma in fine steps, and the flux up to each in every half-plane."""
+        nodes = np.deg2rad(self.gamma_deg)
+        steps = np.maximum(np.ceil(np.diff(nodes) / _FINE), 1).astype(int)
+        place = np.concatenate([k + np.arange(n) / n for k, n in enumerate(steps)] + [[len(nodes) - 1.0]])
+        gamma = np.interp(place, np.arange(len(nodes)), nodes)
+        fine = np.stack([np.interp(gamma, nodes, plane) for plane in self.values])
+        return gamma, _cumulative(gamma, fine)
+
+    def _plane(self, numbers: Float[np.ndarray, " n"]) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
+        """The sector of each number and the place in it: the flux is linear in the azimuth, its integral quadratic."""
+        fluxes = self.plane_fluxes
+        sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
+        low, rest = choose(np.cumsum(sectors), numbers)
+        first, second = fluxes[low], fluxes[low + 1]
+        target = rest * (first + second)
+        denominator = first + np.sqrt(first**2 + (second - first) * target)
+        return low, np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0)
+
+
+def _cumulative(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
+    """Flux per radian of azimuth up to each gamma (rad), in closed form for an intensity linear in gamma."""
+    low, high = gamma[:-1], gamma[1:]
+    cos_low, cos_high = np.cos(low), np.cos(high)
+    slope = np.diff(values, axis=1) / (high - low)
+    # Integral of (a + b (gamma - low)) sin(gamma), with differences of sines and cosines kept apart.
+    cells = values[:, :-1] * cos_low - values[:, 1:] * cos_high + slope * (np.sin(high) - np.sin(low))
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(np.maximum(cells, 0.0), axis=1)], axis=1)
+
+
+def _invert(
+    cumulative: Float[np.ndarray, "c f"], low: np.ndarray, between: Float[np.ndarray, " n"], numbers: np.ndarray
+) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
+    """The cell of gamma, and the place in it, where the blend of two half-planes' fluxes reaches each number."""
+
+    def blend(index: np.ndarray) -> np.ndarray:
+        return (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]
+
+    first, last = np.zeros(len(low), dtype=int), np.full(len(low), cumulative.shape[1] - 1)
+    wanted = numbers * blend(last)
+    while (last - first).max() > 1:  # bisection, all rays at once
+        middle = (first + last) // 2
+        above = blend(middle) > wanted
+        first, last = np.where(above, first, middle), np.where(above, middle, last)
+    before = blend(first)
+    share = blend(first + 1) - before
+    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return first, np.clip(rest, 0.0, 1.0)
+
+
+def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)

@@ -1,0 +1,65 @@
+"""Near field from a picture: an area whose pixels emit in proportion to their values."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image, UnidentifiedImageError
+
+from lensforge.errors import InputError
+from lensforge.sources.areas import choose, largest_symmetry
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture centred on the axis, row 0 at its top (+y); each pixel uniform, ``values`` relative luminance."""
+
+    values: Float[np.ndarray, "h w"]
+    pitch_mm: float
+
+    @classmethod
+    def read(cls, path: Path, width_mm: float) -> "Picture":
+        """Read any image file, colours as their luminance. Raises :class:`InputError` if it cannot be used."""
+        try:
+            with Image.open(path) as image:
+                values = np.asarray(image.convert("F"), dtype=np.float64)
+        except FileNotFoundError:
+            raise InputError(f"source.file = {path}: no such file") from None
+        except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+            raise InputError(f"source.file = {path}: not a readable image ({error})") from None
+        if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() > 0.0):
+            raise InputError(f"source.file = {path}: pixels must be finite, none below 0, and not all dark")
+        return cls(values / values.sum(), width_mm / values.shape[1])
+
+    @property
+    def symmetry(self) -> str:
+        """Found by comparing the picture with its mirror images, bit by bit."""
+        return largest_symmetry(lambda mirror: np.array_equal(self._mirrored(mirror), self.values))
+
+    def _mirrored(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "a b"]:
+        upright = self.values[::-1].T  # first index x, second y
+        turned = upright.T if mirror[0, 0] == 0.0 else upright
+        signs = mirror[:2, :2].sum(axis=1)
+        return turned[:: int(signs[0]), :: int(signs[1])].T[::-1]
+
+    def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Row by the first number, column by the second given the row; uniform inside the pixel."""
+        height, width = self.values.shape
+        row, down = choose(np.cumsum(self.values.sum(axis=1)), points[:, 0])
+        cumulative = np.cumsum(self.values)  # flat: a row's own distribution is a stretch of it
+        first = np.where(row > 0, cumulative[row * width - 1], 0.0)
+        last = cumulative[row * width + width - 1]
+        flat, across = choose(cumulative, (first + points[:, 1] * (last - first)) / cumulative[-1])
+        column = np.clip(flat - row * width, 0, width - 1)
+        x = (column + across) - 0.5 * width
+        y = 0.5 * height - (row + down)
+        return self.pitch_mm * np.stack([x, y], axis=1)
+
+    def corners(self) -> Float[np.ndarray, "4 2"]:
+        """The rectangle of the pixels that emit."""
+        height, width = self.values.shape
+        rows, columns = np.nonzero(self.values)
+        left, right = columns.min() - 0.5 * width, columns.max() + 1 - 0.5 * width
+        top, bottom = 0.5 * height - rows.min(), 0.5 * height - rows.max() - 1
+        return self.pitch_mm * np.array([[left, bottom], [right, bottom], [right, top], [left, top]])

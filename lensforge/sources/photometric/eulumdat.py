@@ -1,0 +1,134 @@
+"""EULUMDAT (`.ldt`): one value on each line, by position; intensities in cd per 1000 lm of the lamps.
+
+Half-planes left out by the symmetry code: 1 revolution (one half-plane), 2 plane C 0 - C 180, 3 plane C 90 - C 270
+(stored from C 270 through C 0 to C 90), 4 both. Decimal commas and a byte-order mark occur.
+"""
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.sources.photometric.record import HUGE, MOST_NUMBERS, PhotometricFile, PhotometricFormat, tabulated
+
+_HEADER_LINES = 26
+_LINES_PER_SET = 6
+_RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
+_SYMMETRY, _PLANES, _GAMMAS, _NAME, _LORL, _FACTOR, _SETS = 2, 3, 5, 8, 22, 23, 25
+
+
+def matches(text: str) -> bool:
+    """Whether the first lines hold the numbers that EULUMDAT has there."""
+    lines = text.splitlines()
+    try:
+        return len(lines) > _HEADER_LINES and all(_number(lines[i], "") >= 0.0 for i in (1, 2, 3, 4, 5, 6))
+    except InputError:
+        return False
+
+
+def decode(text: str, name: str) -> PhotometricFile:
+    """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
+    lines = text.splitlines()
+    if len(lines) < _HEADER_LINES + _LINES_PER_SET:
+        raise InputError(
+            f"{name}: truncated: {len(lines)} lines, the header alone has {_HEADER_LINES + _LINES_PER_SET}"
+        )
+    symmetry, planes, gammas = (_count(lines[i], name) for i in (_SYMMETRY, _PLANES, _GAMMAS))
+    sets = max(_count(lines[_SETS], name), 1)
+    body = _HEADER_LINES + _LINES_PER_SET * sets
+    stored = _stored_planes(symmetry, planes, name)
+    needed = _RATIOS + planes + gammas + len(stored) * gammas
+    numbers = np.array([_number(word, name) for line in lines[body:] for word in line.split()][:needed])
+    if needed > MOST_NUMBERS or len(numbers) < needed:
+        raise InputError(f"{name}: truncated: {len(numbers)} numbers below line {body}, its header promises {needed}")
+    lumens = _lamp_lumens(lines, name)
+    c_deg, gamma_deg = np.split(numbers[_RATIOS : _RATIOS + planes + gammas], [planes])
+    factor = (_number(lines[_FACTOR], name) or 1.0) * lumens / 1000.0
+    candela = factor * numbers[_RATIOS + planes + gammas :].reshape(len(stored), gammas)
+    c_deg = c_deg[stored]
+    if symmetry == 3:  # in the order of the angles, C 90 to C 270
+        c_deg, candela = c_deg[::-1], candela[::-1]
+    return PhotometricFile(
+        intensity=tabulated(c_deg, gamma_deg, candela, name),
+        lamp_lumens=lumens,
+        stated_lumens=lumens * _number(lines[_LORL], name) / 100.0,
+        title=lines[_NAME].strip(),
+        format="eulumdat",
+    )
+
+
+def encode(photometric: PhotometricFile) -> str:
+    """EULUMDAT of a point source without symmetry, or of revolution. ``lamp_lumens`` must be known."""
+    table, lumens = photometric.intensity, photometric.lamp_lumens
+    if lumens is None:
+        raise InputError("EULUMDAT holds intensities per 1000 lm: give the lumens of the lamp")
+    revolution = len(table.c_deg) == 1
+    planes = table.c_deg if revolution else table.c_deg[:-1]
+    values = table.values[: len(planes)] * (1000.0 / lumens)
+    down = _share_below_horizon(photometric)
+    size = f"{photometric.diameter_mm:.6g}"
+    lines = [
+        "lensforge", "1", "1" if revolution else "0", str(len(planes)), _step(planes), str(len(table.gamma_deg)),
+        _step(table.gamma_deg), "computed by tracing rays", photometric.title[:78], "", "", "",
+        size, "0", "0", size, "0", "0", "0", "0", "0",
+        f"{100.0 * down:.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
+        "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
+    ]  # fmt: skip
+    numbers = [np.zeros(_RATIOS), planes, table.gamma_deg, values.ravel()]
+    lines += [f"{number:.7g}" for number in np.concatenate(numbers)]
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
+    """Which of the C angles have their intensities in the file, in its order."""
+    if symmetry == 0:
+        return np.arange(planes)
+    if symmetry == 1:
+        return np.zeros(1, dtype=int)
+    if symmetry == 2:
+        return np.arange(planes // 2 + 1) % planes
+    if symmetry == 3:
+        return (3 * planes // 4 - np.arange(planes // 2 + 1)) % planes
+    if symmetry == 4:
+        return np.arange(planes // 4 + 1) % planes
+    raise InputError(f"{name}: symmetry {symmetry}: 0 to 4; export it again")
+
+
+def _lamp_lumens(lines: list[str], name: str) -> float:
+    """Of the first set of lamps: further sets are other lamps for the same luminaire. 1000 where none is stated."""
+    lumens = _number(lines[_HEADER_LINES + 2], name)
+    return lumens if lumens > 0.0 else 1000.0
+
+
+def _share_below_horizon(photometric: PhotometricFile) -> float:
+    table = photometric.intensity
+    if table.gamma_deg[-1] <= 90.0:
+        return 1.0
+    below = table.gamma_deg <= 90.0
+    part = type(table)(table.c_deg, table.gamma_deg[below], table.values[:, below])
+    return part.flux() / table.flux()
+
+
+def _step(angles: np.ndarray) -> str:
+    """The constant step of the angles, 0 where it is not constant."""
+    steps = np.diff(angles)
+    return f"{steps[0]:.6g}" if len(steps) and np.allclose(steps, steps[0]) else "0"
+
+
+def _number(word: str, name: str) -> float:
+    word = word.strip().replace(",", ".")
+    try:
+        number = float(word or 0.0)
+    except ValueError:
+        raise InputError(f"{name}: {word[:20]!r} where EULUMDAT has a number; export it again") from None
+    if not abs(number) < HUGE:
+        raise InputError(f"{name}: a number that is not finite and below {HUGE:g}; export it again")
+    return number
+
+
+def _count(line: str, name: str) -> int:
+    number = _number(line, name)
+    if not (0.0 <= number <= MOST_NUMBERS and number.is_integer()):
+        raise InputError(f"{name}: a count of {number:g} in its header; export it again")
+    return int(number)
+
+
+FORMAT = PhotometricFormat(".ldt", matches, decode, encode)

@@ -1,0 +1,93 @@
+"""Emitters without a ray file: an area in the plane z = 0 times an intensity profile."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.source_spec import (
+    ChipArraySource,
+    ChipsSource,
+    CosineIntensity,
+    DiscSource,
+    Intensity,
+    LuminanceSource,
+    RectangleSource,
+    TableIntensity,
+)
+from lensforge.sources.areas import Area, Disc, Rectangles
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
+from lensforge.sources.luminance import Picture
+from lensforge.sources.photometric import read_photometric
+from lensforge.sources.qmc import sobol
+from lensforge.surfaces.symmetry import NAMES, contains
+
+PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource
+
+
+@dataclass(frozen=True)
+class PlanarEmitter:
+    """Every point of ``area`` shines as ``profile`` says; total flux ``flux_w``, rays of equal weight."""
+
+    area: Area
+    profile: IntensityProfile
+    flux_w: float = 1.0
+    population: int | None = None
+
+    @property
+    def symmetry(self) -> str:
+        """What area and profile have in common."""
+        shared = (self.area.symmetry, self.profile.symmetry)
+        return next(name for name in reversed(NAMES) if all(contains(larger, name) for larger in shared))
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """``count`` rays of equal weight by quasi-Monte-Carlo points in four dimensions."""
+        points = sobol(count, 4, seed)
+        origins = np.zeros((count, 3))
+        origins[:, :2] = self.area.place(points[:, :2])
+        return RayBundle(origins, self.profile.aim(points[:, 2:]), np.full(count, self.flux_w / count))
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """The polygon around the area."""
+        corners = self.area.corners()
+        return np.column_stack([corners, np.zeros(len(corners))])
+
+
+def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
+    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    profile = _profile(spec.intensity)
+    match spec:
+        case RectangleSource():
+            area: Area = _grid(1, 1, (spec.width_mm, spec.height_mm), (1.0, 1.0))
+        case ChipArraySource():
+            area = _grid(spec.columns, spec.rows, (spec.width_mm, spec.height_mm), spec.pitch_mm)
+        case DiscSource():
+            area = Disc(0.5 * spec.diameter_mm)
+        case LuminanceSource():
+            area = Picture.read(spec.file, spec.width_mm)
+        case ChipsSource():
+            return _chips(spec, profile)
+    return PlanarEmitter(area, profile, spec.flux_w)
+
+
+def _chips(spec: ChipsSource, profile: IntensityProfile) -> PlanarEmitter:
+    flux = np.array([chip.flux_w for chip in spec.chips])
+    centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
+    sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
+    return PlanarEmitter(Rectangles(centres, sides, flux / flux.sum()), profile, spec.flux_w or float(flux.sum()))
+
+
+def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> Rectangles:
+    x = (np.arange(columns) - 0.5 * (columns - 1)) * pitch_mm[0]
+    y = (np.arange(rows) - 0.5 * (rows - 1)) * pitch_mm[1]
+    centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return Rectangles(centres, np.tile(side_mm, (len(centres), 1)), np.full(len(centres), 1.0 / len(centres)))
+
+
+def _profile(spec: Intensity) -> IntensityProfile:
+    if isinstance(spec, CosineIntensity):
+        return CosinePower(spec.power)
+    if isinstance(spec, TableIntensity):
+        return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity]))
+    return read_photometric(spec.file).intensity

@@ -1,0 +1,125 @@
+"""IES and EULUMDAT: real files against what they say of themselves, our own files read back, damaged ones refused."""
+
+import numpy as np
+import pytest
+from rayfile_samples import SHARED
+
+from lensforge.errors import InputError
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
+from lensforge.sources.photometric.eulumdat import encode as encode_ldt
+
+FILES = SHARED / "photometry"
+real = pytest.mark.skipif(not FILES.is_dir(), reason="../shared/rayfiles is not here")
+
+
+def _file(c=8, revolution=False, lumens=800.0):
+    random = np.random.default_rng(4)
+    gamma = np.linspace(0.0, 90.0, 19)
+    values = random.uniform(1.0, 300.0, (1 if revolution else c, len(gamma)))
+    angles = np.zeros(1) if revolution else np.linspace(0.0, 360.0, c + 1)
+    values = values if revolution else np.concatenate([values, values[:1]])
+    return PhotometricFile(
+        TabulatedIntensity(angles, gamma, values), lumens, title="a lens", diameter_mm=28.0, watts=2.0
+    )
+
+
+@real
+@pytest.mark.parametrize(("name", "error"), [("sample1", 2e-4), ("sample9", 1e-4), ("road_luminaire", 4e-3)])
+def test_eulumdat_integrals_are_the_stated_light_output(name, error):
+    """Three real files with symmetry 4, 4 and 3; the last has steps of 5 degrees near a narrow peak."""
+    photometric = read_photometric(FILES / f"{name}.ldt")
+    assert photometric.intensity.flux() == pytest.approx(photometric.stated_lumens, rel=error)
+    assert photometric.intensity.symmetry == ("mirror_x" if name == "road_luminaire" else "rectangle")
+
+
+@real
+def test_real_ies_files():
+    absolute = read_photometric(FILES / "ABSOLUTE_LED.ies")
+    assert (absolute.lamp_lumens, absolute.watts, absolute.intensity.symmetry) == (None, 25.0, "square")
+    np.testing.assert_array_equal(absolute.intensity.values[5, :3], [3500.0, 3450.0, 3300.0])
+    half = read_photometric(FILES / "LLIA001477-002.ies").intensity
+    assert half.symmetry == "mirror_y"
+    assert (len(half.c_deg), half.values[0, 0], half.values[16, 0]) == (17, 27.55, 27.55)
+
+
+@pytest.mark.parametrize("suffix", [".ies", ".ldt"])
+@pytest.mark.parametrize("revolution", [False, True])
+def test_what_is_written_is_read(suffix, revolution, tmp_path):
+    original = _file(revolution=revolution)
+    write_photometric(tmp_path / f"lens{suffix}", original)
+    back = read_photometric(tmp_path / f"lens{suffix}")
+    np.testing.assert_allclose(back.intensity.values, original.intensity.values, rtol=1e-6)
+    np.testing.assert_array_equal(back.intensity.c_deg, original.intensity.c_deg)
+    np.testing.assert_array_equal(back.intensity.gamma_deg, original.intensity.gamma_deg)
+    assert (back.lamp_lumens, back.title) == (800.0, "a lens")
+    assert back.intensity.flux() == pytest.approx(original.intensity.flux(), rel=1e-6)
+    if suffix == ".ldt":
+        assert back.stated_lumens == pytest.approx(original.intensity.flux(), rel=1e-5)
+    else:
+        assert (back.diameter_mm, back.watts) == (28.0, 2.0)
+
+
+def _ies(symmetric_to=90, tilt="NONE", kind=1, lumens=-1, multiplier=2, separator=" "):
+    planes = [str(angle) for angle in range(0, symmetric_to + 1, 45)]
+    body = [f"1 {lumens} {multiplier} 3 {len(planes)} {kind} 2 0 0 0", "1 1 10", "0 45 90", " ".join(planes)]
+    body += [f"{10 * (i + 1)} {i + 1} 0" for i in range(len(planes))]
+    return f"IESNA91\n[TEST] none\nTILT={tilt}\n" + "\n".join(body).replace(" ", separator)
+
+
+@pytest.mark.parametrize("symmetric_to", [0, 90, 180, 360])
+def test_ies_half_planes_are_mirrored_to_a_whole_turn(symmetric_to):
+    table = ies.decode(_ies(symmetric_to), "here").intensity
+    at = {c: float(table.at(float(c))[1]) for c in (0, 45, 90, 135, 225, 270, 315)}
+    expected = {
+        0: [2, 2, 2, 2, 2, 2, 2], 90: [2, 4, 6, 4, 4, 6, 4],
+        180: [2, 4, 6, 8, 8, 6, 4], 360: [2, 4, 6, 8, 12, 14, 16],
+    }[symmetric_to]  # fmt: skip
+    assert list(at.values()) == expected
+
+
+def test_ies_variants_and_refusals():
+    plain = ies.decode(_ies(), "here").intensity.values
+    for text in (
+        _ies(separator=","),
+        _ies(separator="\r\n"),
+        _ies(tilt="INCLUDE").replace("INCLUDE\n", "INCLUDE\n1 2 0 90 1 0.5\n"),
+    ):
+        np.testing.assert_array_equal(ies.decode(text, "here").intensity.values, plain)
+    assert ies.decode(_ies(lumens=500), "here").lamp_lumens == 500.0
+    for text, message in (
+        (_ies(kind=2), "type B"),
+        (_ies()[:-6], "truncated"),
+        (_ies().replace(" 3 3 1 2", " 1e9 3 1 2"), "count"),
+        (_ies().replace("0 45 90", "0 90 45"), "angles must rise"),
+        (_ies().replace("10 1 0", "10 x 0"), "numbers"),
+        (_ies().replace("10 1 0", "10 -1 0"), "must lie within 0"),
+        (_ies().replace("10 1 0", "10 nan 0"), "finite"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ies.decode(text, "here")
+
+
+def test_damaged_files_end_in_light_or_in_one_line(tmp_path):
+    random = np.random.default_rng(3)
+    seeds = [ies.encode(_file()).encode(), encode_ldt(_file()).encode()]
+    seeds += [path.read_bytes() for path in sorted(FILES.glob("*"))]
+    read, lines = 0, []
+    for case in range(400):
+        content = bytearray(seeds[case % len(seeds)])
+        for _ in range(random.integers(1, 4)):
+            reach = len(content) if random.random() < 0.5 else min(600, len(content))
+            at = int(random.integers(0, max(reach, 1)))
+            piece = [b"9", b"-", b"nan", b"\n", b"", b"1e300", b"x", b"\xff", b" "][random.integers(9)]
+            content[at : at + int(random.integers(0, 6))] = piece
+            if random.random() < 0.1:
+                del content[at:]
+        (tmp_path / "file").write_bytes(content)
+        try:
+            photometric = read_photometric(tmp_path / "file")
+            assert photometric.intensity.aim(np.full((2, 2), 0.3)).shape == (2, 3)
+            read += 1
+        except InputError as error:
+            lines.append(str(error))
+    assert 40 < read < 360
+    assert all(line.isprintable() and len(line) < 400 for line in lines)

@@ -1,0 +1,161 @@
+"""Every emitter that the package has, and every kind that a spec can name, keeps the promises of ``Source``."""
+
+import inspect
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
+from typing import get_args
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.spatial import ConvexHull
+
+from lensforge import sources
+from lensforge.source_spec import Source as SourceSpec
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import Source
+from lensforge.spec import parse_spec
+from lensforge.surfaces.symmetry import group
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LED = str(EXAMPLES / "led.tm25ray")
+COSINE = {"kind": "cosine", "power": 3.0}
+TABLE = {"kind": "table", "gamma_deg": [0.0, 20.0, 60.0, 80.0], "intensity": [1.0, 2.0, 0.5, 0.0]}
+CHIP = {"x_mm": 0.6, "y_mm": -0.3, "width_mm": 0.5, "height_mm": 0.25}
+# kind of the spec -> forms of it; a kind without a case fails the suite
+CASES = {
+    "square": [{"side_mm": 1.5, "flux_w": 2.0}, {"side_mm": 0.0}],
+    "rayfile": [{"file": LED, "flux_w": 2.0}, {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0}],
+    "rayfiles": [{"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0}],
+    "rectangle": [{"width_mm": 2.0, "height_mm": 1.0}, {"width_mm": 1.0, "height_mm": 1.0, "intensity": TABLE}],
+    "disc": [{"diameter_mm": 2.0, "flux_w": 0.5, "intensity": COSINE}],
+    "chips": [{"chips": [CHIP, {**CHIP, "x_mm": -0.6, "flux_w": 2.0}]}, {"chips": [CHIP], "flux_w": 0.25}],
+    "chip_array": [
+        {"columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.25, "pitch_mm": [0.75, 0.5]},
+        {"columns": 2, "rows": 2, "width_mm": 0.5, "height_mm": 0.5, "pitch_mm": [0.75, 0.75]},
+    ],
+    "luminance": [{"file": "led.png", "width_mm": 2.0}],
+}
+NAMED = [(kind, index) for kind, forms in CASES.items() for index in range(len(forms))]
+
+
+@pytest.fixture
+def source(request, tmp_path):
+    kind, index = request.param
+    fields = {"kind": kind, **CASES[kind][index]}
+    if kind == "luminance":
+        fields["file"] = str(tmp_path / fields["file"])
+        Image.fromarray(np.array([[0, 1, 4, 1], [2, 9, 9, 2], [0, 3, 3, 0]], dtype=np.uint8)).save(fields["file"])
+    return build_source(_spec(fields))
+
+
+def _spec(source):
+    content = {
+        "name": "case",
+        "source": source,
+        "lens": {"inner_offset_mm": 6.0, "outer_offset_mm": 13.0},
+        "constraints": {"cavity_height_mm": 1.0, "cavity_radius_mm": 1.6, "min_thickness_mm": 1.0, "max_radius_mm": 14},
+        "target": {"kind": "flat_top", "half_width_mm": 50.0, "distance_mm": 100.0, "receiver_mm": 200.0},
+    }
+    return parse_spec(content, "case").source
+
+
+every = pytest.mark.parametrize("source", NAMED, indirect=True, ids=[f"{kind}-{index}" for kind, index in NAMED])
+
+
+def _emitter_classes():
+    """All classes of the package that can be sampled, found by walking it."""
+    for module in walk_packages(sources.__path__, f"{sources.__name__}."):
+        for _, member in inspect.getmembers(import_module(module.name), inspect.isclass):
+            own = member.__module__ == module.name
+            if own and member is not Source and hasattr(member, "sample") and hasattr(member, "outline"):
+                yield member
+
+
+def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
+    kinds = {get_args(form.model_fields["kind"].annotation)[0] for form in get_args(get_args(SourceSpec)[0])}
+    assert kinds == set(CASES)
+    built = {
+        type(build_source(_spec({"kind": k, **f}))) for k, forms in CASES.items() if k != "luminance" for f in forms
+    }
+    found = set(_emitter_classes())
+    assert len(found) >= 3
+    assert found == built
+
+
+@every
+def test_it_is_a_source_of_the_stated_flux_with_unit_directions(source):
+    assert isinstance(source, Source)
+    for count in (1, 100, 1024):
+        rays = source.sample(count, seed=3)
+        assert len(rays) == count
+        assert rays.origins.shape == rays.directions.shape == (count, 3)
+        assert rays.weights.sum() == pytest.approx(source.flux_w, rel=1e-12)
+        assert (rays.weights > 0.0).all()
+        np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=1), 1.0, rtol=0.0, atol=1e-12)
+        assert np.isfinite(rays.origins).all()
+
+
+@every
+def test_the_seed_decides(source):
+    first, again, other = source.sample(777, seed=5), source.sample(777, seed=5), source.sample(777, seed=6)
+    for name in ("origins", "directions", "weights"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+    assert not np.array_equal(first.directions, other.directions)
+
+
+def _moments(rays, matrix):
+    """Flux-weighted means of smooth functions without any symmetry, of the rays mapped by ``matrix``."""
+    x, y, _ = (rays.origins @ matrix.T).T
+    kx, ky, kz = (rays.directions @ matrix.T).T
+    values = [x, y, kx, ky, x * y, kx * ky, x * ky, x * x, y * y, kx * kx, ky * ky, np.exp(0.3 * x + 0.7 * ky), kz]
+    return np.array([value @ rays.weights for value in values]) / rays.weights.sum()
+
+
+@every
+def test_its_mirror_images_look_the_same(source):
+    rays = source.sample(min(source.population or 2**15, 2**15), seed=1)
+    for mirror in group(source.symmetry):
+        np.testing.assert_allclose(_moments(rays, mirror), _moments(rays, np.eye(3)), rtol=0.0, atol=2e-3)
+
+
+@every
+def test_no_larger_mirror_group_would_be_true(source):
+    """A source that is called less symmetric than it is would cost speed, one called more would be a lie."""
+    rays = source.sample(min(source.population or 2**15, 2**15), seed=1)
+    truth = [
+        all(np.allclose(_moments(rays, m), _moments(rays, np.eye(3)), rtol=0.0, atol=2e-3) for m in group(name))
+        for name in ("mirror_x", "mirror_y", "square")
+    ]
+    if source.population is None:
+        named = {"none": [0, 0, 0], "mirror_x": [1, 0, 0], "mirror_y": [0, 1, 0], "rectangle": [1, 1, 0]}
+        assert truth == [bool(value) for value in named.get(source.symmetry, [1, 1, 1])]
+
+
+@every
+def test_the_outline_is_a_polygon_around_where_rays_start(source):
+    outline = source.outline()
+    assert outline.shape[1] == 3
+    assert (outline[:, 2] == 0.0).all()
+    if source.population is None and np.ptp(outline) > 0.0:
+        equations = ConvexHull(outline[:, :2]).equations
+        starts = source.sample(2000, seed=2).origins[:, :2]
+        assert (starts @ equations[:, :2].T + equations[:, 2] < 1e-9).all()
+
+
+@every
+def test_sampling_converges_faster_than_random_points(source):
+    """Scrambled Sobol points in four dimensions: the error falls almost as 1/n; random points have n^-1/2."""
+    if source.population is not None:
+        everything = source.sample(source.population, 0)
+        np.testing.assert_array_equal(everything.origins, source.sample(source.population, 1).origins)
+        return
+    truth = _moments(source.sample(2**18, seed=99), np.eye(3))
+    counts = [2**8, 2**12]
+    errors = [
+        np.sqrt(np.mean([(_moments(source.sample(count, seed), np.eye(3)) - truth) ** 2 for seed in range(24)]))
+        for count in counts
+    ]
+    order = np.log(errors[0] / errors[1]) / np.log(counts[1] / counts[0])
+    assert order > 0.7
