@@ -9,7 +9,13 @@ from pydantic import Field, PositiveFloat, model_validator
 from lensforge.section import Section
 
 
-class SquareSource(Section):
+class _Emitter(Section):
+    """``luminous_efficacy_lm_per_w`` of the source's light: with it, reports speak in lux, without it in W/m^2."""
+
+    luminous_efficacy_lm_per_w: Annotated[float, Field(gt=0.0, le=683.0)] | None = None
+
+
+class SquareSource(_Emitter):
     """A square Lambertian emitter in the plane z = 0, centred on the axis, emitting towards +z."""
 
     kind: Literal["square"]
@@ -22,7 +28,7 @@ class SquareSource(Section):
         return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
 
 
-class Placement(Section):
+class Placement(_Emitter):
     """How measured rays come to lie in lens coordinates, in the order of the fields.
 
     ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
@@ -104,7 +110,7 @@ class PhotometricIntensity(Section):
 Intensity = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
 
 
-class _PlanarSource(Section):
+class _PlanarSource(_Emitter):
     """An emitting area in the plane z = 0, the same intensity profile at each of its points."""
 
     intensity: Intensity = CosineIntensity()

@@ -64,6 +64,11 @@ class AugmentedLagrangian:
         g = constraint_fields(self._at_nodes(inner), self._at_nodes(outer), self._cosine, self.limits)
         return torch.stack(g) / self.limits.max_radius_mm
 
+    def least_mm(self, fields: Float[Tensor, "3 k"]) -> dict[str, float]:
+        """The minimum of each constraint over the nodes; the history of a search keeps it."""
+        least = self.limits.max_radius_mm * fields.detach().amin(dim=1)
+        return dict(zip(NAMES, least.tolist(), strict=True))
+
     def term(self, fields: Float[Tensor, "3 k"]) -> Float[Tensor, ""]:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
         push = torch.clamp(self.multipliers - self.stringency * fields, min=0.0)

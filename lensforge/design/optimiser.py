@@ -172,17 +172,22 @@ class _Search:
                 multipliers=self.constraints.multipliers,
                 step=step + 1,
                 optimiser=deepcopy(optimiser.state_dict()),
-                history=_grown(self.state.history, stage, step, result),
+                history=_grown(self.state.history, stage, step, self._values(result)),
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
             total = sum(each.steps for each in self.stages)
             self.observer(Progress(stage.level, step + 1, earlier + step + 1, total, result.nmse, result.efficiency))
             yield
 
+    def _values(self, result: Evaluated) -> dict[str, float]:
+        """What the history keeps of a step."""
+        least = self.constraints.least_mm(result.fields)
+        return {"nmse": result.nmse, "efficiency": result.efficiency, **least}
 
-def _grown(history: list[dict[str, Any]], stage: Stage, step: int, result: Evaluated) -> list[dict[str, Any]]:
+
+def _grown(history: list[dict[str, Any]], stage: Stage, step: int, values: dict[str, float]) -> list[dict[str, Any]]:
+    """``history`` with one step more, in lists of its own: the state before it must not change."""
     if step == 0:
-        history = [*history, {"level": stage.level, "functions": stage.functions, "nmse": [], "efficiency": []}]
+        history = [*history, {"level": stage.level, "functions": stage.functions, **{name: [] for name in values}}]
     last = history[-1]
-    grown = {"nmse": [*last["nmse"], result.nmse], "efficiency": [*last["efficiency"], result.efficiency]}
-    return [*history[:-1], last | grown]
+    return [*history[:-1], last | {name: [*last[name], value] for name, value in values.items()}]

@@ -27,6 +27,16 @@ def test_a_violated_constraint_fails_its_gate_by_name() -> None:
     assert "fails by 0.499 mm" in str(failed[0])
 
 
+def test_what_the_history_keeps_is_the_least_over_the_nodes_in_mm() -> None:
+    spec, grid = small_spec(), TableGrid(64)
+    constraints = AugmentedLagrangian(spec.constraints, grid)
+    inner, outer = random_surface(1, 3.0), random_surface(2, 6.0)
+    kept = constraints.least_mm(constraints.fields(table_of(inner, grid), table_of(outer, grid)))
+    exact = measure_constraints(Lens(inner, outer, spec, 0, "draft"))
+    assert list(kept) == list(exact)
+    assert list(kept.values()) == pytest.approx(list(exact.values()), abs=0.02)
+
+
 def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> None:
     grid = TableGrid(32)
     constraints = AugmentedLagrangian(small_spec().constraints, grid)

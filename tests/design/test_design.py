@@ -7,7 +7,7 @@ from scenes import small_spec
 
 from lensforge.accuracy import PRESETS
 from lensforge.design.checkpoint import FILE_NAME
-from lensforge.design.constraints import AugmentedLagrangian
+from lensforge.design.constraints import NAMES, AugmentedLagrangian
 from lensforge.design.objective import Objective
 from lensforge.design.optimiser import Progress, design
 from lensforge.design.parameters import Parametrisation
@@ -48,6 +48,9 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     assert len(nmse) == 50
     assert np.mean(nmse[-5:]) < 0.65 * np.mean(nmse[:5])
     assert result.to_json()["forward_evaluations"] == 50
+    assert all(len(stage[name]) == 25 for stage in result.history for name in (*NAMES, "efficiency"))
+    last = {name: result.history[-1][name][-1] for name in NAMES}
+    assert last == pytest.approx(result.constraints, abs=0.03), "one small step before the end"
 
 
 def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
