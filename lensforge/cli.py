@@ -142,6 +142,18 @@ def compare(
 
 @cli.command()
 @_FOLDER
+@_RAYS
+@_THREADS
+@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), default=1000.0, show_default=True, help="Of the LED.")
+def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float) -> None:
+    """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
+    _use_threads(threads)
+    export = import_module("lensforge.photometry.export").export_photometry
+    _finish(export(directory, rays=rays, lumens=lumens), directory)
+
+
+@cli.command()
+@_FOLDER
 def report(directory: Path) -> None:
     """Build report.html from the files in DIR."""
     click.echo(f"report\t{_pipeline().run_report(directory)}")

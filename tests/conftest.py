@@ -16,6 +16,7 @@ _CHECKED = [
     "lensforge.receiver.targets",
     "lensforge.sources",
     "lensforge.evaluation",
+    "lensforge.photometry",
     "lensforge.design",
     "lensforge.geometry",
     "lensforge.manufacturing",

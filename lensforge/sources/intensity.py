@@ -55,7 +55,7 @@ class TabulatedIntensity:
     @cached_property
     def plane_fluxes(self) -> Float[np.ndarray, " c"]:
         """The integral of ``I sin(gamma) dgamma`` in each half-plane (W/rad or lm/rad)."""
-        return _cumulative(np.deg2rad(self.gamma_deg), self.values)[:, -1]
+        return flux_up_to(np.deg2rad(self.gamma_deg), self.values)[:, -1]
 
     def flux(self) -> float:
         """The integral over all directions, exact for the bilinear interpolation."""
@@ -109,7 +109,7 @@ class TabulatedIntensity:
         place = np.concatenate([k + np.arange(n) / n for k, n in enumerate(steps)] + [[len(nodes) - 1.0]])
         gamma = np.interp(place, np.arange(len(nodes)), nodes)
         fine = np.stack([np.interp(gamma, nodes, plane) for plane in self.values])
-        return gamma, _cumulative(gamma, fine)
+        return gamma, flux_up_to(gamma, fine)
 
     def _plane(self, numbers: Float[np.ndarray, " n"]) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
         """The sector of each number and the place in it: the flux is linear in the azimuth, its integral quadratic."""
@@ -122,7 +122,7 @@ class TabulatedIntensity:
         return low, np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0)
 
 
-def _cumulative(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
+def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
     """Flux per radian of azimuth up to each gamma (rad), in closed form for an intensity linear in gamma."""
     low, high = gamma[:-1], gamma[1:]
     cos_low, cos_high = np.cos(low), np.cos(high)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PIXELS = 160
+_COSINES = 64  # pixels across the unit disc of directions
 _RINGS = 180  # of 1 degree each
 _QUANTILES = (0.002, 0.998)  # of the start points: what lies outside is stray light, and would shrink the rest
 _SAMPLE = 100_000  # rays that choose the frame
@@ -31,7 +32,7 @@ class _Histograms:
     high: Float[np.ndarray, " 3"]
     front: Float[np.ndarray, "p p"] = field(default_factory=lambda: np.zeros((_PIXELS, _PIXELS)))
     side: Float[np.ndarray, "p p"] = field(default_factory=lambda: np.zeros((_PIXELS, _PIXELS)))
-    cosines: Float[np.ndarray, "p p"] = field(default_factory=lambda: np.zeros((_PIXELS, _PIXELS)))
+    cosines: Float[np.ndarray, "c c"] = field(default_factory=lambda: np.zeros((_COSINES, _COSINES)))
     rings: Float[np.ndarray, " r"] = field(default_factory=lambda: np.zeros(_RINGS))
 
     @classmethod
@@ -59,11 +60,11 @@ class _Histograms:
         flux: Float[np.ndarray, " n"],
     ) -> None:
         frame = list(zip(self.low, self.high, strict=True))
-        self.front += _binned(positions[:, 0], positions[:, 1], frame[:2], flux)
-        self.side += _binned(positions[:, 0], positions[:, 2], frame[::2], flux)
+        self.front += _binned(positions[:, 0], positions[:, 1], frame[:2], _PIXELS, flux)
+        self.side += _binned(positions[:, 0], positions[:, 2], frame[::2], _PIXELS, flux)
         forward = directions[:, 2] > 0.0
         unit_disc = [(-1.0, 1.0), (-1.0, 1.0)]
-        self.cosines += _binned(directions[forward, 0], directions[forward, 1], unit_disc, flux[forward])
+        self.cosines += _binned(directions[forward, 0], directions[forward, 1], unit_disc, _COSINES, flux[forward])
         gamma = np.rad2deg(np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
         self.rings += np.histogram(gamma, _RINGS, (0.0, 180.0), weights=flux)[0]
 
@@ -74,9 +75,13 @@ class _Histograms:
 
 
 def _binned(
-    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], frame: list[tuple[float, float]], flux: np.ndarray
+    x: Float[np.ndarray, " n"],
+    y: Float[np.ndarray, " n"],
+    frame: list[tuple[float, float]],
+    pixels: int,
+    flux: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p p"]:
-    return np.histogram2d(x, y, _PIXELS, frame, weights=flux)[0]
+    return np.histogram2d(x, y, pixels, frame, weights=flux)[0]
 
 
 def draw(rayfile: RayFile, path: Path) -> None:
@@ -91,7 +96,7 @@ def draw(rayfile: RayFile, path: Path) -> None:
     _draw_starts(figure, histograms, 1, "y", histograms.front, 1)
     _draw_starts(figure, histograms, 2, "z", histograms.side, 2)
     _draw_cosines(figure, histograms.cosines)
-    _draw_intensity(figure, histograms.intensity(), rayfile.unit)
+    _draw_intensity(figure, histograms.intensity(), float(histograms.rings.sum()), rayfile.unit)
     with replacing(Path(path)) as temporary:
         figure.savefig(temporary, dpi=150)
 
@@ -109,12 +114,12 @@ def _draw_cosines(figure: "Figure", image: np.ndarray) -> None:
     axes.set(title="forward directions: flux per area of the unit disc", xlabel="kx", ylabel="ky")
 
 
-def _draw_intensity(figure: "Figure", intensity: Float[np.ndarray, " r"], unit: str) -> None:
+def _draw_intensity(figure: "Figure", intensity: Float[np.ndarray, " r"], flux: float, unit: str) -> None:
     axes = figure.add_subplot(2, 2, 4)
     gamma = np.arange(_RINGS) + 0.5
     axes.plot(gamma, intensity, color="#c0392b", linewidth=1.8, label="rays")
-    lambertian = np.maximum(np.cos(np.deg2rad(gamma)), 0.0) * intensity[:3].mean()
-    axes.plot(gamma, lambertian, color="0.6", linewidth=1.0, linestyle="--", label="Lambertian")
+    lambertian = np.maximum(np.cos(np.deg2rad(gamma)), 0.0) * flux / np.pi
+    axes.plot(gamma, lambertian, color="0.6", linewidth=1.0, linestyle="--", label="Lambertian of the same flux")
     axes.set(title="intensity", xlabel="angle from +z (°)", ylabel=f"{unit}/sr", xlim=(0, 180), ylim=(0, None))
     axes.set_xticks(range(0, 181, 30))
     axes.grid(alpha=0.3)
