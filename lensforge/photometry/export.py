@@ -36,10 +36,11 @@ _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
-def export_photometry(directory: Path, *, rays: int | None = None, lumens: float = 1000.0) -> dict[str, Any]:
+def export_photometry(directory: Path, *, rays: int | None = None, lumens: float | None = None) -> dict[str, Any]:
     """Write the three files and ``photometry.json``; ``lumens`` is the luminous flux of the source.
 
-    The source emits ``lumens`` where the spec says W: intensities scale with it, and 1000 lm makes them cd/klm.
+    Without it, the flux follows from the spec's luminous efficacy; without that, it is 1000 lm: then candela are cd
+    for each 1000 lm of the LED.
     """
     started = time.perf_counter()
     lens = load_lens(directory / "lens.json")
@@ -52,6 +53,7 @@ def export_photometry(directory: Path, *, rays: int | None = None, lumens: float
     light = _light_behind(traced, source, rays or preset.evaluate_rays, lens.seed, _SLACK * radius_mm)
     table = AngularGrid().table(light.deposits.mean(axis=0))
     report = _flux_account(light, source.flux_w)
+    lumens = lumens or (lens.spec.source.luminous_efficacy_lm_per_w or 0.0) * source.flux_w or 1000.0
     report |= _write(directory, lens.spec.name, table, light, radius_mm, lumens, lumens / source.flux_w)
     report["peak_cd"] = float(table.values.max() * lumens / source.flux_w)
     report["seconds"] = time.perf_counter() - started

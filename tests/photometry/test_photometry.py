@@ -144,6 +144,14 @@ def test_the_command_writes_and_says_so(folder):
     assert (folder / "lens.ldt").read_text().splitlines()[28] == "90"
 
 
+def test_the_lumens_of_the_source_come_from_its_efficacy(tmp_path):
+    bright = small_spec(source__luminous_efficacy_lm_per_w=300.0, source__flux_w=2.0)
+    replace(SHELL, spec=bright).save(tmp_path / "lens.json")
+    report = export_photometry(tmp_path, rays=1024)
+    assert report["source_lm"] == 600.0
+    assert report["exit_lm"] == pytest.approx(600.0 * report["light_output_ratio"])
+
+
 def test_a_lens_that_lets_no_light_out_has_no_photometry(tmp_path):
     replace(SHELL, inner=sphere(6.0), outer=sphere(3.0)).save(tmp_path / "lens.json")  # crossed everywhere
     with pytest.raises(InputError, match="no light"):
