@@ -97,10 +97,12 @@ def _context(results: Results) -> dict[str, Any]:
         "verdict": headline.verdict(results),
         "cards": headline.cards(results),
         "gates": headline.gate_rows(results),
+        "failed": headline.failed_rows(results),
         "remarks": {stage: remark for stage, remark in _REMARKS.items() if stage in results.missing},
         "results": results,
         "step_facts": proof.step_facts(results),
         "cast_facts": proof.cast_facts(results),
+        "first": pictures.first_picture(results),
         "pictures": {
             "irradiance": pictures.irradiance_pictures(results),
             "lines": pictures.line_pictures(results),
@@ -124,7 +126,8 @@ def _solid(views: SolidViews) -> dict[str, Any]:
     encoded = {name: base64.b64encode(picture).decode() for name, picture in views.pictures.items()}
     low_high = views.bounds_mm
     extent = [high - low for low, high in zip(low_high[::2], low_high[1::2], strict=True)]
-    return {"views": encoded, "extent_mm": extent, "views_problem": views.problem}
+    mesh = base64.b64encode(views.mesh).decode()
+    return {"views": encoded, "mesh": mesh, "extent_mm": extent, "views_problem": views.problem}
 
 
 def _files(directory: Path) -> list[FileRow]:

@@ -77,9 +77,11 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
     return figure, figure.add_subplot()
 
 
-def new_map(width: float = NARROW, left: float = 0.56, bottom: float = 0.46) -> tuple[Figure, Axes, Axes]:
+def new_map(
+    width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88
+) -> tuple[Figure, Axes, Axes]:
     """A figure with square axes and a bar as tall beside it, at fixed places so that neighbours line up."""
-    side, top = 2.26, 0.1
+    side, top = width - left - right, 0.1
     height = bottom + side + top
     figure = Figure(figsize=(width, height))
     axes = figure.add_axes((left / width, bottom / height, side / width, side / height))

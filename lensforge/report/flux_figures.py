@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from lensforge.report.drawing import BLUE, GREEN, INK, ORANGE, WIDE, in_house_style, new_figure
+from lensforge.report.drawing import BLUE, GREEN, NARROW, ORANGE, in_house_style, new_figure
 
 _WORDS = {
     "absorbed_fresnel": "reflected at the surfaces",
@@ -43,33 +43,23 @@ def losses(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> l
 def flux_account(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> Figure:
     """A waterfall from the emitted flux through each loss to the detected flux; shares of the emitted flux."""
     lost = losses(flux, missed_by_cause)
-    figure, axes = new_figure(WIDE, 0.75 + 0.3 * (len(lost) + 2))
-    left, labels = 1.0, ["emitted"]
-    _bar(axes, 0, 0.0, 1.0, BLUE)
+    figure, axes = new_figure(NARROW, max(2.75, 0.55 + 0.4 * (len(lost) + 2)))
+    left = 1.0
+    _bar(axes, 0, "emitted", 0.0, 1.0, BLUE)
     for row, (label, share) in enumerate(lost, start=1):
         left -= share
-        _bar(axes, row, left, share, ORANGE)
-        labels.append(label)
-    _bar(axes, len(labels), 0.0, flux.get("detected", 0.0), GREEN)
-    labels.append(_WORDS["detected"])
-    axes.set_yticks(range(len(labels)), labels)
-    axes.invert_yaxis()
-    axes.tick_params(axis="y", length=0)
+        _bar(axes, row, label, left, share, ORANGE)
+    _bar(axes, len(lost) + 1, _WORDS["detected"], 0.0, flux.get("detected", 0.0), GREEN)
+    axes.set(xlim=(0.0, 1.0), ylim=(len(lost) + 1.45, -0.75), yticks=[], xlabel="share of the emitted flux")
     axes.spines["left"].set_visible(False)
-    axes.set(xlim=(0.0, 1.0), xlabel="share of the emitted flux")
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
     axes.grid(True, axis="x")
     axes.set_axisbelow(True)
     return figure
 
 
-def _bar(axes: Axes, row: int, left: float, width: float, colour: str) -> None:
-    """One bar, its number where there is room: inside a wide bar, else on the side away from the edge."""
-    axes.barh(row, width, left=left, height=0.62, color=colour, linewidth=0)
-    text, end = f"{100.0 * width:.2f} %", left + width
-    if width > 0.2:
-        axes.text(end - 0.012, row, text, ha="right", va="center", color="white")
-    elif left > 0.5:
-        axes.text(left - 0.012, row, text, ha="right", va="center", color=INK)
-    else:
-        axes.text(end + 0.012, row, text, ha="left", va="center", color=INK)
+def _bar(axes: Axes, row: int, label: str, left: float, width: float, colour: str) -> None:
+    """One bar, what it is and how much above it: there is room for it whatever the width of the bar."""
+    axes.barh(row + 0.16, width, left=left, height=0.42, color=colour, linewidth=0)
+    axes.text(0.0, row - 0.12, label, ha="left", va="bottom")
+    axes.text(1.0, row - 0.12, f"{100.0 * width:.2f} %", ha="right", va="bottom")

@@ -1,6 +1,7 @@
 """Light on the receiver: maps, their difference, lines across them, and how the flux gathers around the axis.
 
-Images are irradiance in W/m^2, indexed [row y, column x], y upwards; ``receiver_mm`` is the side of the square.
+Images are irradiance in W/m^2, indexed [row y, column x], y upwards, and are drawn in the unit of light that a figure
+is given; ``receiver_mm`` is the side of the square.
 """
 
 import numpy as np
@@ -12,25 +13,32 @@ from matplotlib.patches import Rectangle
 from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
-from lensforge.report.drawing import BLUE, INK, NARROW, WIDE, add_colour_bar, in_house_style, new_figure, new_map
+from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
+from lensforge.report.light import WATTS, LightUnit
 
 Image = Float[np.ndarray, "p p"]
 
-_IRRADIANCE = "irradiance (W/m²)"
 _LINE_HEIGHT = 2.4
+ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
 MOST_DRAWN = 512  # pixels a side of a map: more than any screen gives a third of its width
 
 
 @in_house_style
 def irradiance_map(
-    image: Image, receiver_mm: float, top: float, outline: Image | None = None, mask_mm: float | None = None
+    image: Image,
+    receiver_mm: float,
+    top: float,
+    outline: Image | None = None,
+    mask_mm: float | None = None,
+    unit: LightUnit = WATTS,
+    width: float = NARROW,
 ) -> Figure:
     """``image`` in false colour from 0 to ``top`` W/m^2, with the line at half of the peak of ``outline``.
 
-    ``mask_mm``: side of the square in which uniformity is judged, drawn dashed.
+    ``mask_mm``: side of the square in which uniformity is judged, drawn dashed. ``width``: of the figure, in inches.
     """
-    figure, axes, bar = new_map()
-    shown = _show(axes, image, receiver_mm, "inferno", 0.0, top)
+    figure, axes, bar = new_map(width)
+    shown = _show(axes, unit.per_w_m2 * image, receiver_mm, "inferno", 0.0, unit.per_w_m2 * top)
     if outline is not None and outline.max() > 0.0:
         outline = drawn(outline)
         axis = pixel_axis_mm(receiver_mm, len(outline))
@@ -41,15 +49,39 @@ def irradiance_map(
             corner, mask_mm, mask_mm, fill=False, edgecolor="white", linestyle=(0, (4, 3)), linewidth=0.7
         )
         axes.add_patch(dashed)
-    add_colour_bar(bar, shown, _IRRADIANCE)
+    add_colour_bar(bar, shown, unit.label)
     return figure
 
 
 @in_house_style
-def difference_map(difference: Image, receiver_mm: float, label: str = "difference (W/m²)") -> Figure:
+def isolines(image: Image, receiver_mm: float, level: float, unit: LightUnit = WATTS) -> Figure:
+    """Lines of equal light at the ``ISO_SHARES`` of ``level`` (W/m^2), and how much that is."""
+    figure, axes, scale = new_map()
+    image = drawn(image)
+    axis = pixel_axis_mm(receiver_mm, len(image))
+    colours = list(ISO_SHARES.values())
+    axes.contour(axis, axis, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
+    half = 0.5 * receiver_mm
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    axes.grid(True)
+    for row, (share, colour) in enumerate(ISO_SHARES.items()):
+        height = 0.08 + 0.16 * row
+        scale.plot([0.0, 1.0], [height, height], color=colour, linewidth=2.0)
+        text = f"{100.0 * share:.0f} %\n{unit.per_w_m2 * share * level:.3g}"
+        scale.text(1.6, height, text, va="center", fontsize=7.5, linespacing=1.15)
+    scale.text(0.0, 0.98, unit.symbol, va="top", fontsize=8.0)
+    scale.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+    scale.set_axis_off()
+    return figure
+
+
+@in_house_style
+def difference_map(difference: Image, receiver_mm: float, unit: LightUnit = WATTS) -> Figure:
     """A difference of irradiances, its colours centred on zero."""
     figure, axes, bar = new_map()
+    difference = unit.per_w_m2 * difference
     reach = float(np.abs(difference).max()) or 1.0
+    label = f"difference ({unit.symbol})"
     add_colour_bar(bar, _show(axes, difference, receiver_mm, "RdBu_r", -reach, reach), label)
     return figure
 
@@ -60,18 +92,18 @@ def line_comparison(
     wanted: Image,
     reached: Image,
     receiver_mm: float,
-    names: tuple[str, str] = ("target", "simulated"),
+    unit: LightUnit = WATTS,
 ) -> Figure:
-    """Irradiance along the straight ``line`` from one point (x, y in mm) of the receiver to another."""
+    """Light along the straight ``line`` from one point (x, y in mm) of the receiver to another."""
     figure, axes = new_figure(NARROW, _LINE_HEIGHT)
     start, end = line
     position = np.linspace(-0.5, 0.5, 2 * len(wanted)) * float(np.linalg.norm(end - start))
     for image, name, style in (
-        (wanted, names[0], {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}),
-        (reached, names[1], {"color": BLUE}),
+        (wanted, "target", {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}),
+        (reached, "simulated", {"color": BLUE}),
     ):
-        axes.plot(position, along(image, start, end, receiver_mm), label=name, **style)
-    axes.set(xlabel="position on the line (mm)", ylabel=_IRRADIANCE, xlim=(position[0], position[-1]))
+        axes.plot(position, unit.per_w_m2 * along(image, start, end, receiver_mm), label=name, **style)
+    axes.set(xlabel="position on the line (mm)", ylabel=unit.label, xlim=(position[0], position[-1]))
     axes.set_ylim(bottom=0.0)
     axes.grid(True)
     figure.legend(loc="outside upper right", ncols=2)
@@ -79,9 +111,9 @@ def line_comparison(
 
 
 @in_house_style
-def encircled_flux(wanted: Image, reached: Image, receiver_mm: float) -> Figure:
+def encircled_energy(wanted: Image, reached: Image, receiver_mm: float) -> Figure:
     """The share of the receiver's flux within a circle around the axis, over the circle's radius."""
-    figure, axes = new_figure(WIDE, 2.5)
+    figure, axes = new_figure(NARROW, 2.75)
     radius, share = encircled_share(wanted, receiver_mm)
     axes.plot(radius, share, color=INK, linestyle=(0, (4, 2)), linewidth=1.0, label="target")
     axes.plot(*encircled_share(reached, receiver_mm), color=BLUE, label="simulated, unfiltered")

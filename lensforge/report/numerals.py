@@ -17,6 +17,8 @@ def number(value: float | None, digits: int = 6) -> str:
     if isinstance(value, int) or (float(value).is_integer() and abs(value) < 1e6):
         return _grouped(f"{int(value)}")
     text = f"{value:.{digits}g}"
+    if 10**digits <= abs(float(text)) < 1e6:
+        return _grouped(f"{int(float(text))}")
     mantissa, _, exponent = text.partition("e")
     mantissa = mantissa.replace("-", _MINUS)
     if not exponent:

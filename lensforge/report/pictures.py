@@ -8,10 +8,13 @@ from matplotlib.figure import Figure
 
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import to_svg
+from lensforge.report.light import light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results
 from lensforge.source_spec import SquareSource
+
+_FIRST = 4.6  # inches: half of the page
 
 
 @dataclass(frozen=True)
@@ -27,32 +30,42 @@ def _picture(name: str, figure: Figure, title: str, caption: str = "") -> Pictur
     return Picture(to_svg(figure, name, title), title, caption)
 
 
+def first_picture(results: Results) -> Picture | None:
+    """The light, as the page opens with it."""
+    if results.evaluate is None or results.images is None:
+        return None
+    side, reached, unit = results.evaluate.receiver_mm, results.images["irradiance"], light_unit(results.lens.spec)
+    figure = irradiance_figures.irradiance_map(reached, side, float(reached.max()) or 1.0, unit=unit, width=_FIRST)
+    distance = results.lens.spec.target.distance_mm
+    return _picture("first", figure, "The light", f"Simulated {unit.quantity} at {distance:g} mm.")
+
+
 def irradiance_pictures(results: Results) -> list[Picture]:
     """Target, simulated irradiance and their difference."""
     if results.evaluate is None or results.images is None:
         return []
     side, images = results.evaluate.receiver_mm, results.images
-    target, reached = images["target"], images["irradiance"]
+    target, reached, unit = images["target"], images["irradiance"], light_unit(results.lens.spec)
     top = float(max(target.max(), reached.max())) or 1.0
     draw = irradiance_figures.irradiance_map
     record = results.evaluate
     mask = results.lens.spec.target.uniform_mm
     dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
-    simulated = f"{number(record.rays)} rays, {record.pixels} × {record.pixels} pixels. {record.filter}."
+    simulated = f"{number(record.rays)} rays, {record.pixels} × {record.pixels} pixels. {_typeset(record.filter)}."
     if len(reached) > irradiance_figures.MOST_DRAWN:
         simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels a side."
+    wanted_map = draw(target, side, top, target, unit=unit)
+    reached_map = draw(reached, side, top, target, mask, unit)
+    difference = irradiance_figures.difference_map(reached - target, side, unit)
     return [
-        _picture("target", draw(target, side, top, target), "Target", "Scaled to the simulated flux. Line: half peak."),
-        _picture(
-            "simulated", draw(reached, side, top, target, mask), "Simulated", f"{simulated} Line: the target's.{dashed}"
-        ),
-        _picture(
-            "difference",
-            irradiance_figures.difference_map(reached - target, side),
-            "Simulated less target",
-            "Red: too bright. Blue: too dark.",
-        ),
+        _picture("target", wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
+        _picture("simulated", reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
+        _picture("difference", difference, "Simulated less target", "Red: too bright. Blue: too dark."),
     ]
+
+
+def _typeset(text: str) -> str:
+    return text.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
 
 
 def line_pictures(results: Results) -> list[Picture]:
@@ -60,37 +73,47 @@ def line_pictures(results: Results) -> list[Picture]:
     if results.evaluate is None or results.images is None:
         return []
     side, target, reached = results.evaluate.receiver_mm, results.images["target"], results.images["irradiance"]
+    draw, unit = irradiance_figures.line_comparison, light_unit(results.lens.spec)
     return [
-        _picture(f"line{index}", irradiance_figures.line_comparison(line, target, reached, side), f"Along {name}")
+        _picture(f"line{index}", draw(line, target, reached, side, unit), f"Along {name}")
         for index, (name, line) in enumerate(irradiance_figures.telling_lines(target, side))
     ]
 
 
 def flux_pictures(results: Results) -> list[Picture]:
-    """The flux account, and how the flux gathers around the axis."""
+    """Isolines, how the flux gathers around the axis, and the flux account."""
     if results.evaluate is None:
         return []
-    record = results.evaluate
-    account = flux_figures.flux_account(record.flux, record.missed_by_cause)
-    pictures = [_picture("flux", account, "Flux account", f"Window: {record.window_mm:g} × {record.window_mm:g} mm.")]
+    record, pictures = results.evaluate, []
     if results.images is not None:
-        gathered = irradiance_figures.encircled_flux(
-            results.images["target"], results.images["raw"], record.receiver_mm
-        )
-        pictures.append(_picture("encircled", gathered, "Encircled flux", "Around the axis, out to the corners."))
-    return pictures
+        target, side = results.images["target"], record.receiver_mm
+        level = float(target.max()) or 1.0
+        lines = irradiance_figures.isolines(results.images["irradiance"], side, level, light_unit(results.lens.spec))
+        gathered = irradiance_figures.encircled_energy(target, results.images["raw"], side)
+        pictures = [
+            _picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
+            _picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
+        ]
+    account = flux_figures.flux_account(record.flux, record.missed_by_cause)
+    window = f"Window: {record.window_mm:g} × {record.window_mm:g} mm."
+    return [*pictures, _picture("flux", account, "Flux account", window)]
 
 
 def history_pictures(results: Results) -> list[Picture]:
-    """Loss and efficiency over the search."""
+    """Loss, efficiency and constraints over the search."""
     if results.design is None or not any(level.nmse for level in results.design.history):
         return []
     levels = results.design.history
     caption = "Numbers above: functions of each surface that are free to move."
-    return [
+    pictures = [
         _picture("loss", history_figures.history(levels, "nmse"), "Loss by level", caption),
-        _picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level", caption),
+        _picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level"),
     ]
+    if all(level.g1_mm and level.g2_mm and level.g3_mm for level in levels):
+        margins = history_figures.constraint_history(levels)
+        caption = "Least of g1, g2, g3 over the lens. Below 0 (red) the lens is not allowed."
+        pictures.append(_picture("margins", margins, "Constraints by level", caption))
+    return pictures
 
 
 def section_pictures(results: Results) -> list[Picture]:
@@ -155,17 +178,14 @@ def verification_pictures(results: Results) -> list[Picture]:
     """The design's picture, the part's, and their difference."""
     if results.verify is None or results.verified is None:
         return []
-    side = results.lens.spec.target.receiver_mm
+    side, unit = results.lens.spec.target.receiver_mm, light_unit(results.lens.spec)
     design, part = results.verified["design_irradiance"], results.verified["irradiance"]
     top = float(max(design.max(), part.max())) or 1.0
     rays = f"{number(results.verify.rays)} rays cast through the exported mesh."
+    noise = "What is left where the two agree is the noise of the rays."
+    draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
     return [
-        _picture("design", irradiance_figures.irradiance_map(design, side, top), "Design"),
-        _picture("part", irradiance_figures.irradiance_map(part, side, top), "Exported part", rays),
-        _picture(
-            "part-less-design",
-            irradiance_figures.difference_map(part - design, side),
-            "Part less design",
-            "What is left where the two agree is the noise of the rays.",
-        ),
+        _picture("design", draw(design, side, top, unit=unit), "Design"),
+        _picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
+        _picture("part-less-design", difference, "Part less design", noise),
     ]

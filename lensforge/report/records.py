@@ -27,12 +27,15 @@ class _Stage(_Record):
 
 
 class Level(_Record):
-    """One level's turn in the search: a value for each step."""
+    """One level's turn in the search: a value for each step; a design of an earlier version has no constraints."""
 
     level: int
     functions: int
     nmse: tuple[float | None, ...]
     efficiency: tuple[float | None, ...]
+    g1_mm: tuple[float, ...] = ()
+    g2_mm: tuple[float, ...] = ()
+    g3_mm: tuple[float, ...] = ()
 
 
 class DesignRecord(_Stage):

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from lensforge.errors import InputError
+from lensforge.report.turn_mesh import small_mesh
 
 _COMMAND = (sys.executable, "-m", "lensforge.report.solid_view")
 _LIMIT_SECONDS = 60.0
 _UNREADABLE = 3  # exit code of the process when the file is no mesh
 _PIXELS = (880, 640)
-_GLASS, _CUT = "#a9c9e6", "#f2b27a"
+_GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
 
 _WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture: of the part's diagonal, of the optics' radius
@@ -42,10 +43,14 @@ VIEWS = {
 
 @dataclass(frozen=True)
 class SolidViews:
-    """PNG pictures by name of the view, the bounds of the part (mm, low and high x, y, z), or why there are none."""
+    """PNG pictures by name of the view, the bounds of the part (mm, low and high x, y, z), or why there are none.
+
+    ``mesh``: the part to turn in a browser, as :mod:`lensforge.report.turn_mesh` packs it.
+    """
 
     pictures: dict[str, bytes]
     bounds_mm: tuple[float, ...] = ()
+    mesh: bytes = b""
     problem: str = ""
 
 
@@ -77,7 +82,8 @@ class Rendering:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         folder = Path(self._folder.name)
         bounds = json.loads((folder / "bounds.json").read_text())
-        return SolidViews({name: (folder / f"{name}.png").read_bytes() for name in VIEWS}, tuple(bounds))
+        pictures = {name: (folder / f"{name}.png").read_bytes() for name in VIEWS}
+        return SolidViews(pictures, tuple(bounds), (folder / "mesh.bin").read_bytes())
 
     def close(self) -> None:
         """End the process if it still runs, and remove its files."""
@@ -88,7 +94,7 @@ class Rendering:
 
 
 def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
-    """Write one PNG per view and bounds.json into ``folder``; :class:`ValueError` for a file that is no mesh."""
+    """Write one PNG per view, mesh.bin and bounds.json into ``folder``; :class:`ValueError` for what is no mesh."""
     import pyvista as pv
 
     try:
@@ -104,9 +110,12 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
                 part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
                 specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
             )  # fmt: skip
+        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # the standard lights leave it dark below
         _aim(plotter, mesh, view, optics_radius_mm)
         plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
         plotter.close()
+    half_height, centre_z = _frame(mesh, VIEWS["above"], optics_radius_mm)
+    (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z))
     (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]))
 
 
@@ -119,16 +128,23 @@ def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
     return [(half.remove_cells(cap), _GLASS), (half.remove_cells(~cap), _CUT)]
 
 
-def _aim(plotter: Any, mesh: Any, view: _View, optics_radius_mm: float) -> None:
-    """A parallel view of the whole part, or of its optics where the base is much wider than they are."""
+def _frame(mesh: Any, view: _View, optics_radius_mm: float) -> tuple[float, float]:
+    """Half the height of a picture (mm) and the z of its centre: of the part, or of its optics if those are small."""
     whole, close = _WHOLE * mesh.length, _CLOSE * optics_radius_mm
-    near = view.close and close < whole
-    centre = (0.0, 0.0, 0.4 * optics_radius_mm) if near else mesh.center
+    if view.close and close < whole:
+        return close, 0.4 * optics_radius_mm
+    return whole, mesh.center[2]
+
+
+def _aim(plotter: Any, mesh: Any, view: _View, optics_radius_mm: float) -> None:
+    """A parallel view from the direction of ``view``."""
+    half_height, centre_z = _frame(mesh, view, optics_radius_mm)
     distance = 3.0 * mesh.length
+    centre = (0.0, 0.0, centre_z)
     position = tuple(c + distance * d for c, d in zip(centre, view.camera, strict=True))
     plotter.camera_position = [position, centre, (0.0, 0.0, 1.0)]
     plotter.enable_parallel_projection()
-    plotter.camera.parallel_scale = close if near else whole
+    plotter.camera.parallel_scale = half_height
     plotter.enable_anti_aliasing("ssaa")
 
 

@@ -17,7 +17,7 @@ from lensforge.report.drawing import INK, add_colour_bar, in_house_style, new_ma
 ChartMap = Float[np.ndarray, "n n"]
 
 _SHOWN_QUANTILE = 0.995  # of |curvature|: a few steep points at a rim would flatten all other colours
-_PLACE = {"left": 0.1, "bottom": 0.1}  # no axes to label
+_PLACE = {"left": 0.1, "bottom": 0.1, "right": 1.34}  # no axes to label
 _REACHED = "#dfe2e6"
 _LINE = "#111111"  # on pale map colours, in the light and in the dark
 

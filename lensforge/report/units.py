@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 DIMENSIONLESS = ""
 
-# The longest suffix first: `_per_mm` ends in `_mm` too.
+# The longest suffix first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
 _SUFFIXES = (
+    ("_lm_per_w", "lm/W"),
     ("_per_mm", "1/mm"),
     ("_seconds", "s"),
     ("_pixel2", "pixel²"),

@@ -15,12 +15,12 @@ STAGES = ("design", "evaluate", "export", "check", "verify")
 PIXELS, NODES = 16, 21
 
 
-def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3):
+def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_watt=None):
     basis = SrbfBasis((9,), 1.75)
     weights = bump_mm * np.linspace(-1.0, 1.0, basis.size)
     content = {
         "name": "small",
-        "source": {"kind": "square", "side_mm": 2.0},
+        "source": {"kind": "square", "side_mm": 2.0, "luminous_efficacy_lm_per_w": lumens_per_watt},
         "lens": {"inner_offset_mm": inner_mm, "outer_offset_mm": outer_mm, "levels": [9]},
         "constraints": {
             "cavity_height_mm": 1.0,
@@ -98,8 +98,24 @@ CONTENT = {
         "rays_per_step": 4096,
         "seconds": 1.25,
         "history": [
-            {"level": 0, "functions": 9, "nmse": [0.9, 0.5, 0.3], "efficiency": [0.5, 0.6, 0.7]},
-            {"level": 1, "functions": 34, "nmse": [0.2, 0.1, 0.05, 0.025], "efficiency": [0.75, 0.8, 0.85, 0.875]},
+            {
+                "level": 0,
+                "functions": 9,
+                "nmse": [0.9, 0.5, 0.3],
+                "efficiency": [0.5, 0.6, 0.7],
+                "g1_mm": [2.0, 1.5, 1.25],
+                "g2_mm": [3.0, 2.0, 1.0],
+                "g3_mm": [0.75, -0.375, -0.0625],
+            },
+            {
+                "level": 1,
+                "functions": 34,
+                "nmse": [0.2, 0.1, 0.05, 0.025],
+                "efficiency": [0.75, 0.8, 0.85, 0.875],
+                "g1_mm": [1.0, 0.875, 0.625, 0.5],
+                "g2_mm": [0.5, 0.375, 0.3125, 0.25],
+                "g3_mm": [-0.03125, 0.0, 0.0625, 0.125],
+            },
         ],
         "constraints": {"g1_mm": 0.5, "g2_mm": 0.25, "g3_mm": 0.125},
         "max_radius_mm": 10.75,

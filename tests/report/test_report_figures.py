@@ -7,6 +7,7 @@ from result_folders import CONTENT, check_arrays, small_lens
 
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import INK, to_svg
+from lensforge.report.light import WATTS, LightUnit
 from lensforge.report.records import Level
 
 SIDE = 200.0
@@ -85,6 +86,26 @@ def test_the_flux_account_closes():
     assert detected.get_width() == pytest.approx(edge)
 
 
+@pytest.mark.parametrize("unit", [WATTS, LightUnit("illuminance", "lx", 250.0)])
+def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
+    image = 100.0 * np.tile((np.arange(64) + 0.5) / 64.0, (64, 1))  # 0 to 100 W/m^2 from left to right
+    axes, scale = irradiance_figures.isolines(image, SIDE, 80.0, unit).axes
+    (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
+    for path, share in zip(contour.get_paths(), irradiance_figures.ISO_SHARES, strict=True):
+        assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
+    named = [float(text.get_text().split()[-1]) for text in scale.texts[:-1]]
+    assert named == pytest.approx([80.0 * share * unit.per_w_m2 for share in irradiance_figures.ISO_SHARES], rel=5e-3)
+
+
+def test_maps_in_lux_show_lux():
+    unit = LightUnit("illuminance", "lx", 250.0)
+    image = plane(16, 0.0, 0.2)
+    axes, bar = irradiance_figures.irradiance_map(image, SIDE, 80.0, unit=unit).axes
+    assert np.asarray(axes.images[0].get_array()) == pytest.approx(250.0 * image)
+    assert axes.images[0].get_clim() == (0.0, 20000.0)
+    assert bar.get_ylabel() == "illuminance (lx)"
+
+
 def test_without_causes_the_missed_flux_is_one_loss():
     assert flux_figures.losses({"missed": 0.25, "detected": 0.75}, {}) == [("missed the lens", 0.25)]
 
@@ -98,6 +119,19 @@ def test_history_runs_on_from_level_to_level(quantity):
     assert steps.tolist() == [1, 2, 3, 4, 5, 6, 7]
     assert values.tolist() == [value for level in levels for value in getattr(level, quantity)]
     assert [text.get_text() for text in axes.texts] == ["9", "34"]
+
+
+def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shaded():
+    content = CONTENT["design"]["history"]
+    axes = history_figures.constraint_history([Level.model_validate(level) for level in content]).axes[0]
+    for name, label in (("g1_mm", "cavity"), ("g2_mm", "thickness"), ("g3_mm", "radius")):
+        first = next(line for line in axes.lines if line.get_label() == label)
+        lines = [line for line in axes.lines if line.get_color() == first.get_color()]
+        values = np.concatenate([line.get_ydata() for line in lines])
+        assert values.tolist() == [value for level in content for value in level[name]]
+    shaded = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
+    assert shaded.y1 == pytest.approx(0.0, abs=1e-12)
+    assert shaded.y0 < -0.375
 
 
 def test_the_curvature_map_marks_the_mill_only_where_it_is_too_large():

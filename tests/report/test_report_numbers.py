@@ -23,6 +23,7 @@ from lensforge.report.units import unit_of
         ("cast_seconds", "s"),
         ("files.lens.step.bytes", "B"),
         ("source.flux_w", "W"),
+        ("source.luminous_efficacy_lm_per_w", "lm/W"),
         ("flux.detected", ""),
         ("table_error_nm.inner", "nm"),
         ("rays", ""),
@@ -54,6 +55,12 @@ def test_units_follow_the_names(path, unit):
 )
 def test_numbers_read_well(value, text):
     assert number(value) == text
+
+
+def test_few_digits_of_a_large_number_need_no_exponent():
+    assert [number(value, 3) for value in (12822.25, -1234.5, 987.6, 1.5e7 + 0.5)] == [
+        "12\u2009800", "−1230", "988", "1.5\u2009×\u200910⁷",
+    ]  # fmt: skip
 
 
 def test_other_values_read_well():

@@ -1,0 +1,25 @@
+"""A real browser without a window: what a page says of itself there, and what goes wrong in it."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+PATH = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needed = pytest.mark.skipif(PATH is None, reason="no Chromium here")
+_OPTIONS = (
+    "--headless", "--no-sandbox", "--disable-background-networking", "--no-first-run", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--enable-logging=stderr", "--virtual-time-budget=3000", "--dump-dom",
+)  # fmt: skip
+
+
+def run(page, folder):
+    """(document as the browser leaves it, what its console says) of the file ``page``."""
+    command = [PATH, *_OPTIONS, f"--user-data-dir={folder / 'profile'}", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return done.stdout, re.findall(r"CONSOLE\S*\] (.*)", done.stderr)
+
+
+def title(document):
+    return re.search(r"<title>(.*?)</title>", document, re.DOTALL)[1]
