@@ -130,22 +130,40 @@ class _Corner(click.ParamType):
 @click.option("--corners", type=_Corner(), nargs=4, help="Target corners in it: top left, and on clockwise.")
 @click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the square of --corners.")
 @click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Of the camera.")
-def compare(
-    directory: Path, on: Path | None, off: Path | None, corners: Any, target_mm: float | None, gamma: float
-) -> None:
-    """Compare the machined part with the design in DIR, by a photograph of its light."""
-    if on is None or not corners:
-        raise InputError("compare: give --on PHOTO and --corners, four pixels x,y")
-    shot = {"on": on, "off": off, "corners": corners, "target_mm": target_mm, "gamma": gamma}
-    _finish(_pipeline().run_compare_photo(directory, **shot), directory)
+@click.option("--points", type=click.Path(path_type=Path), help="Points x, y, z in mm, measured on one surface.")
+@click.option("--surface", type=click.Choice(["inner", "outer"]), help="The surface of --points.")
+@click.option(
+    "--registration",
+    type=click.Choice(["rigid", "shift", "none"]),
+    default="rigid",
+    show_default=True,
+    help="How --points may be moved onto the design.",
+)
+@_RAYS
+def compare(directory: Path, on: Path | None, points: Path | None, rays: int | None, **options: Any) -> None:
+    """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
+    if (on is None) == (points is None):
+        raise InputError("compare: give --on PHOTO with --corners, or --points FILE with --surface")
+    if on is not None:
+        if not options["corners"]:
+            raise InputError("compare: --on needs --corners, four pixels x,y in it, from the top left clockwise")
+        names = ("off", "corners", "target_mm", "gamma")
+        result = _pipeline().run_compare_photo(directory, on=on, **{name: options[name] for name in names})
+    else:
+        if not options["surface"]:
+            raise InputError("compare: --points needs --surface, inner or outer")
+        names = ("surface", "registration")
+        chosen = {name: options[name] for name in names}
+        result = _pipeline().run_compare_surface(directory, points=points, rays=rays, **chosen)
+    _finish(result, directory)
 
 
 @cli.command()
 @_FOLDER
 @_RAYS
 @_THREADS
-@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), default=1000.0, show_default=True, help="Of the LED.")
-def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float) -> None:
+@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Of the LED; default: by the spec, or 1000.")
+def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
     _use_threads(threads)
     export = import_module("lensforge.photometry.export").export_photometry

@@ -201,6 +201,24 @@ def run_compare_photo(
     return result
 
 
+def run_compare_surface(
+    directory: Path, *, points: Path, surface: str, registration: str = "rigid", rays: int | None = None
+) -> dict[str, Any]:
+    """Register measured points to one surface, map its form deviation, and simulate the lens with it."""
+    lens, preset = _lens_and_preset(directory)
+    result: dict[str, Any] = import_module("lensforge.measurement.surface").compare_surface(
+        import_module("lensforge.measurement.cloud").read_cloud(points),
+        directory,
+        lens=lens,
+        side=surface,
+        source=build_source(lens.spec.source),
+        preset=preset,
+        rays=rays,
+        freedom=registration,
+    )
+    return result
+
+
 def _design_irradiance(directory: Path) -> np.ndarray:
     path = directory / "evaluate.npz"
     try:

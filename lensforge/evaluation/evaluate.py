@@ -19,6 +19,7 @@ from lensforge.receiver.filter import gaussian3
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.targets import target_irradiance
 from lensforge.sources.bundle import Source
+from lensforge.spec import Spec
 from lensforge.tracing.fates import Fate
 
 # The contract's six causes; everything under "missed" is told apart by ``missed_by_cause``.
@@ -48,13 +49,19 @@ def evaluate_lens(
     lens: Lens, source: Source, preset: Preset, *, rays: int | None = None, pixels: int | None = None
 ) -> Evaluation:
     """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise."""
+    traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
+    count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
+    return evaluate_traced(traced, lens.spec, source, count, lens.seed, pixels)
+
+
+def evaluate_traced(
+    traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int, pixels: int | None = None
+) -> Evaluation:
+    """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``."""
     started = time.perf_counter()
-    spec = lens.spec
     receiver = Receiver(spec.target.receiver_mm, pixels or spec.evaluate.pixels)
     window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-    traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
-    count = rays or spec.evaluate.rays or preset.evaluate_rays
-    simulation = simulate(traced, source, receiver, window_mm, count, lens.seed)
+    simulation = simulate(traced, source, receiver, window_mm, rays, seed)
     images = np.stack([gaussian3(image, spec.evaluate.filter_variance) for image in simulation.images])
     target = target_irradiance(spec.target, receiver)
     report = _metrics(images, simulation, target, receiver, spec.target.uniform_mm)

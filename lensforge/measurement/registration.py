@@ -1,0 +1,150 @@
+"""Measured points laid on the design surface: the rigid motion of least squares along the normals."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from lensforge.errors import InputError
+from lensforge.geometry.patch import Patch
+from lensforge.surfaces.chart import HALF_WIDTH, to_chart
+
+# What is fitted: turn and shift, shift alone, or nothing where the points are in lens coordinates by their datums.
+Freedom = Literal["rigid", "shift", "none"]
+
+_REACH = HALF_WIDTH**2  # squared chart radius up to which the patch is defined: a little below the rim
+_START_SHARE = 0.5  # of the points must lie over the surface at the start
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The motion that takes measured points to lens coordinates: turn by ``rotation_rad``, then shift.
+
+    Both with their standard errors, from the scatter of the points: a nearly spherical surface says little about its
+    own rotation.
+    """
+
+    rotation_rad: Float[np.ndarray, "3"]
+    translation_mm: Float[np.ndarray, "3"]
+    rotation_error_rad: Float[np.ndarray, "3"]
+    translation_error_mm: Float[np.ndarray, "3"]
+
+    def apply(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """``points`` (mm) in lens coordinates."""
+        return moved(points, np.concatenate([self.rotation_rad, self.translation_mm]))
+
+
+def moved(points: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
+    """``points`` turned by the rotation vector (rad) and shifted (mm) that make up ``pose``."""
+    turned: Float[np.ndarray, "n 3"] = Rotation.from_rotvec(pose[:3]).apply(points)
+    return turned + pose[3:]
+
+
+def over_surface(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """Which points lie over the hemisphere, down to a little below the rim."""
+    lengths = np.linalg.norm(points, axis=1)
+    above = (lengths > 0.0) & (points[:, 2] > -0.5 * lengths)
+    chart = np.full((len(points), 2), np.inf)
+    chart[above] = to_chart(points[above])
+    inside: Bool[np.ndarray, " n"] = np.sum(chart**2, axis=1) <= _REACH
+    return inside
+
+
+def distances(
+    patch: Patch, points: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+    """Signed distance (mm) of points over the surface from it, positive away from the origin, and the normals there.
+
+    The radial gap times the cosine to the normal: exact to first order in the gap.
+    """
+    lengths = np.linalg.norm(points, axis=1)
+    directions = points / lengths[:, None]
+    normals = patch.normals(to_chart(points))
+    cosine = np.sum(normals * directions, axis=1)
+    return (lengths - patch.radius(directions)) * cosine, normals
+
+
+def register(patch: Patch, points: Float[np.ndarray, "n 3"], freedom: Freedom = "rigid") -> Pose:
+    """The pose that lays ``points`` (mm) on ``patch``, starting from where they are and from their sphere's centre.
+
+    They should lie within some millimetres and some ten degrees of the lens coordinates: a freeform has more than one
+    pose that fits nearly. A surface close to a sphere turns easily under its own deformation; where that would matter,
+    measure against datums. Raises :class:`InputError` for points that are not over the surface.
+    """
+    if np.mean(over_surface(points)) < _START_SHARE:
+        raise InputError("--points: fewer than half of them lie above z = 0 around the origin; give lens coordinates")
+    if freedom == "none":
+        return Pose(*np.zeros((4, 3)))
+    free = np.arange(6) >= (3 if freedom == "shift" else 0)
+    fits = [_fit(patch, points, start, free) for start in _starts(patch, points)]
+    best = min(fits, key=lambda fit: fit.cost)
+    variance = 2.0 * best.cost / max(len(points) - int(free.sum()), 1)
+    pose, errors = np.zeros(6), np.zeros(6)
+    pose[free] = best.x
+    errors[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance, 0.0))
+    return Pose(pose[:3], pose[3:], errors[:3], errors[3:])
+
+
+def _fit(
+    patch: Patch, points: Float[np.ndarray, "n 3"], start: Float[np.ndarray, "6"], free: Bool[np.ndarray, "6"]
+) -> Any:
+    """Trust-region least squares; rotations count as lengths at the lens's own size, so that all six are alike."""
+    size = float(np.linalg.norm(points, axis=1).mean())
+
+    def whole(chosen: Float[np.ndarray, " k"]) -> Float[np.ndarray, "6"]:
+        pose = np.zeros(6)
+        pose[free] = chosen
+        return pose
+
+    return least_squares(
+        lambda chosen: _gaps_and_slopes(patch, points, whole(chosen))[0],
+        start[free],
+        jac=lambda chosen: _gaps_and_slopes(patch, points, whole(chosen))[1][:, free],
+        x_scale=np.array([1.0 / size] * 3 + [1.0] * 3)[free],
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-14,
+    )
+
+
+def _gaps_and_slopes(
+    patch: Patch, points: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "6"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 6"]]:
+    """Distances and their slopes by the pose; points that slip below the rim do not count."""
+    place = moved(points, pose)
+    over = over_surface(place)
+    gaps, slopes = np.zeros(len(points)), np.zeros((len(points), 6))
+    gaps[over], normals = distances(patch, place[over])
+    # A small further turn w moves a point by w x p, p after the turn so far; its share along the normal is w . (p x n).
+    turned = place[over] - pose[3:]
+    slopes[over] = np.concatenate([np.cross(turned, normals) @ _left_jacobian(pose[:3]), normals], axis=1)
+    return gaps, slopes
+
+
+def _left_jacobian(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """How a change of a rotation vector turns what it has turned already (Chirikjian 2011, eq. 10.86)."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if angle < 1e-6:
+        return np.eye(3) + 0.5 * cross
+    first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * cross + second * cross @ cross
+
+
+def _starts(patch: Patch, points: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "6"]]:
+    """As measured; and shifted so that the points' sphere has the centre of the surface's under them."""
+    over = points[over_surface(points)]
+    directions = over / np.linalg.norm(over, axis=1)[:, None]
+    shift = _sphere_centre(patch.radius(directions)[:, None] * directions) - _sphere_centre(over)
+    return [np.zeros(6), np.concatenate([np.zeros(3), shift])]
+
+
+def _sphere_centre(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+    """Centre of the algebraic best-fit sphere: |p|^2 = 2 c . p + k."""
+    matrix = np.concatenate([2.0 * points, np.ones((len(points), 1))], axis=1)
+    centre: Float[np.ndarray, "3"] = np.linalg.lstsq(matrix, np.sum(points**2, axis=1), rcond=None)[0][:3]
+    return centre
