@@ -24,7 +24,7 @@ def geom_surface(patch: Patch) -> Any:
     from OCP.gp import gp_Pnt
     from OCP.TColgp import TColgp_Array2OfPnt
 
-    poles = TColgp_Array2OfPnt(1, patch.nodes, 1, patch.nodes)
+    poles = TColgp_Array2OfPnt(1, len(patch.control), 1, len(patch.control))
     for (row, column), _ in np.ndenumerate(patch.control[..., 0]):
         poles.SetValue(row + 1, column + 1, gp_Pnt(*patch.control[row, column].tolist()))
     knots, multiplicities = _knots(patch.knots)

@@ -8,10 +8,9 @@ from typing import Any
 
 from lensforge.files import write_json
 from lensforge.gates import Gate
-from lensforge.geometry.form import FormError, face_error, worst
+from lensforge.geometry.form import FormError, face_error, fit_to_form, worst
 from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
-from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan
 from lensforge.geometry.solid import Solid, build_solid
 from lensforge.geometry.step import read_step, write_step
@@ -21,7 +20,7 @@ from lensforge.lens import Lens
 
 STEP_FILE, STL_FILE, JSON_FILE = "lens.step", "lens.stl", "export.json"
 
-_FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 10.0, 0.1
+_FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 1.0, 0.02
 _ROUND_TRIP_LIMIT = 1e-9
 _GENUS = 0  # with or without a base: the bore is the cavity continued, so the body is a cup
 
@@ -48,14 +47,14 @@ def export_lens(
 ) -> dict[str, Any]:
     """Write ``lens.step``, ``lens.stl`` and ``export.json`` into ``directory``; return what the JSON holds.
 
-    ``nodes``: spline nodes across each optical face, by default as many as the narrowest SRBF needs.
+    ``nodes``: spline nodes across each optical face, by default as many as the form needs.
     ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
     Failed gates do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
     a base too narrow for the cavity.
     """
     start = time.perf_counter()
     directory = Path(directory)
-    plan = make_plan(fit_patch(lens.inner, nodes), fit_patch(lens.outer, nodes), lens.spec.base)
+    plan = make_plan(fit_to_form(lens.inner, nodes), fit_to_form(lens.outer, nodes), lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from lensforge.errors import InputError
+from lensforge.geometry.patch import MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.geometry.plan import FULL_TURN, rim_directions
 from lensforge.surfaces.chart import to_chart
 from lensforge.surfaces.srbf import SrbfSurface
@@ -18,6 +19,9 @@ from lensforge.surfaces.srbf import SrbfSurface
 SAMPLES = 4096
 _RIM_SHARE = 4  # one more sample for each four of these lies exactly on the rim, where splines are worst
 _SAME_CHART = 1e-3
+# What a fit aims at, half of what the gates ask; errors fall with these powers of the node count.
+_FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5, 0.01
+_FORM_ORDER, _NORMAL_ORDER = 6, 5
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,21 @@ def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2
     inner = radius[:, None] * rim_directions(azimuth)[:, :2]
     turn = np.random.default_rng(seed).random()
     return np.concatenate([inner, rim_directions(FULL_TURN * (np.arange(rim) + turn) / rim)[:, :2]])
+
+
+def fit_to_form(surface: SrbfSurface, nodes: int | None = None) -> Patch:
+    """The patch of ``surface``: with ``nodes`` as asked for, else as many as the measured form and normals need."""
+    if nodes is not None:
+        return fit_patch(surface, nodes)
+    chart, count = chart_samples(), default_nodes(surface.basis)
+    while True:
+        patch = fit_patch(surface, count)
+        error = form_error(surface, patch.points(chart), patch.normals(chart))
+        by_form = (error.form_max_nm / _FORM_AIM_NM) ** (1.0 / _FORM_ORDER)
+        by_normal = (error.normal_max_mrad / _NORMAL_AIM_MRAD) ** (1.0 / _NORMAL_ORDER)
+        if max(by_form, by_normal) <= 1.0 or count == MAX_NODES:
+            return patch
+        count = min(MAX_NODES, max(count + 1, int(np.ceil(count * max(by_form, by_normal)))))
 
 
 def face_points(

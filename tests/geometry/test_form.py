@@ -4,9 +4,9 @@ from geometry_lenses import random_surface
 
 from lensforge.errors import InputError
 from lensforge.geometry.edges import geom_surface
-from lensforge.geometry.form import chart_samples, face_error, form_error, worst
-from lensforge.geometry.patch import Patch, fit_patch
-from lensforge.surfaces.chart import HALF_WIDTH, to_sphere
+from lensforge.geometry.form import chart_samples, face_error, fit_to_form, form_error, worst
+from lensforge.geometry.patch import Patch, fit_patch, node_axis
+from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.srbf import SrbfSurface
 
 SURFACE = random_surface(2.45, 0.01, seed=3)
@@ -26,8 +26,8 @@ def test_samples_are_even_over_the_hemisphere_and_never_on_grid_nodes():
     assert (np.abs(directions[4096:, 2]) < 1e-15).all()
     np.testing.assert_allclose(directions[:4096].mean(axis=0), [0.0, 0.0, 0.5], atol=2e-3)
     for nodes in (72, 86, 114):
-        on_node = np.abs(np.mod((chart + HALF_WIDTH) / (2 * HALF_WIDTH) * (nodes - 1) + 0.5, 1.0) - 0.5)
-        assert (on_node.max(axis=1) < 1e-6).sum() == 0
+        nearest = np.abs(chart[:, :, None] - node_axis(nodes)).min(axis=2)
+        assert (nearest.max(axis=1) < 1e-8).sum() == 0
 
 
 def test_the_kernel_sees_the_same_surface_as_the_spline():
@@ -76,3 +76,14 @@ def test_the_worst_of_two_is_taken_figure_by_figure():
     points, normals = SURFACE.radius(directions)[:, None] * directions, SURFACE.normal(directions)
     exact, moved = form_error(SURFACE, points, normals), form_error(SURFACE, points * (1 + 1e-8), normals)
     assert worst([exact, moved]).form_max_nm == moved.form_max_nm
+
+
+def test_a_large_surface_gets_the_nodes_that_its_form_needs():
+    small, large = (random_surface(offset, 0.05, seed=5, levels=(9, 25, 81)) for offset in (2.45, 120.0))
+    few, many = fit_to_form(small), fit_to_form(large)
+    assert many.nodes > few.nodes
+    chart = chart_samples(2048, seed=9)
+    error = form_error(large, many.points(chart), many.normals(chart))
+    assert error.form_max_nm < 1.0
+    assert error.normal_max_mrad < 0.02
+    assert fit_to_form(large, 60).nodes == 60

@@ -4,7 +4,7 @@ from geometry_lenses import ALL_LEVELS, off_grid_chart, random_surface
 
 from lensforge.errors import InputError
 from lensforge.geometry.form import form_error
-from lensforge.geometry.patch import MAX_NODES, default_nodes, fit_patch
+from lensforge.geometry.patch import MAX_NODES, default_nodes, fit_patch, node_axis
 from lensforge.surfaces.chart import HALF_WIDTH
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -31,8 +31,9 @@ def test_form_converges_with_order_six_and_normals_with_order_five():
 
 def test_nodes_resolve_the_narrowest_function():
     basis = SrbfBasis(ALL_LEVELS, 1.75)
-    apex_step = 4.0 * HALF_WIDTH / (default_nodes(basis) - 1)
-    assert apex_step <= basis.sigmas.min() / 3.0
+    axis = node_axis(default_nodes(basis))
+    assert 2.0 * np.diff(np.arctan(axis)).max() <= basis.sigmas.min() / 5.0
+    assert (axis[0], axis[-1]) == pytest.approx((-HALF_WIDTH, HALF_WIDTH), rel=1e-14)
     assert default_nodes(SrbfBasis((100_000,), 1.75)) == MAX_NODES
 
 
