@@ -147,13 +147,12 @@ def compare(directory: Path, on: Path | None, points: Path | None, rays: int | N
     if on is not None:
         if not options["corners"]:
             raise InputError("compare: --on needs --corners, four pixels x,y in it, from the top left clockwise")
-        names = ("off", "corners", "target_mm", "gamma")
-        result = _pipeline().run_compare_photo(directory, on=on, **{name: options[name] for name in names})
+        shot = {name: options[name] for name in ("off", "corners", "target_mm", "gamma")}
+        result = _pipeline().run_compare_photo(directory, on=on, **shot)
     else:
         if not options["surface"]:
             raise InputError("compare: --points needs --surface, inner or outer")
-        names = ("surface", "registration")
-        chosen = {name: options[name] for name in names}
+        chosen = {name: options[name] for name in ("surface", "registration")}
         result = _pipeline().run_compare_surface(directory, points=points, rays=rays, **chosen)
     _finish(result, directory)
 

@@ -146,5 +146,5 @@ def _starts(patch: Patch, points: Float[np.ndarray, "n 3"]) -> list[Float[np.nda
 def _sphere_centre(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
     """Centre of the algebraic best-fit sphere: |p|^2 = 2 c . p + k."""
     matrix = np.concatenate([2.0 * points, np.ones((len(points), 1))], axis=1)
-    centre: Float[np.ndarray, "3"] = np.linalg.lstsq(matrix, np.sum(points**2, axis=1), rcond=None)[0][:3]
-    return centre
+    solution: Float[np.ndarray, " k"] = np.linalg.lstsq(matrix, np.sum(points**2, axis=1), rcond=None)[0]
+    return solution[:3]

@@ -52,9 +52,9 @@ def test_a_perfect_part_has_no_deviation():
 
 
 def test_noise_is_not_believed():
-    rng = np.random.default_rng(0)
-    u = directions(5000, 1)
-    fitted = fit_deviation(LENS.outer.basis, u, 0.01 * rng.normal(size=5000))
+    """Least squares alone would make half of the noise of 400 points a deformation: it has 115 functions for them."""
+    noise = 0.01 * np.random.default_rng(0).normal(size=400)
+    fitted = fit_deviation(LENS.outer.basis, directions(400, 1), noise)
     assert np.sqrt(np.mean(fitted.surface.radius(directions(2000, 2)) ** 2)) < 0.003
 
 
@@ -78,7 +78,7 @@ def compared(tmp_path_factory):
 
 
 def test_a_good_part_makes_the_light_of_the_design(compared):
-    folder, run = compared
+    _, run = compared
     content = run(0.0)
     assert content["form_deviation_um"]["pv"] < 1.0
     assert content["nmse_between"] < 1e-4
