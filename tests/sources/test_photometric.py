@@ -100,6 +100,27 @@ def test_ies_variants_and_refusals():
             ies.decode(text, "here")
 
 
+def _ldt(symmetry):
+    """Eight half-planes, intensities in cd/klm as the symmetry code asks for them; 2000 lm, decimal commas."""
+    stored = {0: range(8), 1: [0], 2: range(5), 3: [6, 5, 4, 3, 2], 4: range(3)}[symmetry]
+    head = ["maker", "2", str(symmetry), "8", "45,0", "2", "45", "", "a name", "", "", ""] + ["0"] * 9
+    head += ["100", "100", "1", "0", "1", "1", "LED", "2000", "", "", "10"] + ["0"] * 10
+    angles = [f"{45 * i}" for i in range(8)] + ["0", "45"]
+    return "\r\n".join(head + angles + [f"{number},5" for plane in stored for number in (9, plane)])
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "planes"),
+    [(0, range(8)), (1, [0]), (2, [0, 1, 2, 3, 4, 3, 2, 1]), (3, [4, 3, 2, 3, 4, 5, 6, 5]), (4, [0, 1, 2, 1] * 2)],
+)
+def test_eulumdat_symmetries_fill_the_whole_turn(symmetry, planes, tmp_path):
+    """Code 3 stores C 270 first and the plane C 90 - C 270 is its mirror, so C 0 holds what stands at C 180."""
+    (tmp_path / "file").write_bytes(b"\xef\xbb\xbf" + _ldt(symmetry).encode())
+    photometric = read_photometric(tmp_path / "file")
+    np.testing.assert_allclose(photometric.intensity.values[:8, 1], [2.0 * (plane + 0.5) for plane in planes])
+    assert (photometric.lamp_lumens, photometric.title, photometric.stated_lumens) == (2000.0, "a name", 2000.0)
+
+
 def test_damaged_files_end_in_light_or_in_one_line(tmp_path):
     random = np.random.default_rng(3)
     seeds = [ies.encode(_file()).encode(), encode_ldt(_file()).encode()]
