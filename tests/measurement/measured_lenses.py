@@ -34,7 +34,7 @@ def lens():
             "receiver_mm": 300.0,
             "uniform_mm": 100.0,
         },
-        "evaluate": {"rays": 65536, "pixels": 24},
+        "evaluate": {"rays": 16384, "pixels": 24},
     }
     return Lens(surface(6.0, 1), surface(13.0, 2), parse_spec(content, "test"), 0, "draft")
 

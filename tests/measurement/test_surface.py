@@ -36,7 +36,7 @@ def recovered(cloud):
 
 @pytest.mark.parametrize("noise", [0.0, 0.002])
 def test_a_deformation_is_found_in_a_moved_cloud(noise):
-    cloud = probed(LENS.outer, 8000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
+    cloud = probed(LENS.outer, 5000, height_mm=HEIGHT, noise_mm=noise, rotation=ROTATION, shift=SHIFT)
     form, found, u = recovered(cloud)
     wanted = without_motion(u, dent(u, HEIGHT))
     error = np.sqrt(np.mean((found - wanted) ** 2))
@@ -69,7 +69,7 @@ def compared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compare")
 
     def run(height):
-        cloud = probed(LENS.outer, 6000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
+        cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
         return compare_surface(
             cloud, folder, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"]
         )
@@ -126,7 +126,7 @@ def test_the_light_is_that_of_the_deformed_lens(tmp_path, freedom):
         "shift": {"shift": SHIFT},
         "none": {},
     }[freedom]
-    cloud = probed(part.outer, 6000, noise_mm=0.0005, **motion)
+    cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
     content = compare_surface(cloud, tmp_path, lens=LENS, side="outer", source=source, preset=preset, freedom=freedom)
     with np.load(tmp_path / "compare_outer.npz") as stored:
         found, designed = stored["irradiance_measured"], stored["irradiance_design"]
@@ -136,7 +136,7 @@ def test_the_light_is_that_of_the_deformed_lens(tmp_path, freedom):
 
 
 def test_half_a_surface_fails(tmp_path):
-    cloud = probed(LENS.outer, 4000)
+    cloud = probed(LENS.outer, 2500)
     content = compare_surface(
         cloud[cloud[:, 0] > 0.0],
         tmp_path,
