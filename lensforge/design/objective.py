@@ -10,21 +10,33 @@ from lensforge.design.constraints import AugmentedLagrangian
 from lensforge.design.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.optics.dielectric import normal_transmittance
-from lensforge.receiver.losses import mirror_mean, nmse_loss, stray_pull, total_reflection_pull, uniformity_loss
+from lensforge.receiver.losses import (
+    mirror_mean,
+    nmse_loss,
+    shortfall_loss,
+    stray_pull,
+    total_reflection_pull,
+    uniformity_loss,
+)
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.splat import splat_flux
 from lensforge.receiver.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.surfaces.symmetry import contains
+from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fused import Scene, trace_tables
 
-# Weights against an NMSE of order 0.01 to 1; what each term buys is measured in docs/results.md.
+# Weights against an NMSE of order 0.01 to 1. The first three serve every stage; the rest the uniformity stage,
+# where the image may be traded for an even mask, and efficiency must hold its own against a heavy uniformity term.
 _STRAY = 0.3
-_TOTAL_REFLECTION = 0.1
-_EFFICIENCY = 0.2
-_UNIFORMITY = 10.0
-_IMAGE_BESIDE_UNIFORMITY = 0.2
+_TOTAL_REFLECTION = 0.3
+_EFFICIENCY = 0.1
+_UNIFORM_EFFICIENCY = 1.2
+_UNIFORM_VARIANCE = 10.0
+_UNIFORM_SHORTFALL = 300.0
+_UNIFORM_MARGIN = 0.03
+_UNIFORM_IMAGE = 0.2
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,8 @@ class Objective:
         window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
         mask = None
         if spec.target.uniform_mm is not None:
-            mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm))
+            # half a pixel more: the outermost strip of the region belongs to pixels whose centres are beside it
+            mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm + receiver.pitch_mm))
         return Objective(spec, parametrisation, scene, receiver, wanted * limit, mask, window_mm)
 
     def evaluate(
@@ -71,24 +84,32 @@ class Objective:
         constraints: AugmentedLagrangian,
         uniform: bool,
     ) -> Evaluated:
-        """Trace ``rays``; ``uniform`` lets the uniformity loss lead."""
+        """Trace ``rays``; ``uniform`` lets the evenness of the mask lead, and the image follow."""
         inner, outer = self.parametrisation.tables(weights, offsets)
         arrivals = trace_tables(inner, outer, self.scene, rays)
-        emitted = torch.from_numpy(rays.weights)
         flux = mirror_mean(splat_flux(arrivals.hits, arrivals.flux, self.receiver), self.spec.lens.symmetry)
+        emitted = torch.from_numpy(rays.weights)
         nmse = nmse_loss(flux, self.wanted)
-        loss = nmse
         if uniform and self.mask is not None:
-            loss = _IMAGE_BESIDE_UNIFORMITY * nmse + _UNIFORMITY * uniformity_loss(flux, self.mask)
-        total = emitted.sum()
-        pulls = _STRAY * stray_pull(arrivals.hits, emitted * arrivals.arrived, self.receiver.side_mm)
-        inside = torch.all(arrivals.hits.abs() <= 0.5 * self.window_mm, dim=1)
-        pulls = pulls - _EFFICIENCY * torch.sum(arrivals.flux * inside)
-        pulls = pulls + _TOTAL_REFLECTION * total_reflection_pull(arrivals.sines, emitted)
+            loss = _UNIFORM_IMAGE * nmse + self._unevenness(flux, self.mask)
+            loss = loss + self._pulls(arrivals, emitted, _UNIFORM_EFFICIENCY)
+        else:
+            loss = nmse + self._pulls(arrivals, emitted, _EFFICIENCY)
         fields = constraints.fields(inner, outer)
-        return Evaluated(
-            loss + pulls / total + constraints.term(fields), nmse.item(), float(flux.detach().sum() / total), fields
-        )
+        efficiency = float(flux.detach().sum() / emitted.sum())
+        return Evaluated(loss + constraints.term(fields), nmse.item(), efficiency, fields)
+
+    def _unevenness(self, flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
+        variance = _UNIFORM_VARIANCE * uniformity_loss(flux, mask)
+        return variance + _UNIFORM_SHORTFALL * shortfall_loss(flux, mask, _UNIFORM_MARGIN)
+
+    def _pulls(self, arrivals: Arrivals, emitted: Float[Tensor, " n"], efficiency_weight: float) -> Float[Tensor, ""]:
+        """What the image cannot see, relative to the emitted flux: stray rays, total reflection, light lost."""
+        stray = stray_pull(arrivals.hits, emitted * arrivals.arrived, self.receiver.side_mm)
+        reflected = total_reflection_pull(arrivals.sines, emitted)
+        in_window = torch.all(arrivals.hits.abs() <= 0.5 * self.window_mm, dim=1)
+        detected = torch.sum(arrivals.flux * in_window)
+        return (_STRAY * stray + _TOTAL_REFLECTION * reflected - efficiency_weight * detected) / emitted.sum()
 
 
 def _require_symmetry(spec: Spec, source: Source, wanted: Float[Tensor, "p p"]) -> None:
