@@ -170,10 +170,20 @@ def photometry(directory: Path, rays: int | None, threads: int | None, lumens: f
 
 
 @cli.command()
-@_FOLDER
-def report(directory: Path) -> None:
-    """Build report.html from the files in DIR."""
-    click.echo(f"report\t{_pipeline().run_report(directory)}")
+@click.argument("directories", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="The page on several designs; default: compare.html.")
+@click.option("--pdf", is_flag=True, help="Also as PDF, beside the page; needs Chromium or Chrome.")
+def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
+    """Build report.html from the files in DIR, or one page that lays several designs side by side."""
+    if len(directories) == 1 and out is not None:
+        raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
+    if len(directories) == 1:
+        page = _pipeline().run_report(directories[0])
+    else:
+        page = import_module("lensforge.report.compare").build_comparison(directories, out or Path("compare.html"))
+    click.echo(f"report\t{page}")
+    if pdf:
+        click.echo(f"pdf\t{import_module('lensforge.report.pdf').write_pdf(page)}")
 
 
 @cli.command()

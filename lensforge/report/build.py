@@ -2,20 +2,17 @@
 
 import base64
 import hashlib
-import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.report import headline, pictures, proof
 from lensforge.report.numerals import size
+from lensforge.report.page import template
 from lensforge.report.results import STAGES, Results, load_results
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.tables import Row, rows
@@ -60,7 +57,7 @@ def build_report(directory: Path) -> Path:
     finally:
         if rendering:
             rendering.close()
-    page = _template().render(**context, **_solid(views))
+    page = template("report.html").render(**context, **_solid(views))
     path = directory / FILE_NAME
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -70,23 +67,6 @@ def build_report(directory: Path) -> Path:
 def _optics_radius_mm(results: Results) -> float:
     """The largest radius (mm) of the outer surface, to a per cent."""
     return float(results.lens.outer.radius(fibonacci_hemisphere(500)).max())
-
-
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("lensforge.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["breakable"] = _breakable
-    return environment.get_template("report.html")
-
-
-def _breakable(path: str) -> Markup:
-    """A dotted path that may wrap after its dots and underscores, and nowhere else."""
-    return Markup("<wbr>").join(re.split(r"(?<=[._])", path))
 
 
 def _context(results: Results) -> dict[str, Any]:
@@ -131,10 +111,10 @@ def _solid(views: SolidViews) -> dict[str, Any]:
 
 
 def _files(directory: Path) -> list[FileRow]:
-    """What lies in the folder, less this report and what programs hide."""
+    """What lies in the folder, less this report, on screen or on paper, and what programs hide."""
     found = []
     for path in sorted(directory.iterdir()):
-        if path.is_file() and path.name != FILE_NAME and not path.name.startswith("."):
+        if path.is_file() and path.name not in (FILE_NAME, "report.pdf") and not path.name.startswith("."):
             try:
                 with path.open("rb") as file:
                     digest = hashlib.file_digest(file, "sha256").hexdigest()

@@ -26,7 +26,8 @@ class Picture:
     caption: str
 
 
-def _picture(name: str, figure: Figure, title: str, caption: str = "") -> Picture:
+def picture(name: str, figure: Figure, title: str, caption: str = "") -> Picture:
+    """``figure`` as it enters a page; ``name`` is unique on the page."""
     return Picture(to_svg(figure, name, title), title, caption)
 
 
@@ -37,7 +38,7 @@ def first_picture(results: Results) -> Picture | None:
     side, reached, unit = results.evaluate.receiver_mm, results.images["irradiance"], light_unit(results.lens.spec)
     figure = irradiance_figures.irradiance_map(reached, side, float(reached.max()) or 1.0, unit=unit, width=_FIRST)
     distance = results.lens.spec.target.distance_mm
-    return _picture("first", figure, "The light", f"Simulated {unit.quantity} at {distance:g} mm.")
+    return picture("first", figure, "The light", f"Simulated {unit.quantity} at {distance:g} mm.")
 
 
 def irradiance_pictures(results: Results) -> list[Picture]:
@@ -58,9 +59,9 @@ def irradiance_pictures(results: Results) -> list[Picture]:
     reached_map = draw(reached, side, top, target, mask, unit)
     difference = irradiance_figures.difference_map(reached - target, side, unit)
     return [
-        _picture("target", wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
-        _picture("simulated", reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
-        _picture("difference", difference, "Simulated less target", "Red: too bright. Blue: too dark."),
+        picture("target", wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
+        picture("simulated", reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
+        picture("difference", difference, "Simulated less target", "Red: too bright. Blue: too dark."),
     ]
 
 
@@ -75,7 +76,7 @@ def line_pictures(results: Results) -> list[Picture]:
     side, target, reached = results.evaluate.receiver_mm, results.images["target"], results.images["irradiance"]
     draw, unit = irradiance_figures.line_comparison, light_unit(results.lens.spec)
     return [
-        _picture(f"line{index}", draw(line, target, reached, side, unit), f"Along {name}")
+        picture(f"line{index}", draw(line, target, reached, side, unit), f"Along {name}")
         for index, (name, line) in enumerate(irradiance_figures.telling_lines(target, side))
     ]
 
@@ -91,12 +92,12 @@ def flux_pictures(results: Results) -> list[Picture]:
         lines = irradiance_figures.isolines(results.images["irradiance"], side, level, light_unit(results.lens.spec))
         gathered = irradiance_figures.encircled_energy(target, results.images["raw"], side)
         pictures = [
-            _picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
-            _picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
+            picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
+            picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
         ]
     account = flux_figures.flux_account(record.flux, record.missed_by_cause)
     window = f"Window: {record.window_mm:g} × {record.window_mm:g} mm."
-    return [*pictures, _picture("flux", account, "Flux account", window)]
+    return [*pictures, picture("flux", account, "Flux account", window)]
 
 
 def history_pictures(results: Results) -> list[Picture]:
@@ -106,13 +107,13 @@ def history_pictures(results: Results) -> list[Picture]:
     levels = results.design.history
     caption = "Numbers above: functions of each surface that are free to move."
     pictures = [
-        _picture("loss", history_figures.history(levels, "nmse"), "Loss by level", caption),
-        _picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level"),
+        picture("loss", history_figures.history(levels, "nmse"), "Loss by level", caption),
+        picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level"),
     ]
     if all(level.g1_mm and level.g2_mm and level.g3_mm for level in levels):
         margins = history_figures.constraint_history(levels)
         caption = "Least of g1, g2, g3 over the lens. Below 0 (red) the lens is not allowed."
-        pictures.append(_picture("margins", margins, "Constraints by level", caption))
+        pictures.append(picture("margins", margins, "Constraints by level", caption))
     return pictures
 
 
@@ -120,7 +121,7 @@ def section_pictures(results: Results) -> list[Picture]:
     """The lens in two sections."""
     outline = source_outline(results)
     return [
-        _picture(
+        picture(
             f"section{azimuth:.0f}",
             section_figures.lens_section(results.lens, azimuth, outline),
             f"Section at φ = {azimuth:.0f}°",
@@ -154,13 +155,13 @@ def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray
     sag, kappa, left = (maps[f"{name}_{key}"] for key in ("sag_mm", "kappa_min", "residual_mm"))
     pv, rms, radius = number(sphere.pv_mm, 4), number(sphere.rms_mm, 4), number(sphere.radius_mm, 5)
     pictures = [
-        _picture(
+        picture(
             f"sag-{name}",
             surface_figures.sag_map(sag),
             f"{name.capitalize()} face: departure from a sphere",
             f"Best-fit sphere R = {radius} mm; PV {pv} mm, rms {rms} mm.",
         ),
-        _picture(
+        picture(
             f"curvature-{name}",
             surface_figures.curvature_map(kappa, cutter.radius_mm),
             f"{name.capitalize()} face: curvature",
@@ -170,7 +171,7 @@ def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray
     if (left > 0.0).any():
         caption = f"The mill reaches {percent(cutter.reachable_fraction, 2)} of the face (grey)."
         title = f"{name.capitalize()} face: left by the mill"
-        pictures.append(_picture(f"uncut-{name}", surface_figures.uncut_map(left), title, caption))
+        pictures.append(picture(f"uncut-{name}", surface_figures.uncut_map(left), title, caption))
     return pictures
 
 
@@ -185,7 +186,7 @@ def verification_pictures(results: Results) -> list[Picture]:
     noise = "What is left where the two agree is the noise of the rays."
     draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
     return [
-        _picture("design", draw(design, side, top, unit=unit), "Design"),
-        _picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
-        _picture("part-less-design", difference, "Part less design", noise),
+        picture("design", draw(design, side, top, unit=unit), "Design"),
+        picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
+        picture("part-less-design", difference, "Part less design", noise),
     ]

@@ -9,22 +9,26 @@ from matplotlib.patches import Polygon
 from lensforge.lens import Lens
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.ray_fan import trace_fan
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _MARGIN = 1.3  # the drawing's reach in largest radii
 
 
 @in_house_style
-def lens_section(lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None) -> Figure:
+def lens_section(
+    lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
+) -> Figure:
     """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
+
+    ``reach``: half the width of the drawing (mm); without it, by the size of the lens.
 
     Drawn beside the body: the paraboloid that must fit into the cavity, and the largest radius allowed.
     """
     figure, axes = new_figure(WIDE, 3.3)
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     inner, outer = profile(lens.inner, across), profile(lens.outer, across)
-    reach = _MARGIN * max(float(np.linalg.norm(outer, axis=1).max()), lens.spec.constraints.max_radius_mm)
+    reach = reach or reach_mm(lens)
     _draw_body(axes, lens, inner, outer)
     _draw_fan(axes, lens, across, outline_mm, reach)
     _draw_constraints(axes, lens)
@@ -35,6 +39,12 @@ def lens_section(lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "
     axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
     figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
     return figure
+
+
+def reach_mm(lens: Lens) -> float:
+    """Half the width of a drawing that holds the lens and its largest radius allowed."""
+    largest = float(lens.outer.radius(fibonacci_hemisphere(2000)).max())
+    return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
 
 
 def profile(surface: SrbfSurface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:

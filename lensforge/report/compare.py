@@ -1,0 +1,114 @@
+"""Designs side by side on one page: their numbers, where their specs differ, their light and sections on one scale."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lensforge.errors import InputError
+from lensforge.files import replacing
+from lensforge.report import headline
+from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.page import template
+from lensforge.report.results import Results, load_results
+from lensforge.report.tables import rows
+from lensforge.report.task import task
+from lensforge.version import __version__
+
+FILE_NAME = "compare.html"
+_MOST = 8  # more columns than that no page holds
+_ABSENT = "–"
+
+# Which way is better, of the numbers of which that can be said whatever the spec.
+_BETTER = {"NMSE": min, "Efficiency": max, "Uniformity": max, "RSD": min}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One number of one design."""
+
+    text: str
+    state: str = ""
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row of a table: what it is, and a cell for each design."""
+
+    name: str
+    cells: tuple[Cell, ...]
+
+
+def build_comparison(directories: Sequence[Path], path: Path) -> Path:
+    """Write one page on the designs in ``directories`` to ``path`` and return it.
+
+    Raises :class:`InputError` for fewer than two or more than eight folders, the same one twice, or a damaged one.
+    """
+    directories = [Path(directory) for directory in directories]
+    if not 2 <= len(directories) <= _MOST:
+        raise InputError(f"report: {len(directories)} folders given; from 2 to {_MOST} can be laid side by side")
+    if len({directory.resolve() for directory in directories}) < len(directories):
+        raise InputError("report: the same folder is given twice; give each design once")
+    designs = [load_results(directory) for directory in directories]
+    names = names_of(designs)
+    page = template("compare.html").render(
+        names=names,
+        tasks=[task(design.lens.spec) for design in designs],
+        verdicts=[headline.verdict(design) for design in designs],
+        numbers=number_lines(designs),
+        differences=difference_lines(designs),
+        pictures=ComparedPictures(names, designs),
+        version=__version__,
+    )
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def names_of(designs: Sequence[Results]) -> list[str]:
+    """The folders' names, or their whole paths where two are called the same."""
+    short = [design.directory.resolve().name for design in designs]
+    return short if len(set(short)) == len(short) else [str(design.directory) for design in designs]
+
+
+def number_lines(designs: Sequence[Results]) -> list[Line]:
+    """The headline numbers; the best of a kind is marked where better has a meaning and they differ."""
+    found = [{card.label: card for card in headline.cards(design)} for design in designs]
+    lines = []
+    for label in dict.fromkeys(label for cards in found for label in cards):
+        cells = [cards.get(label) for cards in found]
+        texts = [f"{card.value} {card.unit}".strip() if card else _ABSENT for card in cells]
+        best = _best(label, designs) if len(set(texts)) > 1 else None
+        lines.append(
+            Line(
+                label,
+                tuple(
+                    Cell(text, card.state if card else "", index == best)
+                    for index, (text, card) in enumerate(zip(texts, cells, strict=True))
+                ),
+            )
+        )
+    return lines
+
+
+def _best(label: str, designs: Sequence[Results]) -> int | None:
+    """Which design has the best value of the number called ``label``."""
+    if label not in _BETTER:
+        return None
+    values = [getattr(design.evaluate, label.lower(), None) for design in designs]
+    known = [value for value in values if value is not None]
+    return values.index(_BETTER[label](known)) if known else None
+
+
+def difference_lines(designs: Sequence[Results]) -> list[Line]:
+    """The entries of the specs that are not the same in all designs, with preset and seed."""
+    tables = []
+    for design in designs:
+        content = {"accuracy": design.lens.accuracy, "seed": design.lens.seed, **design.lens.spec.model_dump()}
+        tables.append({row.path: f"{row.value} {row.unit}".strip() for row in rows(content)})
+    lines = []
+    for path in dict.fromkeys(path for table in tables for path in table):
+        texts = [table.get(path, _ABSENT) for table in tables]
+        if len(set(texts)) > 1:
+            lines.append(Line(path, tuple(Cell(text) for text in texts)))
+    return lines

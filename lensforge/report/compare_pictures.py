@@ -1,0 +1,107 @@
+"""Pictures of several designs on one scale: colours, millimetres and curves can be compared by eye."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lensforge.report.drawing import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_house_style, new_figure
+from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
+from lensforge.report.light import WATTS, LightUnit, light_unit
+from lensforge.report.pictures import Picture, picture, source_outline
+from lensforge.report.results import Results
+from lensforge.report.section_figures import lens_section, reach_mm
+
+_COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
+_DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide are all seen
+_DARK = "#000004"  # of a receiver where there is nothing, as the darkest of the map's colours
+
+
+class ComparedPictures:
+    """The pictures of ``designs``, called ``names``; those that have not been simulated have no light."""
+
+    def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
+        self._designs = list(zip(names, designs, strict=True))
+        self._lit = [(name, design) for name, design in self._designs if design.images is not None and design.evaluate]
+
+    @cached_property
+    def _units(self) -> list[LightUnit]:
+        """Of the lit designs: lux only where all of them know their lumens."""
+        units = [light_unit(design.lens.spec) for _, design in self._lit]
+        return units if WATTS not in units else [WATTS] * len(units)
+
+    @cached_property
+    def maps(self) -> list[Picture]:
+        """Irradiance, every map with the same colours and the same millimetres."""
+        lit = list(zip(self._lit, self._units, strict=True))
+        top = max((unit.per_w_m2 * _image(design).max() for (_, design), unit in lit), default=1.0) or 1.0
+        half = 0.5 * max((_side(design) for _, design in self._lit), default=1.0)
+        pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
+        for index, ((name, design), unit) in enumerate(lit):
+            scaled = float(top) / unit.per_w_m2
+            figure = irradiance_map(_image(design), _side(design), scaled, unit=unit, width=width)
+            figure.axes[0].set(xlim=(-half, half), ylim=(-half, half), facecolor=_DARK)
+            distance = f"At {design.lens.spec.target.distance_mm:g} mm."
+            pictures.append(picture(f"map{index}", figure, name, distance))
+        return pictures
+
+    @cached_property
+    def curves(self) -> list[Picture]:
+        """Lines across the receivers and encircled energy, all designs in one picture."""
+        if not self._lit:
+            return []
+        return [
+            picture("across", self._lines((1.0, 0.0)), "Along y = 0"),
+            picture("up", self._lines((0.0, 1.0)), "Along x = 0"),
+            picture("circles", self._circles(), "Encircled energy", "Share of each receiver's flux."),
+        ]
+
+    @cached_property
+    def sections(self) -> list[Picture]:
+        """Sections at 0 deg, all to one scale."""
+        reach = max(reach_mm(design.lens) for _, design in self._designs)
+        return [
+            picture(f"body{index}", lens_section(design.lens, 0.0, source_outline(design), reach), name)
+            for index, (name, design) in enumerate(self._designs)
+        ]
+
+    @in_house_style
+    def _lines(self, direction: tuple[float, float]) -> Figure:
+        figure, axes = new_figure(NARROW, 2.6)
+        for (_, design), unit, colour in zip(self._lit, self._units, _COLOURS, strict=False):
+            half = 0.5 * _side(design)
+            end = half * np.array(direction)
+            values = unit.per_w_m2 * along(_image(design), -end, end, _side(design))
+            axes.plot(np.linspace(-half, half, len(values)), values, color=colour)
+        axes.set(xlabel="position on the line (mm)", ylabel=self._units[0].label)
+        axes.set_ylim(bottom=0.0)
+        return self._named(figure, axes)
+
+    @in_house_style
+    def _circles(self) -> Figure:
+        figure, axes = new_figure(NARROW, 2.6)
+        for (_, design), colour in zip(self._lit, _COLOURS, strict=False):
+            assert design.images is not None
+            axes.plot(*encircled_share(design.images["raw"], _side(design)), color=colour)
+        axes.set(xlabel="radius around the axis (mm)", ylabel="share of the receiver's flux", ylim=(0.0, 1.02))
+        axes.set_xlim(left=0.0)
+        return self._named(figure, axes)
+
+    def _named(self, figure: Figure, axes: Axes) -> Figure:
+        axes.grid(True)
+        for index, (line, (name, _)) in enumerate(zip(axes.lines, self._lit, strict=True)):
+            line.set(label=name, linestyle=_DASHES[index % len(_DASHES)])
+        figure.legend(loc="outside upper left", ncols=min(2, len(self._lit)), handlelength=1.3)
+        return figure
+
+
+def _image(design: Results) -> np.ndarray:
+    assert design.images is not None
+    return design.images["irradiance"]
+
+
+def _side(design: Results) -> float:
+    assert design.evaluate is not None
+    return design.evaluate.receiver_mm

@@ -1,0 +1,39 @@
+import re
+
+import browser
+import pytest
+from result_folders import make_folder
+
+from lensforge.errors import InputError
+from lensforge.report import pdf
+from lensforge.report.build import build_report
+
+
+@browser.needed
+def test_the_report_on_paper_is_wide_a4_with_every_picture(tmp_path):
+    page = build_report(make_folder(tmp_path))
+    data = pdf.write_pdf(page).read_bytes()
+    assert data.startswith(b"%PDF")
+    sizes = {tuple(map(float, found.split())) for found in re.findall(rb"/MediaBox \[([\d. ]+)\]", data)}
+    assert [round(value) for value in sizes.pop()] == [0, 0, 842, 595]
+    assert not sizes
+    assert len(re.findall(rb"/Type /Page\b", data)) >= 7, "light, lens, manufacture, proof, gates, search, numbers"
+    assert data.count(b"/Subtype /Image") >= 14, "the maps are raster images"
+    assert build_report(tmp_path).read_text().count("report.pdf") == 0, "the report is no result"
+
+
+def test_without_a_browser_one_line_says_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setattr(pdf, "BROWSERS", ("no-such-browser",))
+    with pytest.raises(InputError, match=r"needs Chromium.*no-such-browser.*print it") as caught:
+        pdf.write_pdf(tmp_path / "report.html")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_browser_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(pdf, "BROWSERS", ("false",))
+    old = tmp_path / "report.pdf"
+    old.write_bytes(b"old")
+    with pytest.raises(InputError, match="exit code 1"):
+        pdf.write_pdf(tmp_path / "report.html")
+    assert old.read_bytes() == b"old"
+    assert [path.name for path in tmp_path.iterdir()] == ["report.pdf"]
