@@ -75,9 +75,15 @@ def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int
 
 @cli.command()
 @_FOLDER
-def export(directory: Path) -> None:
-    """Write STEP and STL of the lens in DIR, and prove them by reading them back."""
-    _finish(_pipeline().run_export(directory), directory)
+@click.option(
+    "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Of the STEP."
+)
+@click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, going on by DEG degrees.")
+@click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
+@click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
+def export(directory: Path, schema: str, runout: float | None, nodes: int | None, rings: int | None) -> None:
+    """Write STEP, STL and 3MF of the lens in DIR, and prove them by reading them back."""
+    _finish(_pipeline().run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings), directory)
 
 
 @cli.command()

@@ -113,10 +113,10 @@ def _replaced_source(spec: Spec, file: Path | None) -> Any:
     return RayfileSource(kind="rayfile", file=file, origin="virtual_focus", flux_w=spec.source.flux_w)
 
 
-def run_export(directory: Path) -> dict[str, Any]:
-    """STEP and STL, proven by reading them back. CAD loads here and nowhere else."""
+def run_export(directory: Path, **options: Any) -> dict[str, Any]:
+    """STEP, STL and 3MF, proven by reading them back; ``options`` of ``geometry.export_lens``. CAD loads here only."""
     lens, _ = _lens_and_preset(directory)
-    result: dict[str, Any] = import_module("lensforge.geometry.export").export_lens(lens, directory)
+    result: dict[str, Any] = import_module("lensforge.geometry.export").export_lens(lens, directory, **options)
     return result
 
 

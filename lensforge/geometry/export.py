@@ -1,4 +1,4 @@
-"""The geometry stage: from a lens record to STEP and STL, proven by reading both back."""
+"""The geometry stage: from a lens record to STEP, STL and 3MF, proven by reading all of them back."""
 
 import hashlib
 import time
@@ -11,14 +11,17 @@ from lensforge.gates import Gate
 from lensforge.geometry.form import FormError, face_error, fit_to_form, worst
 from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
-from lensforge.geometry.plan import make_plan
-from lensforge.geometry.solid import Solid, build_solid
-from lensforge.geometry.step import read_step, write_step
+from lensforge.geometry.patch import fit_extended
+from lensforge.geometry.plan import Plan, make_plan
+from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
+from lensforge.geometry.step import Schema, read_step, read_surfaces, write_step, write_surfaces
 from lensforge.geometry.stl import read_stl, write_stl
+from lensforge.geometry.threemf import read_3mf, write_3mf
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 
-STEP_FILE, STL_FILE, JSON_FILE = "lens.step", "lens.stl", "export.json"
+STEP_FILE, STL_FILE, THREEMF_FILE, JSON_FILE = "lens.step", "lens.stl", "lens.3mf", "export.json"
+SURFACES_FILE = "lens_surfaces.step"
 
 _FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 1.0, 0.02
 _ROUND_TRIP_LIMIT = 1e-9
@@ -31,6 +34,7 @@ class _Proof:
 
     solid: Solid
     stl: Closure
+    threemf: Closure
     form: FormError
     volume_change: float
     mesh_volume_change: float
@@ -44,11 +48,15 @@ def export_lens(
     nodes: int | None = None,
     rings: int | None = None,
     tolerance: MeshTolerance | None = None,
+    schema: Schema = "AP214",
+    runout_deg: float | None = None,
 ) -> dict[str, Any]:
-    """Write ``lens.step``, ``lens.stl`` and ``export.json`` into ``directory``; return what the JSON holds.
+    """Write ``lens.step``, ``lens.stl``, ``lens.3mf`` and ``export.json`` into ``directory``; return the last.
 
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
     ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
+    ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and going on by this angle (degrees)
+    beyond the rim, for the run-out of the tool.
     Failed gates do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
     a base too narrow for the cavity.
     """
@@ -58,9 +66,12 @@ def export_lens(
     mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)
-    write_step(solid, directory / STEP_FILE, lens.spec.name)
+    surfaces = None if runout_deg is None else _write_extended(lens, plan, directory, runout_deg, schema)
+    write_step(solid, directory / STEP_FILE, lens.spec.name, schema)
     write_stl(mesh, directory / STL_FILE)
+    write_3mf(mesh, directory / THREEMF_FILE, lens.spec.name)
     proof = _prove(lens, solid, mesh, reached, directory)
+    files = (STEP_FILE, STL_FILE, THREEMF_FILE, *([SURFACES_FILE] if surfaces else []))
     content = {
         "form_error_nm": {"max": proof.form.form_max_nm, "rms": proof.form.form_rms_nm},
         "normal_error_mrad": {"max": proof.form.normal_max_mrad, "rms": proof.form.normal_rms_mrad},
@@ -70,13 +81,27 @@ def export_lens(
         "genus": proof.stl.genus,
         "faces": {"count": len(proof.solid.shape.Faces()), "names": sorted(proof.solid.faces)},
         "nodes": {"inner": plan.inner.nodes, "outer": plan.outer.nodes},
+        "step_schema": schema,
+        "untrimmed_surfaces": surfaces,
         "mesh": _describe(mesh, reached),
-        "files": {name: _fingerprint(directory / name) for name in (STEP_FILE, STL_FILE)},
+        "files": {name: _fingerprint(directory / name) for name in files},
         "seconds": round(time.perf_counter() - start, 3),
         "gates": [gate.to_json() for gate in _gates(proof)],
     }
     write_json(directory / JSON_FILE, content)
     return content
+
+
+def _write_extended(lens: Lens, plan: Plan, directory: Path, runout_deg: float, schema: Schema) -> dict[str, Any]:
+    """The untrimmed faces in a file of their own, and their form error above the rim as read back."""
+    patches = {
+        OUTER: fit_extended(lens.outer, plan.outer.nodes, runout_deg),
+        INNER: fit_extended(lens.inner, plan.inner.nodes, runout_deg),
+    }
+    write_surfaces(untrimmed_faces(patches), directory / SURFACES_FILE, f"{lens.spec.name} surfaces", schema)
+    faces = read_surfaces(directory / SURFACES_FILE)
+    form = worst([face_error(lens.outer, faces[OUTER]), face_error(lens.inner, faces[INNER])])
+    return {"runout_deg": runout_deg, "form_error_nm": form.form_max_nm, "normal_error_mrad": form.normal_max_mrad}
 
 
 def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, directory: Path) -> _Proof:
@@ -87,6 +112,7 @@ def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, dir
     return _Proof(
         solid=solid,
         stl=stl,
+        threemf=check_closed(*read_3mf(directory / THREEMF_FILE)),
         form=form,
         volume_change=abs(solid.volume_mm3 / built.volume_mm3 - 1.0),
         mesh_volume_change=abs(stl.volume_mm3 / solid.volume_mm3 - 1.0),
@@ -103,6 +129,7 @@ def _gates(proof: _Proof) -> list[Gate]:
         Gate("step_valid", float(proof.solid.valid), ">=", 1.0, "", "try another base.diameter_mm, or no base"),
         Gate("step_volume_change", proof.volume_change, "<=", _ROUND_TRIP_LIMIT, "", finer),
         Gate("watertight", float(proof.stl.watertight), ">=", 1.0, "", "change the number of rings"),
+        Gate("watertight_3mf", float(proof.threemf.watertight), ">=", 1.0, "", "change the number of rings"),
         Gate("genus_difference", abs(proof.stl.genus - _GENUS), "<=", 0.0, "", "change the number of rings"),
         Gate(
             "mesh_volume_change",

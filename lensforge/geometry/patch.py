@@ -31,6 +31,7 @@ MIN_NODES, MAX_NODES = 72, 240
 NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
+_MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 128 degrees
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ def default_nodes(basis: SrbfBasis) -> int:
     return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), MIN_NODES, MAX_NODES))
 
 
-def node_axis(count: int, apron: int = 0) -> Float[np.ndarray, " n"]:
+def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Float[np.ndarray, " n"]:
     """The chart coordinate of ``count`` nodes, even in angle from edge to edge of the square, and ``apron`` beyond."""
-    half = _ANGLE_SPAN / 4.0
+    half = np.arctan(half_width)
     return np.tan(2.0 * half / (count - 1) * np.arange(-apron, count + apron) - half)
 
 
@@ -86,20 +87,36 @@ def fit_patch(surface: SrbfSurface, nodes: int | None = None) -> Patch:
     count = default_nodes(surface.basis) if nodes is None else nodes
     if not 2 * DEGREE <= count <= MAX_NODES:
         raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to let the lens decide")
-    axis = node_axis(count, _APRON)
+    return _interpolate(surface, count, HALF_WIDTH)
+
+
+def fit_extended(surface: SrbfSurface, nodes: int, runout_deg: float) -> Patch:
+    """The same surface over a larger square: on its axes it reaches ``runout_deg`` (degrees) beyond the rim.
+
+    ``nodes`` is the count over the usual square; the larger one gets as many more as it is wider in angle.
+    """
+    if not 0.0 < runout_deg <= _MAX_REACH_DEG - 90.0:
+        raise InputError(f"run-out = {runout_deg:g} degrees: above 0, up to {_MAX_REACH_DEG - 90.0:g}")
+    half_width = float(np.tan(np.deg2rad(90.0 + runout_deg) / 2.0))
+    count = int(np.ceil(1.0 + (nodes - 1) * np.arctan(half_width) / np.arctan(HALF_WIDTH)))
+    return _interpolate(surface, count, half_width)
+
+
+def _interpolate(surface: SrbfSurface, count: int, half_width: float) -> Patch:
+    axis = node_axis(count, _APRON, half_width)
     directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2))
     radius = surface.radius(directions)
     _require_positive(radius, directions)
     points = (radius[:, None] * directions).reshape(len(axis), len(axis), 3)
-    along_x = _within_square(make_interp_spline(axis, points, k=DEGREE))
-    along_y = _within_square(make_interp_spline(axis, along_x.c.transpose(1, 0, 2), k=DEGREE))
+    along_x = _within_square(make_interp_spline(axis, points, k=DEGREE), half_width)
+    along_y = _within_square(make_interp_spline(axis, along_x.c.transpose(1, 0, 2), k=DEGREE), half_width)
     return Patch(np.ascontiguousarray(along_y.c.transpose(1, 0, 2)), along_x.t)
 
 
-def _within_square(wide: BSpline) -> BSpline:
-    """The same piecewise polynomial on the chart's square only, its end knots clamped: interpolated, hence exact."""
-    ends = np.full(DEGREE + 1, HALF_WIDTH)
-    interior = wide.t[np.abs(wide.t) < HALF_WIDTH * (1.0 - 1e-12)]
+def _within_square(wide: BSpline, half_width: float) -> BSpline:
+    """The same piecewise polynomial on the square only, its end knots clamped: interpolated, hence exact."""
+    ends = np.full(DEGREE + 1, half_width)
+    interior = wide.t[np.abs(wide.t) < half_width * (1.0 - 1e-12)]
     knots = np.concatenate([-ends, interior, ends])
     averages = np.convolve(knots[1:-1], np.ones(DEGREE), "valid") / DEGREE  # Greville's abscissae, unique for any knots
     return make_interp_spline(averages, wide(averages), k=DEGREE, t=knots)

@@ -12,6 +12,7 @@ from typing import Any
 from lensforge.geometry.base import body_faces
 from lensforge.geometry.edges import circle_edges, geom_surface, rim_edges, wire
 from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP
+from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import FULL_TURN, Arc, Plan
 
 # Outward direction of each face at a point of it: along +z or -z, or away from the axis or towards it.
@@ -58,6 +59,14 @@ def build_solid(plan: Plan) -> Solid:
     faces = [(OUTER, _trimmed(outer_surface, outer_rim)), (INNER, _trimmed(inner_surface, inner_rim))]
     faces += body_faces(plan, inner_rim, outer_rim, circle)
     return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
+
+
+def untrimmed_faces(patches: dict[str, Patch]) -> dict[str, Any]:
+    """A ``cadquery.Face`` over the whole of each patch, its normal out of the material of a lens."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+
+    faces = {name: BRepBuilderAPI_MakeFace(geom_surface(patch), 1e-7).Face() for name, patch in patches.items()}
+    return {name: _facing(face, _OUTWARD[name]) for name, face in faces.items()}
 
 
 def _trimmed(surface: Any, rim: list[Any]) -> Any:

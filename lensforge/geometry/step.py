@@ -1,15 +1,21 @@
-"""STEP AP214 in mm: one part with named faces, written and read back."""
+"""STEP in mm: one part with named faces, or loose surfaces with names, written and read back.
 
-from datetime import UTC, datetime
+The same shapes give the same bytes: the header carries no time, so that a hash names the geometry.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.geometry.solid import Solid
 from lensforge.version import __version__
 
-_TEXT_SETTINGS = {"write.step.schema": "AP214IS", "write.step.unit": "MM", "xstep.cascade.unit": "MM"}
+Schema = Literal["AP214", "AP242"]
+
+_KERNEL_SCHEMA: dict[Schema, str] = {"AP214": "AP214IS", "AP242": "AP242DIS"}
+_TEXT_SETTINGS = {"write.step.unit": "MM", "xstep.cascade.unit": "MM"}
 _NUMBER_SETTINGS = {
     "write.surfacecurve.mode": 1,  # keep the parameter curves: readers trim by them (FreeCAD #32435)
     "write.stepcaf.subshapes.name": 1,
@@ -17,18 +23,37 @@ _NUMBER_SETTINGS = {
     "write.precision.mode": 2,  # state the uncertainty below, whatever the widest vertex of a crossing is
 }
 _UNCERTAINTY_MM = 1e-5
+_NO_TIME = "1970-01-01T00:00:00"
 
 
-def write_step(solid: Solid, path: Path, product: str) -> None:
+@dataclass(frozen=True)
+class _Part:
+    """A product of the file: its ``cadquery.Shape``, and the faces of it that have names."""
+
+    name: str
+    shape: Any
+    faces: dict[str, Any]
+
+
+def write_step(solid: Solid, path: Path, product: str, schema: Schema = "AP214") -> None:
     """Write ``solid`` as the part ``product``, its faces under their names."""
+    _write({product: solid.shape}, solid.faces, path, product, schema)
+
+
+def write_surfaces(faces: dict[str, Any], path: Path, product: str, schema: Schema = "AP214") -> None:
+    """Write loose faces (``cadquery.Face``), each a product under its name."""
+    _write(faces, {}, path, product, schema)
+
+
+def _write(parts: dict[str, Any], faces: dict[str, Any], path: Path, product: str, schema: Schema) -> None:
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Writer
     from OCP.STEPControl import STEPControl_StepModelType
 
     writer = STEPCAFControl_Writer()
-    _configure(product)
+    _configure(product, schema)
     writer.SetNameMode(True)
-    writer.Transfer(_document(solid, product), STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Transfer(_document(parts, faces), STEPControl_StepModelType.STEPControl_AsIs)
     _sign(writer.ChangeWriter().Model(), product)
     with replacing(path) as temporary:
         if writer.Write(str(temporary)) != IFSelect_ReturnStatus.IFSelect_RetDone:
@@ -37,6 +62,19 @@ def write_step(solid: Solid, path: Path, product: str) -> None:
 
 def read_step(path: Path) -> Solid:
     """Read the one solid of a STEP file and its named faces. Raises :class:`InputError` for anything else."""
+    parts = _read(path)
+    solids = [solid for part in parts for solid in part.shape.Solids()]
+    if len(solids) != 1:
+        raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; run `lensforge export` again")
+    return Solid(solids[0], parts[0].faces)
+
+
+def read_surfaces(path: Path) -> dict[str, Any]:
+    """The loose faces of a STEP file (``cadquery.Face``) by name."""
+    return {part.name: part.shape.Faces()[0] for part in _read(path) if len(part.shape.Faces()) == 1}
+
+
+def _read(path: Path) -> list[_Part]:
     import cadquery as cq
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Reader
@@ -46,38 +84,45 @@ def read_step(path: Path) -> Solid:
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; run `lensforge export` first")
     reader, document, parts = STEPCAFControl_Reader(), _new_document(), TDF_LabelSequence()
-    _configure("")
+    _configure("", "AP214")
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
         raise InputError(f"{path}: not readable as STEP; run `lensforge export` again")
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
-    shapes = [cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(parts.Value(k + 1))) for k in range(parts.Length())]
-    solids = [solid for shape in shapes for solid in shape.Solids()]
-    if len(solids) != 1:
-        raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; run `lensforge export` again")
-    return Solid(solids[0], _named_faces(parts.Value(1)))
+    labels = [parts.Value(k + 1) for k in range(parts.Length())]
+    # All at once: a label is nothing without its document, which goes with the last reference to it.
+    return [
+        _Part(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label)) for label in labels
+    ]
 
 
 def _named_faces(part: Any) -> dict[str, Any]:
     import cadquery as cq
-    from OCP.TDataStd import TDataStd_Name
     from OCP.TDF import TDF_LabelSequence
     from OCP.XCAFDoc import XCAFDoc_ShapeTool
 
     labels, faces = TDF_LabelSequence(), {}
     XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
     for k in range(labels.Length()):
-        shape, name = cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1))), TDataStd_Name()
-        if isinstance(shape, cq.Face) and labels.Value(k + 1).FindAttribute(TDataStd_Name.GetID_s(), name):
-            faces[str(name.Get().ToExtString())] = shape
+        shape, name = cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1))), _name(labels.Value(k + 1))
+        if isinstance(shape, cq.Face) and name:
+            faces[name] = shape
     return faces
 
 
-def _configure(product: str) -> None:
+def _name(label: Any) -> str:
+    from OCP.TDataStd import TDataStd_Name
+
+    name = TDataStd_Name()
+    return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
+
+
+def _configure(product: str, schema: Schema) -> None:
     """Set the kernel's options: they are global, and exist only once a reader or writer has been made."""
     from OCP.Interface import Interface_Static
 
-    for option, text in {**_TEXT_SETTINGS, "write.step.product.name": product}.items():
+    texts = {**_TEXT_SETTINGS, "write.step.schema": _KERNEL_SCHEMA[schema], "write.step.product.name": product}
+    for option, text in texts.items():
         Interface_Static.SetCVal_s(option, text)
     for option, number in _NUMBER_SETTINGS.items():
         Interface_Static.SetIVal_s(option, number)
@@ -91,29 +136,30 @@ def _new_document() -> Any:
     return TDocStd_Document(TCollection_ExtendedString("lensforge"))
 
 
-def _document(solid: Solid, product: str) -> Any:
-    """An XCAF document of one part, so that faces carry names."""
+def _document(parts: dict[str, Any], faces: dict[str, Any]) -> Any:
+    """An XCAF document, so that parts, and the faces of a single one, carry names."""
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
     from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
     document = _new_document()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
-    part = shapes.AddShape(solid.shape.wrapped, False)
-    TDataStd_Name.Set_s(part, TCollection_ExtendedString(product))
-    for name, face in solid.faces.items():
+    for product, shape in parts.items():
+        part = shapes.AddShape(shape.wrapped, False)
+        TDataStd_Name.Set_s(part, TCollection_ExtendedString(product))
+    for name, face in faces.items():
         TDataStd_Name.Set_s(shapes.AddSubShape(part, face.wrapped), TCollection_ExtendedString(name))
     return document
 
 
 def _sign(model: Any, product: str) -> None:
-    """Fill in the header: what wrote the file, and when."""
+    """Fill in the header: what wrote the file, but not when."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.TCollection import TCollection_HAsciiString
 
     header = APIHeaderSection_MakeHeader(model)
     header.SetName(TCollection_HAsciiString(product))
-    header.SetTimeStamp(TCollection_HAsciiString(datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")))
+    header.SetTimeStamp(TCollection_HAsciiString(_NO_TIME))
     header.SetOriginatingSystem(TCollection_HAsciiString(f"lensforge {__version__}"))
     header.SetAuthorValue(1, TCollection_HAsciiString(""))
     header.SetOrganizationValue(1, TCollection_HAsciiString(""))

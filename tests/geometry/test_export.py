@@ -3,11 +3,15 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from geometry_lenses import ALL_LEVELS, PAPER_SCALES, exact_volume, make_lens
 
 from lensforge.errors import InputError
 from lensforge.geometry import MeshTolerance, export_lens
+from lensforge.geometry.form import face_points
+from lensforge.geometry.step import read_surfaces
+from lensforge.surfaces.chart import to_sphere
 
 KEYS = {
     "form_error_nm",
@@ -18,6 +22,8 @@ KEYS = {
     "genus",
     "faces",
     "nodes",
+    "step_schema",
+    "untrimmed_surfaces",
     "mesh",
     "files",
     "seconds",
@@ -81,6 +87,38 @@ def test_bad_input_leaves_earlier_files_alone(tmp_path):
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+def test_the_same_lens_gives_the_same_bytes(tmp_path):
+    lens = make_lens(0.8, 2.45, 0.01)
+    first, second = (export_lens(lens, tmp_path / name, rings=16, runout_deg=5.0)["files"] for name in "ab")
+    assert first == second
+    assert set(first) == {"lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"}
+
+
+def test_ap242_and_untrimmed_surfaces_on_request(tmp_path):
+    lens = make_lens(0.8, 2.45, 0.01)
+    result = export_lens(lens, tmp_path, rings=16, schema="AP242", runout_deg=8.0)
+    assert failed(result) == []
+    for name in ("lens.step", "lens_surfaces.step"):
+        text = (tmp_path / name).read_text()
+        assert "FILE_SCHEMA((\n'AP242_MANAGED_MODEL_BASED_3D_ENGINEERING" in text
+        assert "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)" in text
+    assert result["untrimmed_surfaces"]["form_error_nm"] < 1.0
+    for name, face in read_surfaces(tmp_path / "lens_surfaces.step").items():
+        surface = lens.outer if name == "OPTICAL_OUTER" else lens.inner
+        half = np.tan(np.deg2rad(98.0) / 2.0)
+        edge = half * np.stack([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]], axis=-1)
+        points, _ = face_points(face, edge)
+        radius = np.linalg.norm(points, axis=1)
+        np.testing.assert_allclose(np.degrees(np.arcsin(points[:, 2] / radius)), -8.0, atol=1e-9)
+        np.testing.assert_allclose(radius, surface.radius(to_sphere(edge)), atol=1e-8)
+
+
+@pytest.mark.parametrize("runout_deg", [0.0, -3.0, 45.0])
+def test_a_runout_out_of_range_is_refused(tmp_path, runout_deg):
+    with pytest.raises(InputError, match=f"run-out = {runout_deg:g} degrees"):
+        export_lens(make_lens(0.8, 2.45), tmp_path, rings=16, runout_deg=runout_deg)
+
+
 @pytest.mark.parametrize("knob", [{"rings": 0}, {"rings": 5000}, {"nodes": 3}, {"nodes": 10_000}])
 def test_knobs_out_of_range_are_refused_by_name(tmp_path, knob):
     with pytest.raises(InputError, match=f"{next(iter(knob))} = {next(iter(knob.values()))}: from"):
@@ -91,7 +129,7 @@ def test_importing_the_stage_loads_neither_torch_nor_cad():
     program = (
         "import pkgutil, sys, importlib, lensforge.geometry as g\n"
         "[importlib.import_module(m.name) for m in pkgutil.walk_packages(g.__path__, g.__name__ + '.')]\n"
-        "print(sorted({'torch', 'cadquery', 'OCP', 'trimesh', 'manifold3d'} & set(sys.modules)))"
+        "print(sorted({'torch', 'cadquery', 'OCP', 'trimesh', 'manifold3d', 'lib3mf'} & set(sys.modules)))"
     )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"

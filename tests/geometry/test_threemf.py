@@ -1,0 +1,42 @@
+import zipfile
+
+import numpy as np
+import pytest
+from geometry_lenses import make_lens
+
+from lensforge.errors import InputError
+from lensforge.geometry import build_mesh, fit_patch, make_plan
+from lensforge.geometry.threemf import read_3mf, write_3mf
+from lensforge.geometry.watertight import check_closed
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    lens = make_lens(6.0, 12.7, 0.02, seed=3)
+    return build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base), 24)
+
+
+def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh, tmp_path):
+    path = tmp_path / "lens.3mf"
+    write_3mf(mesh, path, "crossing")
+    vertices, triangles = read_3mf(path)
+    np.testing.assert_array_equal(triangles, mesh.triangles)
+    np.testing.assert_array_equal(vertices.astype(np.float32), mesh.vertices.astype(np.float32))
+    closure = check_closed(vertices, triangles)
+    assert closure.watertight
+    assert closure.volume_mm3 == pytest.approx(mesh.volume(), rel=1e-6)
+    model = zipfile.ZipFile(path).read("3D/3dmodel.model").decode()
+    assert 'unit="millimeter"' in model
+    for name in mesh.names:
+        assert f'name="{name}"' in model
+    assert model.count("<t:ref ") + model.count("<t:refrange ") >= len(mesh.names)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PK no zip"], ids=["missing", "empty", "noise"])
+def test_a_missing_or_damaged_3mf_is_one_line(tmp_path, content):
+    path = tmp_path / "lens.3mf"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"lens\.3mf: ") as caught:
+        read_3mf(path)
+    assert "\n" not in str(caught.value)
