@@ -20,7 +20,7 @@ from lensforge.files import read_json, write_json
 from lensforge.gates import Gate
 from lensforge.lens import Lens, load_lens
 from lensforge.source_spec import RayfileSource
-from lensforge.sources.build import build_source
+from lensforge.sources.build import account_of, build_source
 from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -76,8 +76,8 @@ def run_design(
         observer=observer,
     )
     result.lens.save(directory / "lens.json")
-    drawing = {"source_outline_mm": source.outline().tolist()}
-    write_json(directory / "design.json", result.to_json() | _size(result.lens) | drawing)
+    noted = {"source_outline_mm": source.outline().tolist(), "source": account_of(source, spec.source)}
+    write_json(directory / "design.json", result.to_json() | _size(result.lens) | noted)
     return result.lens
 
 

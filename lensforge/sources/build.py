@@ -1,6 +1,7 @@
 """From a spec's ``[source]`` to an emitter; what one kind needs is loaded for that kind only."""
 
 from importlib import import_module
+from typing import Any
 
 from lensforge.source_spec import Source as SourceSpec
 from lensforge.source_spec import SquareSource
@@ -26,3 +27,9 @@ def build_source(spec: SourceSpec) -> Source:
     module, function = _BUILDERS[spec.kind].split(":")
     emitter: Source = getattr(import_module(module), function)(spec)
     return emitter
+
+
+def account_of(source: Source, spec: SourceSpec) -> dict[str, Any]:
+    """What ``source`` is, its power and symmetry; of a measured one also its files and all that was done to them."""
+    account: dict[str, Any] = getattr(source, "account", {})
+    return {"title": spec.title, "flux_w": source.flux_w, "symmetry": source.symmetry, **account}

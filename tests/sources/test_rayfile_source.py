@@ -1,5 +1,6 @@
 """The ray-file emitter: placed where the spec says, power as stated, sampling that keeps what the file knows."""
 
+import json
 import runpy
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,8 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
-from lensforge.source_spec import Placement, RayfileSource, RayfilesSource
-from lensforge.sources.build import build_source
+from lensforge.source_spec import Placement, RayfileSource, RayfilesSource, SquareSource
+from lensforge.sources.build import account_of, build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import placed
 from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
@@ -88,6 +89,16 @@ def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
     assert [part["flux_w"] for part in scaled.account["files"]] == pytest.approx([1.5, 0.5])
     assert (scaled.account["file"], scaled.account["rays"]) == ("blue, yellow", 100)
     assert scaled.account["effective_rays"] < 100
+
+
+def test_the_account_names_every_file_and_can_be_written_as_json(two_files):
+    spec = RayfilesSource(kind="rayfiles", files=[{"file": two_files / name} for name in ("blue", "yellow")])
+    account = json.loads(json.dumps(account_of(load_rayfiles(spec), spec), allow_nan=False))
+    assert account["title"] == "ray files blue, yellow"
+    assert [part["rays"] for part in account["files"]] == [40, 60]
+    assert sum(part["flux_w"] for part in account["files"]) == pytest.approx(account["flux_w"])
+    point = SquareSource(kind="square", side_mm=0.0)
+    assert account_of(build_source(point), point) == {"title": "point source", "flux_w": 1.0, "symmetry": "square"}
 
 
 def test_several_files_share_one_origin_the_focus_of_all_their_light(two_files):

@@ -1,0 +1,56 @@
+"""Does a lens designed on measured rays fit those rays, or the LED? One part of a file designs, the other judges.
+
+    python benchmarks/overfit.py examples/led_rayfile.toml --accuracy draft
+
+What the noise of the rays alone adds to an NMSE is estimated from 16 replicates and taken off, so that parts of
+different sizes can be compared.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from lensforge.accuracy import PRESETS
+from lensforge.design.optimiser import design
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
+from lensforge.spec import load_spec
+
+
+def judged(lens, emitter, preset, pixels):
+    report = evaluate_lens(lens, emitter, preset, rays=len(emitter), pixels=pixels).report
+    return {
+        "rays": report["rays"],
+        "nmse": report["nmse"],
+        "nmse_less_noise": report["nmse"] - report["nmse_of_noise"],
+        "nmse_standard_error": report["nmse_standard_error"],
+        "efficiency": report["efficiency"],
+        "efficiency_standard_error": report["efficiency_standard_error"],
+    }
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("spec", type=Path)
+    arguments.add_argument("--accuracy", choices=list(PRESETS), default="draft")
+    arguments.add_argument("--pixels", type=int, default=48, help="coarse: a pixel should see many rays")
+    arguments.add_argument("--fraction", type=float, default=0.5, help="of the rays, to design on")
+    arguments.add_argument("--seed", type=int, default=0)
+    given = arguments.parse_args()
+    spec = load_spec(given.spec)
+    load = load_rayfile if spec.source.kind == "rayfile" else load_rayfiles
+    training, holdout = load(spec.source).split(given.fraction, given.seed)
+    result = design(spec, training, accuracy=given.accuracy, seed=given.seed)
+    preset = PRESETS[given.accuracy]
+    report = {
+        "spec": spec.name,
+        "accuracy": given.accuracy,
+        "seconds": round(result.seconds, 1),
+        "training": judged(result.lens, training, preset, given.pixels),
+        "holdout": judged(result.lens, holdout, preset, given.pixels),
+    }
+    print(json.dumps(report, indent=2))
+
+
+if __name__ == "__main__":
+    main()
