@@ -1,56 +1,131 @@
-"""The faces of the body that light does not shape: base, bore, ledge and overhang, on the edges of the rims.
+"""The faces of the body that light does not shape: base, step, flange, pocket, bore, on the edges of the rims.
 
-The cylinder and the bore are the rims' own edges drawn straight down, so the LED can be put in from below.
-Every planar face lies in z = 0 or z = -height.
+The bore and the step are the rims' own edges drawn straight down, so the LED can be put in from below. Every planar
+face is horizontal, or the flat side of a base.
 """
 
 from typing import Any
 
-from lensforge.geometry.edges import wire
-from lensforge.geometry.mesh import BORE, BOTTOM, RIM, SIDE, TOP
+from lensforge.geometry.edges import outline_edges, wire
+from lensforge.geometry.mesh import (
+    BORE,
+    BOTTOM,
+    FLANGE_SIDE,
+    FLANGE_TOP,
+    POCKET_SIDE,
+    POCKET_TOP,
+    RELIEF,
+    RIM,
+    SIDE,
+    TOP,
+)
+from lensforge.geometry.outline import Outline
 from lensforge.geometry.plan import Plan
 
+FLAT = "CLOCKING_FLAT"
 
-def body_faces(plan: Plan, inner_rim: list[Any], outer_rim: list[Any], circle: list[Any]) -> list[tuple[str, Any]]:
-    """Names and faces that close the two domes; ``circle`` is the cylinder's edge chain, empty without a base.
+Named = list[tuple[str, Any]]
 
-    The chains run once around, counter-clockwise; where the outer rim crosses the cylinder they share vertices.
+
+def body_faces(plan: Plan, inner_rim: list[Any], outer_rim: list[Any]) -> Named:
+    """Names and faces that close the two domes.
+
+    The chains run once around, counter-clockwise; where the outer rim crosses the outline they share vertices.
     """
     if not plan.has_base:
         return [(RIM, _annulus(wire(outer_rim), wire(inner_rim)))]
-    flush = plan.arcs[0].relation == "flush"
-    side, side_wire = (_wall if flush else _cylinder)(circle, plan.base.height_mm)
-    bore, bore_wire = _wall(inner_rim, plan.base.height_mm)
-    faces = [(SIDE, face) for face in side] + [(BORE, face) for face in bore]
-    faces.append((BOTTOM, _annulus(side_wire, bore_wire)))
-    return faces + _between_rim_and_circle(plan, outer_rim, circle)
+    bore, bore_foot = _wall(inner_rim, plan.bore_mm)
+    faces, foot = _outside(plan, outer_rim)
+    pocket, opening = _pocket(plan, bore_foot)
+    return [(BORE, bore), *faces, *pocket, (BOTTOM, _annulus(foot, opening))]
 
 
-def _between_rim_and_circle(plan: Plan, outer_rim: list[Any], circle: list[Any]) -> list[tuple[str, Any]]:
-    """A ledge where the rim is inside the cylinder, an overhang where it is outside: a whole ring, or crescents."""
+def _outside(plan: Plan, outer_rim: list[Any]) -> tuple[Named, Any]:
+    """Everything between the outer rim and the bottom, and the wire at the bottom."""
+    if plan.flush:
+        side, foot = _wall(outer_rim, plan.shoulder_mm)
+        faces = [(SIDE, side)]
+    else:
+        faces, seat = [], outer_rim
+        if plan.relief_mm > 0.0:
+            wall, seat_wire = _wall(outer_rim, plan.relief_mm)
+            faces, seat = [(RELIEF, wall)], _edges(seat_wire)
+        outline = outline_edges(plan.outline, plan.relief_mm, outer_rim, plan.arcs)
+        side_faces, foot = _prism(outline, plan.shoulder_mm - plan.relief_mm)
+        faces += [(_side_name(plan, edge), face) for edge, face in zip(outline, side_faces, strict=True)]
+        faces += _between_rim_and_outline(plan, seat, outline)
+    if plan.flange is None:
+        return faces, foot
+    flange = _circle(plan.flange, plan.shoulder_mm)
+    sides, flange_foot = _prism(flange, plan.base.flange_height_mm)
+    return [*faces, (FLANGE_TOP, _annulus(wire(flange), foot)), (FLANGE_SIDE, sides[0])], flange_foot
+
+
+def _pocket(plan: Plan, bore_foot: Any) -> tuple[Named, Any]:
+    """The faces of the wider bore from below, and the wire that opens the bottom."""
+    if plan.pocket is None:
+        return [], bore_foot
+    mouth = _circle(plan.pocket, plan.base.height_mm)
+    sides, top = _prism(mouth, -plan.base.pocket_depth_mm)
+    return [(POCKET_SIDE, sides[0]), (POCKET_TOP, _annulus(top, bore_foot))], wire(mouth)
+
+
+def _circle(outline: Outline, depth_mm: float) -> list[Any]:
+    return outline_edges(outline, depth_mm, [], ())
+
+
+def _side_name(plan: Plan, edge: Any) -> str:
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.GeomAbs import GeomAbs_CurveType
+
+    straight = BRepAdaptor_Curve(edge).GetType() == GeomAbs_CurveType.GeomAbs_Line
+    return FLAT if straight and plan.base.flat_mm is not None else SIDE
+
+
+def _between_rim_and_outline(plan: Plan, rim: list[Any], outline: list[Any]) -> Named:
+    """A ledge where the rim is inside the outline, an overhang where it is outside: a whole ring, or crescents."""
     relation = plan.arcs[0].relation
-    if relation == "flush":
-        return []
     if len(plan.arcs) == 1:
-        rim, top = wire(outer_rim), wire(circle)
-        return [(TOP, _annulus(top, rim))] if relation == "ledge" else [(RIM, _annulus(rim, top))]
-    names = [TOP if arc.relation == "ledge" else RIM for arc in plan.arcs]
-    return [(name, _planar(wire([rim, edge]))) for name, rim, edge in zip(names, outer_rim, circle, strict=True)]
+        inside, around = wire(rim), wire(outline)
+        return [(TOP, _annulus(around, inside))] if relation == "ledge" else [(RIM, _annulus(inside, around))]
+    faces = []
+    for arc, edge in zip(plan.arcs, rim, strict=True):
+        name = TOP if arc.relation == "ledge" else RIM
+        faces.append((name, _planar(wire([edge, *_chain_between(edge, outline)]))))
+    return faces
 
 
-def _cylinder(circle: list[Any], height: float) -> tuple[list[Any], Any]:
-    """The cylinder below the circle, a face for each of its edges, and the wire at its foot."""
-    import cadquery as cq
+def _chain_between(edge: Any, outline: list[Any]) -> list[Any]:
+    """The edges of ``outline`` from the first vertex of ``edge`` to its last."""
+    from OCP.TopExp import TopExp
+
+    first = next(k for k, side in enumerate(outline) if TopExp.FirstVertex_s(side).IsSame(TopExp.FirstVertex_s(edge)))
+    chain = []
+    for side in outline[first:] + outline[:first]:
+        chain.append(side)
+        if TopExp.LastVertex_s(side).IsSame(TopExp.LastVertex_s(edge)):
+            break
+    return chain
+
+
+def _prism(edges: list[Any], depth_mm: float) -> tuple[list[Any], Any]:
+    """The walls drawn straight down by ``depth_mm``, or up where it is negative, one for each edge, and their foot."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
     from OCP.TopoDS import TopoDS
 
-    prism = BRepPrimAPI_MakePrism(wire(circle), gp_Vec(0.0, 0.0, -height))
-    faces = [face.wrapped for face in cq.Shape.cast(prism.Shape()).Faces()]
+    prism = BRepPrimAPI_MakePrism(wire(edges), gp_Vec(0.0, 0.0, -depth_mm))
+    faces = [TopoDS.Face_s(prism.Generated(edge).First()) for edge in edges]
     return faces, TopoDS.Wire_s(prism.LastShape())
 
 
-def _wall(rim: list[Any], height: float) -> tuple[list[Any], Any]:
+def _edges(boundary: Any) -> list[Any]:
+    import cadquery as cq
+
+    return [edge.wrapped for edge in cq.Shape.cast(boundary).Edges()]
+
+
+def _wall(rim: list[Any], height: float) -> tuple[Any, Any]:
     """The ruled wall below a rim of one closed edge, and the wire at its foot.
 
     Ruled, not extruded: the kernel integrates a B-spline span by span, an extruded one with too few points.
@@ -64,7 +139,7 @@ def _wall(rim: list[Any], height: float) -> tuple[list[Any], Any]:
     down = gp_Trsf()
     down.SetTranslation(gp_Vec(0.0, 0.0, -height))
     foot = TopoDS.Edge_s(BRepBuilderAPI_Transform(edge, down, True).Shape())
-    return [BRepFill.Face_s(edge, foot)], wire([foot])
+    return BRepFill.Face_s(edge, foot), wire([foot])
 
 
 def _annulus(outside: Any, hole: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The curves of the body in z = 0 as B-rep edges, shared between the faces that meet in them.
+"""The rims and outlines of the body as B-rep edges, shared between the faces that meet in them.
 
 A rim edge carries two descriptions with the same parameter, the azimuth: a quintic curve in space, and the
 exact unit circle in the parameter plane of its optical face.
@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
+from lensforge.geometry.outline import Outline, Piece
 from lensforge.geometry.patch import DEGREE, Patch
 from lensforge.geometry.plan import FULL_TURN, Arc, rim_directions
 
@@ -52,20 +53,45 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...]) -> list[An
     return edges
 
 
-def circle_edges(radius: float, rims: list[Any], arcs: tuple[Arc, ...]) -> list[Any]:
-    """The circle of ``radius`` in z = 0, one edge for each arc; it shares the vertices of ``rims`` if they cross."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
-    from OCP.Geom import Geom_Circle
-    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+def outline_edges(outline: Outline, depth_mm: float, rims: list[Any], arcs: tuple[Arc, ...]) -> list[Any]:
+    """The edges of ``outline`` in z = -depth, one for each piece, or for each part of one between crossings.
+
+    Where the rim crosses the outline (more than one arc) they share the vertices of ``rims``.
+    """
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex
+    from OCP.gp import gp_Pnt
     from OCP.TopExp import TopExp
 
-    circle = Geom_Circle(gp_Ax2(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(0.0, 0.0, 1.0)), radius)
-    if len(arcs) == 1:
-        return [BRepBuilderAPI_MakeEdge(circle).Edge()]
-    return [
-        BRepBuilderAPI_MakeEdge(circle, TopExp.FirstVertex_s(rim), TopExp.LastVertex_s(rim), arc.start, arc.end).Edge()
-        for rim, arc in zip(rims, arcs, strict=True)
-    ]
+    crossings = [arc.start for arc in arcs] if len(arcs) > 1 else []
+    vertices = {start: TopExp.FirstVertex_s(rim) for start, rim in zip(crossings, rims, strict=False)}
+    if not crossings and len(outline.pieces) == 1:
+        return [BRepBuilderAPI_MakeEdge(_piece_curve(outline.pieces[0], depth_mm)).Edge()]
+    for corner in outline.corners.tolist():
+        point = float(outline.radius(np.array([corner]))[0]) * rim_directions(np.array([corner]))[0]
+        vertices[corner] = BRepBuilderAPI_MakeVertex(gp_Pnt(point[0], point[1], -depth_mm)).Vertex()
+    breaks = sorted(vertices)
+    edges = []
+    for start, end in zip(breaks, [*breaks[1:], breaks[0] + FULL_TURN], strict=True):
+        piece = outline.piece_at(0.5 * (start + end))
+        ends = [_parameter(piece, azimuth) for azimuth in (start, end)]
+        following = vertices[end if end in vertices else breaks[0]]
+        edges.append(BRepBuilderAPI_MakeEdge(_piece_curve(piece, depth_mm), vertices[start], following, *ends).Edge())
+    return edges
+
+
+def _piece_curve(piece: Piece, depth_mm: float) -> Any:
+    """A circle whose parameter is the azimuth, or a line whose parameter is the length from its foot."""
+    from OCP.Geom import Geom_Circle, Geom_Line
+    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+
+    if piece.normal is None:
+        return Geom_Circle(gp_Ax2(gp_Pnt(0.0, 0.0, -depth_mm), gp_Dir(0.0, 0.0, 1.0)), piece.distance_mm)
+    x, y = float(np.cos(piece.normal)), float(np.sin(piece.normal))
+    return Geom_Line(gp_Pnt(piece.distance_mm * x, piece.distance_mm * y, -depth_mm), gp_Dir(-y, x, 0.0))
+
+
+def _parameter(piece: Piece, azimuth: float) -> float:
+    return azimuth if piece.normal is None else piece.distance_mm * float(np.tan(azimuth - piece.normal))
 
 
 def wire(edges: list[Any]) -> Any:

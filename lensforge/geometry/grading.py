@@ -61,8 +61,9 @@ def facet_error(patch: Patch, rings: int) -> MeshTolerance:
 
 
 def _rings_of_base(plan: Plan, tolerance: MeshTolerance) -> int:
-    """The cylinder's polygon of 6 n corners is R (pi / 6n)^2 / 2 away from it."""
+    """The widest cylinder's polygon of 6 n corners is R (pi / 6n)^2 / 2 away from it."""
     if not plan.has_base:
         return MIN_RINGS
-    rings = np.pi / 6.0 * np.sqrt(plan.base_radius_mm / (2.0 * tolerance.chord_mm))
+    radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
+    rings = np.pi / 6.0 * np.sqrt(radius / (2.0 * tolerance.chord_mm))
     return int(np.clip(np.ceil(rings), MIN_RINGS, MAX_RINGS))

@@ -1,9 +1,9 @@
 """The closed triangle mesh of the body, straight from the surfaces' own splines: NumPy only.
 
-The body is one stack of rings: from the outer apex down the outer dome to its rim, around the base (cylinder
-top, cylinder bottom, bore bottom), and from the inner rim up the cavity to the inner apex. Every two
+The body is one stack of rings: from the outer apex down the outer dome to its rim, around the base (its outline,
+flange, bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. Every two
 neighbouring rings are zipped into a strip, so the mesh is closed, shares its rims and faces outwards by
-construction. Where the outer rim crosses the base's cylinder the two rings share that vertex, and the strip
+construction. Where the outer rim crosses the base's outline the two rings share that vertex, and the strip
 between them turns over from a ledge (facing up) to an overhang (facing down).
 """
 
@@ -19,8 +19,10 @@ from lensforge.geometry.rings import Ring, dome_rings, number_rings, rim_azimuth
 
 OUTER, INNER, RIM = "OPTICAL_OUTER", "OPTICAL_INNER", "RIM"
 TOP, SIDE, BOTTOM, BORE = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"
+RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
+POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
 
-# Rim and cylinder closer than this share a vertex: STL holds 1e-6 mm at lens size, so 20 of its steps stay apart.
+# Rim and outline closer than this share a vertex: STL holds 1e-6 mm at lens size, so 20 of its steps stay apart.
 _SNAP_MM = 2e-5
 _MAX_RINGS = 1000  # 12 million triangles
 
@@ -57,46 +59,60 @@ def build_mesh(plan: Plan, rings: int) -> BodyMesh:
     """
     if not 3 <= rings <= _MAX_RINGS:
         raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to let the tolerance decide")
-    rim = rim_azimuths(6 * rings, plan.crossings)
-    stack = [
-        *dome_rings(plan.outer, rings, rim, OUTER),
-        *_base(plan, rim),
-        *reversed(dome_rings(plan.inner, rings, rim, INNER)),
-    ]
-    stack[rings] = Ring(rim, stack[rings].points, TOP if plan.has_base else RIM)
+    rim = rim_azimuths(6 * rings, plan.breaks)
+    dome = dome_rings(plan.outer, rings, rim, OUTER)
+    seat = rings + (1 if plan.has_base and plan.relief_mm > 0.0 else 0)  # the ring that meets the base's outline
+    stack = [*dome, *_base(plan, dome[-1]), *reversed(dome_rings(plan.inner, rings, rim, INNER))]
+    stack[rings] = Ring(rim, stack[rings].points, RIM if not plan.has_base else TOP if seat == rings else RELIEF)
     ids = number_rings(stack)
     if plan.has_base:
-        _share_crossings(plan, stack, ids, rings)
+        _share_crossings(plan, stack, ids, seat)
     strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(len(stack) - 1)]
     labels = [np.full(len(strip), ring.strip) for strip, ring in zip(strips, stack, strict=False)]
     if plan.has_base:
-        labels[rings] = _ledge_or_overhang(plan, strips[rings], stack, ids, rings)
+        labels[seat] = _ledge_or_overhang(plan, strips[seat], stack, ids, seat)
     return _collect(stack, np.concatenate(strips), np.concatenate(labels), rings)
 
 
-def _base(plan: Plan, rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:
-    """Cylinder top, cylinder bottom, bore bottom; the inner rim, which comes next, is the top of the bore."""
+def _base(plan: Plan, outer_rim: Ring) -> Iterator[Ring]:
+    """From the outer rim around the base to the foot of the bore, whose top is the inner rim, which comes next."""
     if not plan.has_base:
         return
-    around = rim_directions(rim)
-    circle, opening = plan.base_radius_mm * around, plan.inner.radius(around)[:, None] * around
-    down = np.array([0.0, 0.0, -plan.base.height_mm])
-    yield Ring(rim, circle, SIDE)
-    yield Ring(rim, circle + down, BOTTOM)
-    yield Ring(rim, opening + down, BORE)
+    rim = outer_rim.azimuths
+    around, height = rim_directions(rim), plan.base.height_mm
+
+    def ring(radius: Float[np.ndarray, " n"], depth: float, strip: str) -> Ring:
+        return Ring(rim, radius[:, None] * around - np.array([0.0, 0.0, depth]), strip)
+
+    if plan.relief_mm > 0.0:
+        yield Ring(rim, outer_rim.points - np.array([0.0, 0.0, plan.relief_mm]), TOP)
+    side = plan.outline.radius(rim)
+    yield ring(side, plan.relief_mm, SIDE)
+    if plan.flange is None:
+        yield ring(side, height, BOTTOM)
+    else:
+        wide = plan.flange.radius(rim)
+        yield ring(side, plan.shoulder_mm, FLANGE_TOP)
+        yield ring(wide, plan.shoulder_mm, FLANGE_SIDE)
+        yield ring(wide, height, BOTTOM)
+    if plan.pocket is not None:
+        pocket = plan.pocket.radius(rim)
+        yield ring(pocket, height, POCKET_SIDE)
+        yield ring(pocket, plan.bore_mm, POCKET_TOP)
+    yield ring(plan.inner.radius(around), plan.bore_mm, BORE)
 
 
-def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " _"]], rings: int) -> None:
-    """Let the cylinder's top use the rim's own vertices where the two meet: the optical vertex stays exact."""
-    height = _rim_height(plan, stack[rings])
-    overhangs = _overhangs(plan, stack[rings].azimuths)
+def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int) -> None:
+    """Let the outline's top use the rim's own vertices where the two meet: the optical vertex stays exact."""
+    height = _rim_height(plan, stack[seat])
+    overhangs = _overhangs(plan, stack[seat].azimuths)
     # The far side of a crossing that the plan did not resolve counts as meeting, too: strips never fold over.
     resolved = np.where(overhangs, height, -height) > _SNAP_MM
-    ids[rings + 1] = np.where(resolved, ids[rings + 1], ids[rings])
+    ids[seat + 1] = np.where(resolved, ids[seat + 1], ids[seat])
 
 
 def _rim_height(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
-    return np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.base_radius_mm
+    return np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
 
 
 def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
@@ -107,11 +123,11 @@ def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
 
 
 def _ledge_or_overhang(
-    plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], rings: int
+    plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int
 ) -> np.ndarray:
-    """Names of the strip between rim and cylinder: a triangle overhangs if a corner that is not shared does."""
-    rim, top = ids[rings], ids[rings + 1]
-    over = _overhangs(plan, stack[rings].azimuths) & (rim != top)
+    """Names of the strip between rim and outline: a triangle overhangs if a corner that is not shared does."""
+    rim, top = ids[seat], ids[seat + 1]
+    over = _overhangs(plan, stack[seat].azimuths) & (rim != top)
     return np.where(np.isin(strip, np.concatenate([rim[over], top[over]])).any(axis=1), RIM, TOP)
 
 

@@ -1,8 +1,8 @@
-"""The plan of the body in z = 0: where the inner rim, the outer rim and the base's cylinder lie.
+"""The plan of the body seen along the axis: where the inner rim, the outer rim and the base's outline lie.
 
-All three are radii over the azimuth. The outer rim may lie inside the cylinder (a *ledge* of the base shows
+All three are radii over the azimuth. The outer rim may lie inside the outline (a *ledge* of the base shows
 above), outside (the dome *overhangs* the base), on it (*flush*), or change over where it *crosses* the
-cylinder. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
+outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
 """
 
 from collections.abc import Callable
@@ -14,14 +14,14 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from lensforge.errors import InputError
+from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
 from lensforge.geometry.patch import Patch
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
 
 Relation = Literal["bare", "ledge", "overhang", "flush"]
 
-FULL_TURN = 2.0 * np.pi
-FLUSH_MM = 1e-6  # rim and cylinder closer than this all around are one edge
+FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _MIN_BASE_WALL_MM = 0.01
 _SAMPLES = 2048  # azimuths: 20 for each width of the narrowest usual SRBF
 _WALL_NODES = 96  # chart nodes where the wall is looked at
@@ -29,7 +29,7 @@ _WALL_NODES = 96  # chart nodes where the wall is looked at
 
 @dataclass(frozen=True)
 class Arc:
-    """Azimuths from ``start`` to ``end`` (rad) over which the outer rim keeps its ``relation`` to the cylinder."""
+    """Azimuths from ``start`` to ``end`` (rad) over which the outer rim keeps its ``relation`` to the outline."""
 
     start: float
     end: float
@@ -47,18 +47,53 @@ class Plan:
 
     @property
     def has_base(self) -> bool:
-        """Whether there is a cylinder below z = 0."""
-        return self.base.kind == "cylinder"
+        """Whether there is anything below z = 0."""
+        return self.base.kind != "none"
 
     @property
-    def base_radius_mm(self) -> float:
-        """Radius of the base's cylinder."""
-        return self.base.diameter_mm / 2.0
+    def outline(self) -> Outline:
+        """The base seen along the axis, its flange apart."""
+        return outline_of(self.base)
+
+    @property
+    def flange(self) -> Outline | None:
+        """The wider ring at the bottom."""
+        return None if self.base.flange_diameter_mm is None else circle(self.base.flange_diameter_mm / 2.0)
+
+    @property
+    def pocket(self) -> Outline | None:
+        """The wider bore from below."""
+        return None if self.base.pocket_diameter_mm is None else circle(self.base.pocket_diameter_mm / 2.0)
+
+    @property
+    def flush(self) -> bool:
+        """Whether the outer rim is the base's outline."""
+        return self.arcs[0].relation == "flush"
+
+    @property
+    def relief_mm(self) -> float:
+        """How far the base's outline begins below z = 0; a flush base has no step."""
+        return 0.0 if self.flush else self.base.relief_step_mm
+
+    @property
+    def shoulder_mm(self) -> float:
+        """How far below z = 0 the base's outline ends: at the flange or at the bottom."""
+        return self.base.height_mm - (0.0 if self.flange is None else self.base.flange_height_mm)
+
+    @property
+    def bore_mm(self) -> float:
+        """How far below z = 0 the bore ends: at the pocket or at the bottom."""
+        return self.base.height_mm - (0.0 if self.pocket is None else self.base.pocket_depth_mm)
 
     @property
     def crossings(self) -> Float[np.ndarray, " k"]:
-        """Azimuths (rad) at which the outer rim crosses the cylinder; none or an even number."""
+        """Azimuths (rad) at which the outer rim crosses the outline; none or an even number."""
         return np.array([arc.start for arc in self.arcs] if len(self.arcs) > 1 else [])
+
+    @property
+    def breaks(self) -> Float[np.ndarray, " k"]:
+        """Azimuths (rad) that the mesh must meet: crossings, and corners of the outline."""
+        return np.sort(np.concatenate([self.crossings, self.outline.corners])) if self.has_base else self.crossings
 
 
 def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -71,9 +106,16 @@ def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
     _require_wall(inner, outer)
     if base.kind == "none":
         return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
-    radius = base.diameter_mm / 2.0
-    _require_opening_inside(inner, radius)
-    return Plan(inner, outer, base, _arcs(outer, radius))
+    outline = outline_of(base)
+    _require_opening_inside(inner, base, outline)
+    arcs = _arcs(outer, outline)
+    if len(arcs) > 1 and base.relief_step_mm > 0.0:
+        rim = outer.radius(rim_directions(_samples()))
+        raise InputError(
+            f"base.relief_step_mm = {base.relief_step_mm:g}: the lens's rim, {2.0 * rim.min():.4g} to "
+            f"{2.0 * rim.max():.4g} mm wide, crosses the outline of the base; make the base wider, or the step 0"
+        )
+    return Plan(inner, outer, base, arcs)
 
 
 def _require_wall(inner: Patch, outer: Patch) -> None:
@@ -90,18 +132,30 @@ def _require_wall(inner: Patch, outer: Patch) -> None:
         )
 
 
-def _require_opening_inside(inner: Patch, radius: float) -> None:
-    opening = float(inner.radius(rim_directions(_samples())).max())
-    if opening + _MIN_BASE_WALL_MM > radius:
+def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -> None:
+    azimuths = _samples()
+    opening = inner.radius(rim_directions(azimuths)) + _MIN_BASE_WALL_MM
+    needed = float((opening / outline.radius(azimuths)).max())
+    field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
+    if needed > 1.0:
+        remedy = f"at least {value * needed:.4g}, or base.kind = 'none'"
+        if base.flat_mm is not None and opening.max() < value / 2.0:
+            field, value, remedy = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
         raise InputError(
-            f"base.diameter_mm = {2.0 * radius:g}: the cavity opens to {2.0 * opening:.4g} mm and must fit inside; "
-            f"at least {2.0 * (opening + _MIN_BASE_WALL_MM):.4g}, or base.kind = 'none'"
+            f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - _MIN_BASE_WALL_MM):.4g} mm "
+            f"and must fit inside; {remedy}"
+        )
+    pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - _MIN_BASE_WALL_MM)
+    if pocket is not None and not 2.0 * opening.max() <= pocket <= room:
+        raise InputError(
+            f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
+            f"to {room:.4g}, inside of the base"
         )
 
 
-def _arcs(outer: Patch, radius: float) -> tuple[Arc, ...]:
+def _arcs(outer: Patch, outline: Outline) -> tuple[Arc, ...]:
     azimuths = _samples()
-    height = outer.radius(rim_directions(azimuths)) - radius
+    height = outer.radius(rim_directions(azimuths)) - outline.radius(azimuths)
     if np.abs(height).max() <= FLUSH_MM:
         return (Arc(0.0, FULL_TURN, "flush"),)
     outside = height > 0.0
@@ -109,14 +163,18 @@ def _arcs(outer: Patch, radius: float) -> tuple[Arc, ...]:
     if len(changes) == 0:
         return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
     step = FULL_TURN / len(azimuths)
-    starts = [_root(_rim_above(outer, radius), azimuths[k], azimuths[k] + step) for k in changes]
+    starts = [_root(_rim_above(outer, outline), azimuths[k], azimuths[k] + step) for k in changes]
     ends = [*starts[1:], starts[0] + FULL_TURN]
     relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
     return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
 
 
-def _rim_above(outer: Patch, radius: float) -> Callable[[float], float]:
-    return lambda azimuth: float(outer.radius(rim_directions(np.array([azimuth])))[0] - radius)
+def _rim_above(outer: Patch, outline: Outline) -> Callable[[float], float]:
+    def above(azimuth: float) -> float:
+        at = np.array([azimuth])
+        return float(outer.radius(rim_directions(at))[0] - outline.radius(at)[0])
+
+    return above
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:

@@ -9,16 +9,31 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from lensforge.geometry.base import body_faces
-from lensforge.geometry.edges import circle_edges, geom_surface, rim_edges, wire
-from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP
+from lensforge.geometry.base import FLAT, body_faces
+from lensforge.geometry.edges import geom_surface, rim_edges, wire
+from lensforge.geometry.mesh import (
+    BORE,
+    BOTTOM,
+    FLANGE_SIDE,
+    FLANGE_TOP,
+    INNER,
+    OUTER,
+    POCKET_SIDE,
+    POCKET_TOP,
+    RELIEF,
+    RIM,
+    SIDE,
+    TOP,
+)
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import FULL_TURN, Arc, Plan
 
 # Outward direction of each face at a point of it: along +z or -z, or away from the axis or towards it.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
-_OUTWARD = {OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS}
-
+_OUTWARD = {
+    **{OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
+    **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
+}
 
 # The default integration is wrong by 1e-4 on planes with spline edges; the precision asked for is not always reached.
 _VOLUME_PRECISION = 1e-11
@@ -52,12 +67,8 @@ def build_solid(plan: Plan) -> Solid:
     inner_surface, outer_surface = geom_surface(plan.inner), geom_surface(plan.outer)
     outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs)
     inner_rim = rim_edges(plan.inner, inner_surface, (Arc(0.0, FULL_TURN, "bare"),))
-    circle = []
-    if plan.has_base:
-        flush = plan.arcs[0].relation == "flush"
-        circle = outer_rim if flush else circle_edges(plan.base_radius_mm, outer_rim, plan.arcs)
     faces = [(OUTER, _trimmed(outer_surface, outer_rim)), (INNER, _trimmed(inner_surface, inner_rim))]
-    faces += body_faces(plan, inner_rim, outer_rim, circle)
+    faces += body_faces(plan, inner_rim, outer_rim)
     return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
 
 

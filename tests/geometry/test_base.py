@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+from geometry_lenses import exact_volume, random_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lensforge.errors import InputError
+from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan, rim_directions
+from lensforge.geometry.solid import build_solid
+from lensforge.geometry.step import read_step, write_step
+from lensforge.geometry.watertight import check_closed
+from lensforge.spec import BaseSection
+
+DISC = np.pi * 25.4**2 / 4.0
+SEGMENT = 12.7**2 * np.arccos(11.0 / 12.7) - 11.0 * np.sqrt(12.7**2 - 11.0**2)
+PLAIN = {"OPTICAL_INNER", "OPTICAL_OUTER", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BASE_TOP"}
+SQUARE = PLAIN - {"BASE_SIDE"} | {f"BASE_SIDE_{k}" for k in (1, 2, 3, 4)}
+FLANGE, POCKET = {"FLANGE_TOP", "FLANGE_SIDE"}, {"POCKET_TOP", "POCKET_SIDE"}
+
+# What each base has instead of, or besides, the plain cylinder: keys of the spec, its faces, volume below z = 0
+# without the bore and the step (mm^3).
+BASES = {
+    "square": ({"kind": "square", "side_mm": 30.0}, SQUARE, 1800.0),
+    "flat": ({"flat_mm": 11.0}, PLAIN | {"CLOCKING_FLAT"}, 2.0 * (DISC - SEGMENT)),
+    "flange": ({"flange_diameter_mm": 32.0}, PLAIN | FLANGE, 1.5 * DISC + 0.5 * np.pi * 16.0**2),
+    "pocket": ({"pocket_diameter_mm": 16.0}, PLAIN | POCKET, 2.0 * DISC - np.pi * 8.0**2),
+    "square, pocket, flange": (
+        {"kind": "square", "side_mm": 26.0, "pocket_diameter_mm": 16.0, "flange_diameter_mm": 40.0},
+        SQUARE | FLANGE | POCKET,
+        1.5 * 26.0**2 + 0.5 * np.pi * 20.0**2 - np.pi * 8.0**2,
+    ),
+}
+
+
+def plan_of(inner, outer, base):
+    return make_plan(fit_patch(inner), fit_patch(outer), base)
+
+
+def closed_form(inner, outer, base, below, relief):
+    """Integrals over the surfaces, and prisms: the bore is the inner rim drawn down, the step the outer one."""
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False)
+    opening, seat = (np.pi * np.mean(surface.radius(rim_directions(azimuth)) ** 2) for surface in (inner, outer))
+    pocket = 0.0 if base.pocket_diameter_mm is None else base.pocket_depth_mm
+    shell = exact_volume(inner, outer, BaseSection(kind="none"))
+    area = below / 2.0 if base.flange_diameter_mm is None and not pocket else None
+    area = area or {"square": base.side_mm**2, "cylinder": DISC}[base.kind]
+    return shell + below - opening * (base.height_mm - pocket) - relief * (area - seat)
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.7])
+@pytest.mark.parametrize("name", BASES)
+def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief, tmp_path):
+    keys, faces, below = BASES[name]
+    base = BaseSection(**keys, relief_step_mm=relief)
+    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    plan = plan_of(inner, outer, base)
+    volume = closed_form(inner, outer, base, below, relief)
+    solid = build_solid(plan)
+    assert solid.valid
+    assert set(solid.faces) == faces | ({"BASE_RELIEF"} if relief else set())
+    assert len(solid.shape.Faces()) == len(solid.faces), "a face without a name"
+    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    write_step(solid, tmp_path / "lens.step", name)
+    again = read_step(tmp_path / "lens.step")
+    assert again.valid
+    assert set(again.faces) == set(solid.faces)
+    assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
+    closure = check_closed(fine.vertices, fine.triangles)
+    assert (closure.watertight, closure.genus) == (True, 0)
+    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
+    # The mesh does not tell the sides of a square apart, nor a flat from the rest of its side.
+    assert {n.rstrip("_1234") for n in solid.faces} - {"CLOCKING_FLAT"} == set(fine.names)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    outer=st.floats(8.0, 13.7),
+    kind=st.sampled_from(["cylinder", "square"]),
+    width=st.floats(16.5, 30.0),
+    extras=st.sets(st.sampled_from(["flat", "flange", "pocket", "relief"])),
+)
+def test_random_lenses_on_random_bases_are_valid_and_closed(seed, outer, kind, width, extras):
+    content = {"kind": kind, "diameter_mm": width, "side_mm": width}
+    content |= {"flat_mm": 0.45 * width} if "flat" in extras and kind == "cylinder" else {}
+    content |= {"flange_diameter_mm": 1.6 * width} if "flange" in extras else {}
+    content |= {"pocket_diameter_mm": 14.0} if "pocket" in extras else {}
+    content |= {"relief_step_mm": 0.6} if "relief" in extras else {}
+    try:
+        plan = plan_of(random_surface(5.5, 0.02, seed), random_surface(outer, 0.02, seed + 1), BaseSection(**content))
+    except InputError as refused:
+        assert "crosses the outline" in str(refused)
+        return
+    mesh = build_mesh(plan, 16)
+    closure = check_closed(mesh.vertices, mesh.triangles)
+    assert (closure.status, closure.genus) == ("NoError", 0)
+    solid = build_solid(plan)
+    assert solid.valid
+    assert len(solid.shape.Faces()) == len(solid.faces)
+    assert closure.volume_mm3 == pytest.approx(solid.volume_mm3, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("keys", "word"),
+    [
+        ({"kind": "square", "side_mm": 11.0}, r"base\.side_mm = 11: the cavity opens"),
+        ({"flat_mm": 5.0}, r"base\.flat_mm = 5: the cavity opens.*at least 6\.01"),
+        ({"pocket_diameter_mm": 11.0}, r"base\.pocket_diameter_mm = 11: from 12\.02"),
+        ({"pocket_diameter_mm": 26.0}, r"base\.pocket_diameter_mm = 26: .* to 25\.38"),
+    ],
+)
+def test_a_base_that_does_not_fit_is_refused_by_its_field(keys, word):
+    with pytest.raises(InputError, match=word):
+        plan_of(random_surface(6.0, 0.0, 0), random_surface(10.0, 0.0, 0), BaseSection(**keys))
+
+
+def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
+    with pytest.raises(InputError, match=r"base\.relief_step_mm = 0\.5: the lens's rim, .* crosses"):
+        plan_of(random_surface(6.0, 0.0, 0), random_surface(12.7, 0.02, 51), BaseSection(relief_step_mm=0.5))
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"relief_step_mm": 2.0},
+        {"pocket_diameter_mm": 20.0, "pocket_depth_mm": 2.0},
+        {"flat_mm": 13.0},
+        {"kind": "square", "flat_mm": 10.0},
+        {"flange_diameter_mm": 25.0},
+    ],
+)
+def test_heights_and_widths_that_contradict_each_other_are_refused(keys):
+    with pytest.raises(ValueError, match="must|flat"):
+        BaseSection(**keys)
