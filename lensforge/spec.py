@@ -157,10 +157,29 @@ class BaseSection(Section):
         return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
 
 
+class Tool(Section):
+    """A ball mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
+
+    name: Annotated[str, Field(min_length=1)]
+    radius_mm: PositiveFloat
+    shank_radius_mm: PositiveFloat
+    length_mm: PositiveFloat
+    holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 45.0
+
+
 class ManufactureSection(Section):
-    """What the shop has: the ball cutter of the paper by default."""
+    """What the shop has: the ball cutter of the paper by default, and any ``tools`` besides, shank and holder too.
+
+    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``max_tilt_deg``: how far a tool's axis
+    may lean from the lens axis. ``stepover_mm`` and ``slope_limit_mrad``: passes, and the slope of their cusps.
+    """
 
     cutter_radius_mm: PositiveFloat = 1.0
+    tools: tuple[Tool, ...] = ()
+    make: Literal["part", "insert"] = "part"
+    max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
+    stepover_mm: PositiveFloat = 0.02
+    slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
 
 
 Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]

@@ -10,16 +10,22 @@ from jaxtyping import Float
 from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
 from lensforge.lens import Lens
-from lensforge.manufacturing.draft import draft_rad, undercut_fraction
+from lensforge.manufacturing.draft import draft_rad, largest_tilt_rad, undercut_fraction
 from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_json
 from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
 from lensforge.manufacturing.scallop import scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
-from lensforge.manufacturing.verdicts import Verdict, cutter_verdict, draft_verdict, relief_verdict, wall_verdict
+from lensforge.manufacturing.tooling import check_tools, tool_verdicts
+from lensforge.manufacturing.verdicts import (
+    Verdict,
+    cutter_verdict,
+    draft_verdict,
+    relief_verdict,
+    tilt_verdict,
+    wall_verdict,
+)
 from lensforge.manufacturing.wall import ThinnestWall, normal_wall_mm, radial_wall_mm, thinnest
 
-STEPOVER_MM = 0.02  # on a plane, cusps of 50 nm for a ball of 1 mm
-SLOPE_LIMIT_RAD = 1e-3
 CONSTRAINT_TOLERANCE_MM = 1e-3  # what the design stage calls feasible
 
 
@@ -31,25 +37,41 @@ def check_lens(lens: Lens, directory: Path) -> dict[str, Any]:
     """
     started = time.perf_counter()
     cutter_mm = lens.spec.manufacture.cutter_radius_mm
-    inner = check_face("inner", tabulate_face(lens.inner, AirSide.INSIDE, nodes_for(lens.inner)), cutter_mm)
-    outer = check_face("outer", tabulate_face(lens.outer, AirSide.OUTSIDE, nodes_for(lens.outer)), cutter_mm)
+    # A mould insert has its air where the lens has its material.
+    inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if _is_part(lens) else (AirSide.OUTSIDE, AirSide.INSIDE)
+    inner = check_face("inner", tabulate_face(lens.inner, inside, nodes_for(lens.inner)), cutter_mm)
+    outer = check_face("outer", tabulate_face(lens.outer, outside, nodes_for(lens.outer)), cutter_mm)
     radial, normal = _walls(inner, outer)
     thinner = min(radial, normal, key=lambda wall: wall.thickness_mm)  # at a rim the radial one may win
     relief = _relief_json(lens, inner, outer)
+    tools = _tools_json(lens, inner, outer)
     content: dict[str, Any] = {
+        "make": lens.spec.manufacture.make,
         "inner": face_json(inner),
         "outer": face_json(outer),
         "min_wall_mm": thinner.thickness_mm,
         "wall": {"normal": _wall_json(normal), "radial": _wall_json(radial)},
         "relief": relief,
-        "scallop": _scallop_json(cutter_mm, inner, outer),
+        "scallop": _scallop_json(lens, inner, outer),
+        "tools": tools,
         "gates": [_radial_gate(lens, radial).to_json()],
-        "verdicts": [verdict.to_json() for verdict in _verdicts(lens, inner, outer, thinner, relief)],
+        "verdicts": [verdict.to_json() for verdict in _verdicts(lens, inner, outer, thinner, relief)]
+        + [verdict.to_json() for verdict in tool_verdicts(tools)],
         "seconds": time.perf_counter() - started,
     }
     _write_maps(directory / "check.npz", inner, outer)
     write_json(directory / "check.json", content)
     return content
+
+
+def _is_part(lens: Lens) -> bool:
+    return lens.spec.manufacture.make == "part"
+
+
+def _tools_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> list[dict[str, Any]]:
+    manufacture = lens.spec.manufacture
+    base = lens.spec.base if _is_part(lens) else None
+    return check_tools(manufacture.tools, (inner, outer), base, float(np.deg2rad(manufacture.max_tilt_deg)))
 
 
 def _walls(inner: FaceCheck, outer: FaceCheck) -> tuple[ThinnestWall, ThinnestWall]:
@@ -83,9 +105,14 @@ def _radial_gate(lens: Lens, radial: ThinnestWall) -> Gate:
 def _relief_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
     """How far the base must retreat for the cutter, over the part of each face that the face itself lets it reach."""
     base, cutter_mm = lens.spec.base, lens.spec.manufacture.cutter_radius_mm
-    if base.kind == "none":
-        return {"note": "there is no base", "outer": None, "inner": None}
-    step = relief_step_mm(outer.samples, cutter_mm, base.diameter_mm)
+    if base.kind == "none" or not _is_part(lens):
+        note = "there is no base" if base.kind == "none" else "a mould insert has no base"
+        return {"note": note, "outer": None, "inner": None}
+    step = relief_step_mm(outer.samples, cutter_mm, base.widest_mm) - base.relief_step_mm
+    if base.flange_diameter_mm is not None:
+        shoulder = base.height_mm - base.flange_height_mm
+        step = np.maximum(step, relief_step_mm(outer.samples, cutter_mm, base.flange_diameter_mm) - shoulder)
+    step = np.where(step > 0.0, step + base.relief_step_mm, 0.0)
     clearance = bore_clearance_mm(inner.samples, cutter_mm)
     return {
         "outer": {"smallest_step_mm": _largest_reached(outer, step), "flush_fraction": _clear(outer, step)},
@@ -101,14 +128,16 @@ def _clear(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float:
     return face.samples.fraction(face.reached & (retreat == 0.0))
 
 
-def _scallop_json(cutter_mm: float, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
+def _scallop_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
     """Cusps where the face is most convex: there they are highest and steepest."""
-    content: dict[str, Any] = {"stepover_mm": STEPOVER_MM, "slope_limit_mrad": 1e3 * SLOPE_LIMIT_RAD}
+    manufacture = lens.spec.manufacture
+    cutter_mm, stepover_mm = manufacture.cutter_radius_mm, manufacture.stepover_mm
+    content: dict[str, Any] = {"stepover_mm": stepover_mm, "slope_limit_mrad": manufacture.slope_limit_mrad}
     for face in (inner, outer):
         kappa = max(float(face.samples.curvatures.maximum.max()), -1.0 / cutter_mm)
-        height = scallop_height_mm(cutter_mm, STEPOVER_MM, kappa)
-        slope = scallop_slope_rad(cutter_mm, STEPOVER_MM, kappa)
-        limit = stepover_for_slope_mm(cutter_mm, SLOPE_LIMIT_RAD, kappa)
+        height = scallop_height_mm(cutter_mm, stepover_mm, kappa)
+        slope = scallop_slope_rad(cutter_mm, stepover_mm, kappa)
+        limit = stepover_for_slope_mm(cutter_mm, 1e-3 * manufacture.slope_limit_mrad, kappa)
         content[face.name] = {
             "height_nm": 1e6 * height if np.isfinite(height) else None,
             "slope_mrad": 1e3 * slope if np.isfinite(slope) else None,
@@ -126,6 +155,12 @@ def _verdicts(
     return [
         *(cutter_verdict(face.name, cutter_mm, face.reachable_fraction, face.largest_cutter_mm) for face in faces),
         *_relief_verdicts(relief),
+        *(
+            tilt_verdict(
+                face.name, float(np.degrees(largest_tilt_rad(face.samples))), lens.spec.manufacture.max_tilt_deg
+            )
+            for face in faces
+        ),
         wall_verdict(wall.thickness_mm, lens.spec.constraints.min_thickness_mm),
         *(draft_verdict(face.name, least_deg[face.name], undercut_fraction(face.samples)) for face in faces),
     ]

@@ -7,7 +7,7 @@ falls as the fourth power of the node spacing.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +20,7 @@ NODES_PER_SIGMA = 4.5  # apex nodes for each shape parameter of the narrowest fu
 _MIN_NODES = 64
 
 
+@runtime_checkable
 class StarShaped(Protocol):
     """A surface given by its distance from the origin in every direction of the hemisphere and a little below."""
 

@@ -49,6 +49,16 @@ def relief_verdict(surface: Literal["inner", "outer"], retreat_mm: float | None,
     return Verdict("relief", surface, False, f"{clear}; {remedy}")
 
 
+def tilt_verdict(surface: Literal["inner", "outer"], slope_deg: float, allowed_deg: float) -> Verdict:
+    """Whether a five-axis head can hold the tool along the normal everywhere."""
+    holds = slope_deg <= allowed_deg + 1e-6
+    reason = (
+        f"the {surface} face is up to {slope_deg:.2f} deg steep; a tool held normal to it "
+        f"{'stays within' if holds else 'would pass'} manufacture.max_tilt_deg = {allowed_deg:g}"
+    )
+    return Verdict("tilt", surface, holds, reason)
+
+
 def wall_verdict(wall_mm: float, wanted_mm: float) -> Verdict:
     """Whether the thinnest wall, along the normal too, is as thick as the radial thickness that the spec asks for."""
     holds = wall_mm >= wanted_mm
