@@ -1,0 +1,48 @@
+"""``lensforge verify --stray`` on the files of a small lens."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scenes import random_surface, small_spec
+
+from lensforge.cli import cli
+from lensforge.lens import Lens
+from lensforge.pipeline import run_evaluate, run_export
+
+
+@pytest.fixture(scope="module")
+def verified(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("verified")
+    spec = small_spec(lens__absorption_per_mm=0.002)
+    surfaces = [random_surface(seed, offset, 0.002, (9, 25)) for seed, offset in ((1, 3.0), (2, 6.0))]
+    Lens(*surfaces, spec, 0, "draft").save(folder / "lens.json")
+    run_evaluate(folder)
+    run_export(folder)
+    done = CliRunner().invoke(cli, ["verify", str(folder), "--rays", "2048", "--stray", "--base", "black"])
+    assert done.exit_code == 0, (done.output, done.exception)
+    return folder, dict(line.split("\t") for line in done.output.splitlines())
+
+
+def test_the_step_is_cast_beside_the_mesh(verified):
+    folder, printed = verified
+    brep = json.loads((folder / "verify.json").read_text())["brep"]
+    assert brep["rays"] == 1024
+    assert brep["against_design"]["rms"] < 5e-5 * 100.0
+    assert float(printed["brep.against_design.rms"]) == brep["against_design"]["rms"]
+
+
+def test_stray_light_is_followed_with_what_the_spec_absorbs(verified):
+    folder, printed = verified
+    stray = json.loads((folder / "stray.json").read_text())
+    assert (stray["base"], stray["absorption_per_mm"]) == ("black", 0.002)
+    assert sum(stray["flux"].values()) == pytest.approx(1.0, abs=1e-9)
+    # About 3 mm of way through the bulk: 1 - exp(-0.006) of the flux, and little more by reflections.
+    assert 0.004 < stray["flux"]["absorbed"] < 0.012
+    assert stray["flux"]["base"] > 0.0
+    assert float(printed["stray_light.efficiency"]) == stray["efficiency"]
+    verify = json.loads((folder / "verify.json").read_text())
+    assert stray["efficiency_sequential"] == pytest.approx(verify["efficiency"], rel=1e-12)
+    with np.load(folder / "stray.npz") as images:
+        assert images["stray"].shape == images["sequential"].shape == (16, 16)
