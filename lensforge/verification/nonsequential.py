@@ -74,18 +74,35 @@ class Limits:
     depth: int = 32
 
 
+@dataclass(frozen=True)
+class Landings:
+    """Light on the receiver's plane: points (mm), flux (W), causes."""
+
+    points: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    causes: Int[np.ndarray, " n"]
+
+    @property
+    def stray(self) -> Bool[np.ndarray, " n"]:
+        """Which of it the sequential design does not know."""
+        return self.causes != Cause.SEQUENTIAL
+
+
 @dataclass
 class Account:
-    """Where the flux (W) ended, and every landing (mm) on the receiver's plane with its flux (W) and cause."""
+    """Where the flux (W) ended: on the receiver's plane, piece by piece as it came, or otherwise."""
 
-    landings: list[Float[np.ndarray, "n 2"]] = field(default_factory=list)
-    flux: list[Float[np.ndarray, " n"]] = field(default_factory=list)
-    causes: list[Int[np.ndarray, " n"]] = field(default_factory=list)
+    pieces: list[Landings] = field(default_factory=list)
     backward: float = 0.0
     absorbed: float = 0.0
     base: float = 0.0
     cut_off: float = 0.0
     leaked: float = 0.0
+
+    def landings(self) -> Landings:
+        """All pieces in one."""
+        names = ("points", "flux", "causes")
+        return Landings(*(np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in names))
 
 
 def follow(body: Body, rays: RayBundle, distance_mm: float, limits: Limits) -> Account:
@@ -199,6 +216,5 @@ def _escape(light: Light, distance_mm: float, account: Account) -> None:
     account.leaked += float(light.flux[light.inside].sum())
     account.backward += float(light.flux[~light.inside & ~rises].sum())
     slope = directions[rises, :2] / directions[rises, 2:]
-    account.landings.append(light.leg.origins[rises, :2] + height[rises, None] * slope)
-    account.flux.append(light.flux[rises])
-    account.causes.append(light.causes[rises])
+    points = light.leg.origins[rises, :2] + height[rises, None] * slope
+    account.pieces.append(Landings(points, light.flux[rises], light.causes[rises]))

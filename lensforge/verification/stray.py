@@ -15,7 +15,7 @@ from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
-from lensforge.verification.nonsequential import Account, Base, Body, Cause, Limits, follow
+from lensforge.verification.nonsequential import Account, Base, Body, Cause, Landings, Limits, follow
 from lensforge.verification.part import load_part
 from lensforge.verification.passage import send_through
 from lensforge.verification.picture import Receiver, nmse, within
@@ -49,15 +49,15 @@ def trace_stray(
     grid = Grid(part.mesh)
     account = follow(Body(part, grid, refractive_index, absorption_per_mm, base), rays, distance_mm, limits)
     passage = send_through(part, grid, rays, refractive_index, distance_mm)
-    landings, flux, causes = (np.concatenate(part) for part in (account.landings, account.flux, account.causes))
-    direct = causes == Cause.SEQUENTIAL
+    landed = account.landings()
+    direct, stray = ~landed.stray, landed.stray
     images = {
         "sequential": receiver.irradiance(passage.landings, passage.flux),
-        "direct": receiver.irradiance(landings[direct], flux[direct]),
-        "stray": receiver.irradiance(landings[~direct], flux[~direct]),
+        "direct": receiver.irradiance(landed.points[direct], landed.flux[direct]),
+        "stray": receiver.irradiance(landed.points[stray], landed.flux[stray]),
     }
     emitted = float(rays.weights.sum())
-    shares = _shares(account, landings, flux, causes, window_mm, emitted)
+    shares = _shares(account, landed, window_mm, emitted)
     content: dict[str, Any] = {
         "rays": len(rays),
         "base": base,
@@ -66,9 +66,9 @@ def trace_stray(
         "depth": limits.depth,
         "flux": shares,
         "balance_error": abs(sum(shares.values()) - 1.0),
-        "detected_stray_by_cause": _by_cause(landings, flux, causes, window_mm, emitted),
+        "detected_stray_by_cause": _by_cause(landed, window_mm, emitted),
         **_against_sequential(images, receiver, emitted),
-        "stray": _spread(landings[~direct], flux[~direct], images, receiver),
+        "stray": _spread(landed, images, receiver),
         "efficiency": shares["detected_direct"] + shares["detected_stray"],
         "efficiency_sequential": float(passage.flux[within(passage.landings, window_mm)].sum()) / emitted,
     }
@@ -79,20 +79,13 @@ def trace_stray(
     return content
 
 
-def _shares(
-    account: Account,
-    landings: Float[np.ndarray, "n 2"],
-    flux: Float[np.ndarray, " n"],
-    causes: Any,
-    window_mm: float,
-    emitted: float,
-) -> dict[str, float]:
-    inside, direct = within(landings, window_mm), causes == Cause.SEQUENTIAL
+def _shares(account: Account, landed: Landings, window_mm: float, emitted: float) -> dict[str, float]:
+    flux, inside, stray = landed.flux, within(landed.points, window_mm), landed.stray
     ends = {
-        "detected_direct": flux[inside & direct].sum(),
-        "detected_stray": flux[inside & ~direct].sum(),
-        "outside_direct": flux[~inside & direct].sum(),
-        "outside_stray": flux[~inside & ~direct].sum(),
+        "detected_direct": flux[inside & ~stray].sum(),
+        "detected_stray": flux[inside & stray].sum(),
+        "outside_direct": flux[~inside & ~stray].sum(),
+        "outside_stray": flux[~inside & stray].sum(),
         "backward": account.backward,
         "absorbed": account.absorbed,
         "base": account.base,
@@ -102,12 +95,12 @@ def _shares(
     return {name: float(value) / emitted for name, value in ends.items()}
 
 
-def _by_cause(
-    landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], causes: Any, window_mm: float, emitted: float
-) -> dict[str, float]:
-    inside = within(landings, window_mm)
+def _by_cause(landed: Landings, window_mm: float, emitted: float) -> dict[str, float]:
+    inside = within(landed.points, window_mm)
     stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
-    return {cause.name.lower(): float(flux[inside & (causes == cause)].sum()) / emitted for cause in stray}
+    return {
+        cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray
+    }
 
 
 def _against_sequential(
@@ -122,20 +115,15 @@ def _against_sequential(
     }
 
 
-def _spread(
-    landings: Float[np.ndarray, "n 2"],
-    flux: Float[np.ndarray, " n"],
-    images: dict[str, Float[np.ndarray, "p p"]],
-    receiver: Receiver,
-) -> dict[str, Any]:
+def _spread(landed: Landings, images: dict[str, Float[np.ndarray, "p p"]], receiver: Receiver) -> dict[str, Any]:
     """Where on the receiver the stray light lands (mm), and how bright it is there (W/m^2, and of the mean)."""
-    inside = within(landings, receiver.side_mm)
-    total = float(flux[inside].sum())
+    inside = landed.stray & within(landed.points, receiver.side_mm)
+    points, total = landed.points[inside], float(landed.flux[inside].sum())
     if total <= 0.0:
         return {"centroid_mm": None, "rms_radius_mm": None, "peak_w_m2": 0.0, "peak_of_mean": 0.0}
-    weights = flux[inside] / total
-    centroid = weights @ landings[inside]
-    radius = np.sqrt(weights @ np.sum((landings[inside] - centroid) ** 2, axis=1))
+    weights = landed.flux[inside] / total
+    centroid = weights @ points
+    radius = np.sqrt(weights @ np.sum((points - centroid) ** 2, axis=1))
     peak, mean = float(images["stray"].max()), float(images["sequential"].mean())
     return {
         "centroid_mm": centroid.tolist(),

@@ -38,8 +38,8 @@ def beam(count=50, slant=0.0):
 
 
 def landed(account, cause=None):
-    flux, causes = np.concatenate(account.flux), np.concatenate(account.causes)
-    return flux.sum() if cause is None else flux[causes == cause].sum()
+    landings = account.landings()
+    return landings.flux.sum() if cause is None else landings.flux[landings.causes == cause].sum()
 
 
 def total(account):
@@ -65,7 +65,7 @@ def test_echoes_in_a_slanted_window_land_side_by_side():
     bent = np.arcsin(np.sin(slant) / INDEX)
     ray = RayBundle(np.zeros((1, 3)), np.array([[np.sin(slant), 0.0, np.cos(slant)]]), np.ones(1))
     account = follow(window(thickness), ray, DISTANCE, EVERYTHING)
-    x = np.sort(np.concatenate(account.landings)[:, 0])
+    x = np.sort(account.landings().points[:, 0])
     np.testing.assert_allclose(np.diff(x)[:2], 2.0 * thickness * np.tan(bent), rtol=1e-9)
 
 
