@@ -36,16 +36,28 @@ def cli() -> None:
 )
 @click.option("--seed", type=click.IntRange(0, 2**20), default=0, show_default=True)
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of an interrupted design.")
+@click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @_RAYS
 @_THREADS
 def design(
-    spec: Path, out: Path | None, accuracy: Any, seed: int, resume: bool, rays: int | None, threads: int | None
+    spec: Path,
+    out: Path | None,
+    accuracy: Any,
+    seed: int,
+    resume: bool,
+    snapshots: bool,
+    rays: int | None,
+    threads: int | None,
 ) -> None:
     """Go the whole way: design, evaluate, export, check, verify, report."""
     content = import_module("lensforge.spec").load_spec(spec)
     directory = out or Path("cad_out") / content.name
     _use_threads(threads)
-    with import_module("lensforge.progress").Reporter(content) as reporter:
+    observers = []
+    if snapshots:
+        taken = import_module("lensforge.report.snapshots").Snapshots(content, directory, resume=resume)
+        observers = [taken.on_step]
+    with import_module("lensforge.progress").Reporter(content, *observers) as reporter:
         gates = _pipeline().run(
             content,
             directory,

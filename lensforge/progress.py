@@ -1,5 +1,6 @@
 """Progress of a design on stderr: level, loss, efficiency, time left."""
 
+from collections.abc import Callable
 from types import TracebackType
 
 from rich.console import Console
@@ -10,9 +11,13 @@ from lensforge.spec import Spec
 
 
 class Reporter:
-    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage."""
+    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage.
 
-    def __init__(self, spec: Spec) -> None:
+    ``observers`` see every step after it.
+    """
+
+    def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
+        self._observers = observers
         self._console = Console(stderr=True, highlight=False)
         self._levels = len(spec.lens.levels)
         self._name = spec.name
@@ -58,6 +63,8 @@ class Reporter:
                 f"NMSE {shown.nmse:.4f}  efficiency {shown.efficiency:.3f}"
             )
         self._last = step
+        for observer in self._observers:
+            observer(step)
 
     def on_stage(self, stage: str) -> None:
         """When a later stage begins."""

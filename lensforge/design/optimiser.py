@@ -29,7 +29,7 @@ _SEED_STRIDE = 1_000_003  # a scramble of its own for every step, whatever step 
 
 @dataclass(frozen=True)
 class Progress:
-    """What an observer sees after every gradient step."""
+    """What an observer sees after every gradient step; ``lens`` makes the lens as it is now, for those who ask."""
 
     level: int
     step: int
@@ -37,6 +37,10 @@ class Progress:
     steps_total: int
     nmse: float
     efficiency: float
+    functions: int
+    level_done: bool
+    accuracy: Accuracy
+    lens: Callable[[], Lens]
 
 
 @dataclass
@@ -106,7 +110,7 @@ def design(
     state = _fresh_state(parametrisation, constraints)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))
-    search = _Search(source, objective, constraints, stages, seed, observer, state)
+    search = _Search(source, objective, constraints, stages, seed, accuracy, observer, state)
     search.run(checkpoint, key)
     state = search.state
     lens = parametrisation.lens(state.weights, state.offsets, spec, seed, accuracy)
@@ -126,6 +130,7 @@ class _Search:
     constraints: AugmentedLagrangian
     stages: list[Stage]
     seed: int
+    accuracy: Accuracy
     observer: Callable[[Progress], None]
     state: _State
 
@@ -175,9 +180,28 @@ class _Search:
                 history=_grown(self.state.history, stage, step, self._values(result)),
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
-            total = sum(each.steps for each in self.stages)
-            self.observer(Progress(stage.level, step + 1, earlier + step + 1, total, result.nmse, result.efficiency))
+            self.observer(self._progress(stage, earlier, result))
             yield
+
+    def _progress(self, stage: Stage, earlier: int, result: Evaluated) -> Progress:
+        state, objective = self.state, self.objective
+
+        def lens() -> Lens:
+            make = objective.parametrisation.lens
+            return make(state.weights, state.offsets, objective.spec, self.seed, self.accuracy)
+
+        return Progress(
+            level=stage.level,
+            step=state.step,
+            steps_done=earlier + state.step,
+            steps_total=sum(each.steps for each in self.stages),
+            nmse=result.nmse,
+            efficiency=result.efficiency,
+            functions=stage.functions,
+            level_done=state.step == stage.steps,
+            accuracy=self.accuracy,
+            lens=lens,
+        )
 
     def _values(self, result: Evaluated) -> dict[str, float]:
         """What the history keeps of a step."""

@@ -88,6 +88,7 @@ def _context(results: Results) -> dict[str, Any]:
             "lines": pictures.line_pictures(results),
             "flux": pictures.flux_pictures(results),
             "history": pictures.history_pictures(results),
+            "snapshots": pictures.snapshot_pictures(results),
             "sections": pictures.section_pictures(results),
             "surfaces": pictures.surface_pictures(results),
             "verification": pictures.verification_pictures(results),

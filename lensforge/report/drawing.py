@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import ParamSpec
 
 import matplotlib as mpl
@@ -12,6 +13,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from lensforge.files import replacing
 
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"
@@ -89,15 +92,23 @@ def new_map(
     return figure, axes, bar
 
 
-def add_colour_bar(bar: Axes, mapped: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
+def add_colour_bar(
+    bar: Axes, mapped: ScalarMappable, label: str, extend: str = "neither", orientation: str = "vertical"
+) -> Colorbar:
     """The scale of ``mapped`` in the axes ``bar``, one raster image instead of 256 rectangles."""
-    scale = bar.figure.colorbar(mapped, cax=bar, extend=extend, extendfrac=0.03)
-    scale.set_label(label, labelpad=5.0)
+    scale = bar.figure.colorbar(mapped, cax=bar, extend=extend, extendfrac=0.03, orientation=orientation)
+    scale.set_label(label, labelpad=5.0 if orientation == "vertical" else 2.0)
     scale.outline.set_visible(False)
     if scale.solids is not None:
         scale.solids.set_rasterized(True)
     scale.ax.tick_params(length=2.0)
     return scale
+
+
+def save_picture(figure: Figure, path: Path) -> None:
+    """``figure`` as a file of its own on white; the suffix of ``path`` says which kind."""
+    with replacing(path) as temporary, mpl.rc_context(_STYLE):
+        figure.savefig(temporary, facecolor="white")
 
 
 def to_svg(figure: Figure, name: str, description: str) -> str:

@@ -12,6 +12,8 @@ from lensforge.report.light import light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results
+from lensforge.report.snapshot_figure import snapshot_figure
+from lensforge.report.snapshots import load_snapshots
 from lensforge.source_spec import SquareSource
 
 _FIRST = 4.6  # inches: half of the page
@@ -115,6 +117,24 @@ def history_pictures(results: Results) -> list[Picture]:
         caption = "Least of g1, g2, g3 over the lens. Below 0 (red) the lens is not allowed."
         pictures.append(picture("margins", margins, "Constraints by level", caption))
     return pictures
+
+
+def snapshot_pictures(results: Results) -> list[Picture]:
+    """The levels of the search, all on one scale."""
+    taken, unit = load_snapshots(results.directory, results.lens), light_unit(results.lens.spec)
+    steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
+    top = max((float(each.irradiance.max()) for each in taken), default=None)
+    return [
+        picture(
+            f"level{each.level}",
+            snapshot_figure(
+                each.surface_mm, each.slope, each.irradiance, each.receiver_mm, unit, steepest=steepest, top=top
+            ),
+            f"Level {each.level}: {each.functions} functions",
+            f"After step {each.step}: NMSE {number(each.nmse, 3)}, efficiency {percent(each.efficiency)}.",
+        )
+        for each in taken
+    ]
 
 
 def section_pictures(results: Results) -> list[Picture]:

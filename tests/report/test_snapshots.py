@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from result_folders import make_folder, small_lens
+from scenes import small_spec
+
+from lensforge.design.optimiser import design
+from lensforge.errors import InputError
+from lensforge.report import snapshots
+from lensforge.report.build import build_report
+from lensforge.report.snapshot_figure import snapshot_figure
+from lensforge.report.snapshots import Snapshots, load_snapshots, outer_slope
+from lensforge.sources.build import build_source
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory):
+    """A folder with the snapshots of a small design, and the design."""
+    folder, spec = tmp_path_factory.mktemp("design"), small_spec()
+    (folder / "snapshots").mkdir()
+    (folder / "snapshots" / "level-9.npz").write_bytes(b"of an earlier design")
+    (folder / "snapshots" / "notes.txt").write_text("the user's own")
+    observer = Snapshots(spec, folder)
+    return folder, design(spec, build_source(spec.source), accuracy="draft", observer=observer.on_step)
+
+
+def test_every_level_leaves_a_picture_and_its_numbers(taken):
+    folder, result = taken
+    names = sorted(path.name for path in (folder / "snapshots").iterdir())
+    assert names == ["level-1.npz", "level-1.png", "level-2.npz", "level-2.png", "notes.txt"]
+    for path in (folder / "snapshots").glob("*.png"):
+        assert path.read_bytes().startswith(b"\x89PNG")
+    assert [(each.level, each.functions, each.step) for each in load_snapshots(folder, result.lens)] == [
+        (1, 9, 4),
+        (2, 34, 8),
+    ]
+
+
+def test_the_last_level_is_the_finished_lens(taken):
+    folder, result = taken
+    surface, slope = outer_slope(result.lens)
+    last = load_snapshots(folder, result.lens)[-1]
+    assert np.array_equal(last.surface_mm, surface)
+    assert np.array_equal(last.slope, slope)
+    assert not np.allclose(load_snapshots(folder, result.lens)[0].slope, slope), "the level before was another"
+
+
+def test_the_slope_is_the_derivative_of_the_radius():
+    surface, slope = outer_slope(small_lens(bump_mm=1.0))
+    radius = np.linalg.norm(surface, axis=-1)
+    theta = np.arccos(np.clip(surface[..., 2] / radius, -1.0, 1.0))
+    differences = (radius[2:] - radius[:-2]) / (theta[2:] - theta[:-2])
+    assert slope[1:-1] == pytest.approx(differences, abs=2e-3 * np.abs(slope).max())
+    assert np.abs(slope).max() > 0.1
+
+
+def test_the_light_that_a_snapshot_holds_is_what_its_efficiency_says(taken):
+    for each in load_snapshots(taken[0], taken[1].lens):
+        area = (each.receiver_mm / 1000.0 / len(each.irradiance)) ** 2
+        assert each.irradiance.sum() * area == pytest.approx(each.efficiency, rel=1e-9), "of 1 W"
+
+
+def test_snapshots_change_nothing_in_the_design(taken):
+    spec = small_spec()
+    plain = design(spec, build_source(spec.source), accuracy="draft")
+    assert np.array_equal(plain.lens.outer.weights, taken[1].lens.outer.weights)
+
+
+def test_a_resumed_design_keeps_the_levels_that_it_had(taken):
+    folder, result = taken
+    Snapshots(small_spec(), folder, resume=True)
+    assert len(load_snapshots(folder, result.lens)) == 2
+
+
+def test_levels_can_be_drawn_on_one_scale(taken):
+    each = load_snapshots(taken[0], taken[1].lens)[0]
+    figure = snapshot_figure(each.surface_mm, each.slope, each.irradiance, each.receiver_mm, steepest=9.0, top=70.0)
+    slopes, light = figure.axes[1], figure.axes[3]
+    assert slopes.get_xlim() == (-9.0, 9.0)
+    assert light.get_xlim() == (0.0, 70.0)
+
+
+def test_the_report_shows_them(taken, tmp_path):
+    folder, result = taken
+    make_folder(tmp_path, stages=(), lens=result.lens)
+    without = build_report(tmp_path).read_text().count("<svg")
+    (tmp_path / "snapshots").symlink_to(folder / "snapshots")
+    markup = build_report(tmp_path).read_text()
+    assert markup.count("<svg") == without + 2
+    assert "Level 2: 34 functions" in markup
+
+
+def test_those_of_another_design_are_not_shown(taken):
+    assert load_snapshots(taken[0], small_lens()) == []
+
+
+def test_a_damaged_snapshot_is_one_line(tmp_path):
+    (tmp_path / snapshots.FOLDER).mkdir()
+    (tmp_path / snapshots.FOLDER / "level-1.npz").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"level-1\.npz: damaged"):
+        load_snapshots(tmp_path, small_lens())
