@@ -29,11 +29,15 @@ _COARSE = 8  # one obstacle in eight brings the balls close to their size before
 _UNLIMITED = 20.0
 
 
-def largest_ball_mm(samples: FaceSamples) -> Float[np.ndarray, " k"]:
-    """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does."""
+def largest_ball_mm(samples: FaceSamples, part: Float[np.ndarray, "m 3"] | None = None) -> Float[np.ndarray, " k"]:
+    """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does.
+
+    ``part``: the points that it must not enter, by default the samples themselves.
+    """
+    part = samples.points if part is None else part
     cap = _UNLIMITED * float(np.linalg.norm(samples.points, axis=1).max())
     radius = np.minimum(_local_limit(samples), cap)
-    for obstacles in (samples.points[::_COARSE], samples.points):
+    for obstacles in (part[::_COARSE], part):
         _shrink(radius, samples, obstacles)
     return np.where(radius < cap, radius, np.inf)
 

@@ -25,7 +25,7 @@ def check_tools(
     content: list[dict[str, Any]] = [tool.model_dump(mode="json") for tool in tools]
     for face in faces if tools else ():
         contacts = sample_face(face.samples.face, _CONTACT_NODES)
-        ball = largest_ball_mm(contacts)
+        ball = largest_ball_mm(contacts, face.samples.points)
         obstacles = _obstacles(face, base)
         largest = face.largest_cutter_mm
         for tool, entry in zip(tools, content, strict=True):
