@@ -4,6 +4,7 @@ The design stage writes it, the geometry stage reads it; NumPy only. ``lens.json
 """
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,33 @@ class Lens:
                 "spec": self.spec.model_dump(mode="json"),
             },
         )
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a section at y = 0, and the numbers that name the lens."""
+        basis, spec = self.outer.basis, self.spec
+        rows = {
+            "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
+            "source": spec.source.title,
+            "receiver": f"{spec.target.receiver_mm:g} mm wide at {spec.target.distance_mm:g} mm",
+            "surfaces": f"{basis.size} functions each in {len(basis.levels)} levels, symmetry: {basis.symmetry}",
+            "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
+        }
+        table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+        return f"<div><strong>{escape(spec.name)}</strong>{_section_svg(self)}<table>{table}</table></div>"
+
+
+def _section_svg(lens: Lens) -> str:
+    """The body cut at y = 0, in the colour of the text around it."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+    u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
+    outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] * (1.0, -1.0) for surface in (lens.outer, lens.inner))
+    reach = 1.05 * float(np.abs(outer).max())
+    points = " ".join(f"{x:.4g},{y:.4g}" for x, y in np.concatenate([outer, inner[::-1]]))
+    return (
+        f'<svg role="img" aria-label="section" viewBox="{-reach:.4g} {-reach:.4g} {2 * reach:.4g} {1.05 * reach:.4g}" '
+        f'width="320" style="display:block"><polygon points="{points}" fill="#2f7fd1" fill-opacity="0.2" '
+        f'stroke="currentColor" stroke-width="{0.012 * reach:.4g}"/></svg>'
+    )
 
 
 def load_lens(path: Path) -> Lens:

@@ -19,13 +19,26 @@ _MARGIN = 1.3  # the drawing's reach in largest radii
 def lens_section(
     lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
 ) -> Figure:
-    """The section at ``azimuth_deg``; ``outline_mm`` is the source's, None where it is not known.
+    """The section at ``azimuth_deg`` as a figure; see :func:`draw_section`."""
+    figure, axes = new_figure(WIDE, 3.3)
+    draw_section(axes, lens, azimuth_deg, outline_mm, reach)
+    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
+    return figure
+
+
+def draw_section(
+    axes: Axes,
+    lens: Lens,
+    azimuth_deg: float,
+    outline_mm: Float[np.ndarray, "k 3"] | None,
+    reach: float | None = None,
+) -> None:
+    """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
 
     ``reach``: half the width of the drawing (mm); without it, by the size of the lens.
 
     Drawn beside the body: the paraboloid that must fit into the cavity, and the largest radius allowed.
     """
-    figure, axes = new_figure(WIDE, 3.3)
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     inner, outer = profile(lens.inner, across), profile(lens.outer, across)
     reach = reach or reach_mm(lens)
@@ -37,8 +50,6 @@ def lens_section(
     depth = lens.spec.base.height_mm if lens.spec.base.kind == "cylinder" else 0.0
     axes.set(xlim=(-reach, reach), ylim=(-depth - 0.08 * reach, reach), aspect="equal", anchor="N")
     axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
-    figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
-    return figure
 
 
 def reach_mm(lens: Lens) -> float:
