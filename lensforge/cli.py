@@ -128,6 +128,13 @@ def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, 
     _finish(result, directory)
 
 
+@cli.command()
+@_FOLDER
+def handover(directory: Path) -> None:
+    """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""
+    _finish(_pipeline().run_handover(directory), directory)
+
+
 class _Corner(click.ParamType):
     """A pixel, written as column,row."""
 

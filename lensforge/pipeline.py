@@ -127,6 +127,12 @@ def run_check(directory: Path) -> dict[str, Any]:
     return result
 
 
+def run_handover(directory: Path) -> dict[str, Any]:
+    """What goes to the shop with the STEP file."""
+    result: dict[str, Any] = import_module("lensforge.handover.build").build_handover(directory)
+    return result
+
+
 def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
     """Cast rays through the exported STL, and some through the STEP, and compare with where the design sends them."""
     lens, preset = _lens_and_preset(directory)
