@@ -79,12 +79,13 @@ def number_lines(designs: Sequence[Results]) -> list[Line]:
         cells = [cards.get(label) for cards in found]
         texts = [f"{card.value} {card.unit}".strip() if card else _ABSENT for card in cells]
         best = _best(label, designs) if len(set(texts)) > 1 else None
+        mark = None if best is None else texts[best]  # whoever reads the same is as good
         lines.append(
             Line(
                 label,
                 tuple(
-                    Cell(text, card.state if card else "", index == best)
-                    for index, (text, card) in enumerate(zip(texts, cells, strict=True))
+                    Cell(text, card.state if card else "", text == mark)
+                    for text, card in zip(texts, cells, strict=True)
                 ),
             )
         )

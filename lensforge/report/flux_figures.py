@@ -62,4 +62,5 @@ def _bar(axes: Axes, row: int, label: str, left: float, width: float, colour: st
     """One bar, what it is and how much above it: there is room for it whatever the width of the bar."""
     axes.barh(row + 0.16, width, left=left, height=0.42, color=colour, linewidth=0)
     axes.text(0.0, row - 0.12, label, ha="left", va="bottom")
-    axes.text(1.0, row - 0.12, f"{100.0 * width:.2f} %", ha="right", va="bottom")
+    share = "< 0.01 %" if 0.0 < width < 5e-5 else f"{100.0 * width:.2f} %"
+    axes.text(1.0, row - 0.12, share, ha="right", va="bottom")

@@ -15,6 +15,7 @@ from scipy.ndimage import map_coordinates
 
 from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
 from lensforge.report.light import WATTS, LightUnit
+from lensforge.report.numerals import number
 
 Image = Float[np.ndarray, "p p"]
 
@@ -67,7 +68,7 @@ def isolines(image: Image, receiver_mm: float, level: float, unit: LightUnit = W
     for row, (share, colour) in enumerate(ISO_SHARES.items()):
         height = 0.08 + 0.16 * row
         scale.plot([0.0, 1.0], [height, height], color=colour, linewidth=2.0)
-        text = f"{100.0 * share:.0f} %\n{unit.per_w_m2 * share * level:.3g}"
+        text = f"{100.0 * share:.0f} %\n{number(unit.per_w_m2 * share * level, 3)}"
         scale.text(1.6, height, text, va="center", fontsize=7.5, linespacing=1.15)
     scale.text(0.0, 0.98, unit.symbol, va="top", fontsize=8.0)
     scale.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))

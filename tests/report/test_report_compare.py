@@ -55,6 +55,8 @@ def test_numbers_stand_side_by_side_and_the_better_is_marked(folders):
     assert [cell.text for cell in lines["NMSE"]] == ["0.0123", "0.0023"]
     assert [cell.best for cell in lines["NMSE"]] == [False, True]
     assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
+    three = number_lines([load_results(folders[index]) for index in (0, 1, 1)])
+    assert [cell.best for cell in three[0].cells] == [False, True, True]
     assert not any(cell.best for cell in lines["Lens radius"]), "no radius is better whatever the spec"
 
 

@@ -93,7 +93,7 @@ def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
     (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
     for path, share in zip(contour.get_paths(), irradiance_figures.ISO_SHARES, strict=True):
         assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
-    named = [float(text.get_text().split()[-1]) for text in scale.texts[:-1]]
+    named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
     assert named == pytest.approx([80.0 * share * unit.per_w_m2 for share in irradiance_figures.ISO_SHARES], rel=5e-3)
 
 
@@ -104,6 +104,11 @@ def test_maps_in_lux_show_lux():
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(250.0 * image)
     assert axes.images[0].get_clim() == (0.0, 20000.0)
     assert bar.get_ylabel() == "illuminance (lx)"
+
+
+def test_a_loss_that_is_there_is_never_called_zero():
+    axes = flux_figures.flux_account({"detected": 0.99999, "outside": 1e-5}, {}).axes[0]
+    assert "< 0.01 %" in [text.get_text() for text in axes.texts]
 
 
 def test_without_causes_the_missed_flux_is_one_loss():
