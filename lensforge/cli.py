@@ -130,6 +130,19 @@ def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, 
 
 @cli.command()
 @_FOLDER
+@_RAYS
+@_THREADS
+def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
+    """Say what errors of form, position and index of the lens in DIR do to its light; writes sensitivity.json."""
+    _use_threads(threads)
+    result = _pipeline().run_sensitivity(directory, rays=rays)
+    click.echo("error\tamount\tunit\tnmse\tuniformity\tefficiency")
+    for row in ({"name": "as designed", "amount": 0.0, "unit": "", **result["nominal"]}, *result["rows"]):
+        click.echo("\t".join(str(row[key]) for key in ("name", "amount", "unit", "nmse", "uniformity", "efficiency")))
+
+
+@cli.command()
+@_FOLDER
 def handover(directory: Path) -> None:
     """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""
     _finish(_pipeline().run_handover(directory), directory)

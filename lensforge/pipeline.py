@@ -127,6 +127,14 @@ def run_check(directory: Path) -> dict[str, Any]:
     return result
 
 
+def run_sensitivity(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
+    """What small errors of making and mounting do to the light."""
+    lens, preset = _lens_and_preset(directory)
+    measure = import_module("lensforge.tolerancing.sensitivity").measure_sensitivity
+    result: dict[str, Any] = measure(lens, build_source(lens.spec.source), preset, directory, rays=rays)
+    return result
+
+
 def run_handover(directory: Path) -> dict[str, Any]:
     """What goes to the shop with the STEP file."""
     result: dict[str, Any] = import_module("lensforge.handover.build").build_handover(directory)

@@ -1,0 +1,40 @@
+"""A source that was not mounted where it should be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.sources.bundle import RayBundle, Source
+
+
+@dataclass(frozen=True)
+class ShiftedSource:
+    """``source``, every ray of it starting ``shift_mm`` away."""
+
+    source: Source
+    shift_mm: tuple[float, float, float]
+
+    @property
+    def flux_w(self) -> float:
+        """That of the source itself."""
+        return self.source.flux_w
+
+    @property
+    def symmetry(self) -> str:
+        """None is left, in general."""
+        return "none"
+
+    @property
+    def population(self) -> int | None:
+        """That of the source itself."""
+        return self.source.population
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """The same rays, moved."""
+        rays = self.source.sample(count, seed)
+        return RayBundle(rays.origins + np.array(self.shift_mm), rays.directions, rays.weights)
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """The outline, moved."""
+        return self.source.outline() + np.array(self.shift_mm)
