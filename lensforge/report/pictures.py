@@ -160,14 +160,12 @@ def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     return None if noted is None else np.array(noted, dtype=np.float64)
 
 
-def surface_pictures(results: Results) -> list[Picture]:
-    """Sag, curvature and what the cutter leaves, face by face."""
+def surface_pictures(results: Results) -> list[list[Picture]]:
+    """Sag, curvature and what the cutter leaves, for each face."""
     if results.check is None or results.maps is None:
         return []
-    pictures = []
-    for name, face in (("inner", results.check.inner), ("outer", results.check.outer)):
-        pictures += _face_pictures(name, face, results.maps)
-    return pictures
+    faces = {"inner": results.check.inner, "outer": results.check.outer}
+    return [_face_pictures(name, face, results.maps) for name, face in faces.items()]
 
 
 def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray, "n n"]]) -> list[Picture]:
