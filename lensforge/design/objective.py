@@ -31,8 +31,8 @@ from lensforge.tracing.fused import Scene, trace_tables
 # where the image may be traded for an even mask, and efficiency must hold its own against a heavy uniformity term.
 _STRAY = 0.3
 _TOTAL_REFLECTION = 0.3
-_EFFICIENCY = 0.1
-_UNIFORM_EFFICIENCY = 1.2
+_EFFICIENCY = 0.15
+_UNIFORM_EFFICIENCY = 2.0
 _UNIFORM_VARIANCE = 10.0
 _UNIFORM_SHORTFALL = 300.0
 _UNIFORM_MARGIN = 0.03

@@ -1,0 +1,97 @@
+"""One gradient step of the flat top, taken apart: where the time goes, how it grows, what it needs.
+
+    python benchmarks/gradient_step.py [--rays 524288] [--repeat 7]
+
+Prints the median of each part over the repeats, and ratios within this one run; absolute times are this machine's.
+"""
+
+import argparse
+import resource
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from lensforge.design.constraints import AugmentedLagrangian
+from lensforge.design.objective import Objective
+from lensforge.design.parameters import Parametrisation
+from lensforge.memory import keep_freed_memory
+from lensforge.sources.build import build_source
+from lensforge.spec import load_spec
+
+SPEC = Path(__file__).parents[1] / "examples" / "flat_top.toml"
+
+
+def median_seconds(work: Callable[[], object], repeat: int) -> float:
+    work()
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+class Step:
+    """The step of the design loop, with its parts callable one by one."""
+
+    def __init__(self, rays: int) -> None:
+        spec = load_spec(SPEC)
+        self.source = build_source(spec.source)
+        self.parametrisation = Parametrisation.of(spec, 3.4)
+        self.objective = Objective.of(spec, self.source, self.parametrisation)
+        self.constraints = AugmentedLagrangian(spec.constraints, self.parametrisation.grid)
+        rng = np.random.default_rng(0)
+        size = self.parametrisation.basis.size
+        self.weights = torch.from_numpy(rng.normal(size=(size, 2)) * 0.005).requires_grad_()
+        self.offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
+        self.rays = rays
+        self.bundle = self.source.sample(rays, 0)
+
+    def sample(self) -> None:
+        self.source.sample(self.rays, 0)
+
+    def tables(self) -> None:
+        inner, outer = self.parametrisation.tables(self.weights, self.offsets)
+        (inner.sum() + outer.sum()).backward()
+
+    def forward(self) -> None:
+        with torch.no_grad():
+            self.evaluate()
+
+    def evaluate(self) -> torch.Tensor:
+        return self.objective.evaluate(self.weights, self.offsets, self.bundle, self.constraints, False).loss
+
+    def gradient(self) -> None:
+        self.evaluate().backward()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--rays", type=int, default=2**19)
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--plain-malloc", action="store_true", help="without lensforge.memory.keep_freed_memory")
+    options = parser.parse_args()
+    if not options.plain_malloc:
+        keep_freed_memory()
+    step = Step(options.rays)
+    functions = 2 * step.parametrisation.basis.size
+    print(f"{options.rays} rays, {functions} SRBFs, 64 x 64 pixels, {torch.get_num_threads()} threads, float64")
+    parts = {
+        name: median_seconds(getattr(step, name), options.repeat)
+        for name in ("sample", "tables", "forward", "gradient")
+    }
+    for name, seconds in parts.items():
+        print(f"{name:10s} {1e3 * seconds:8.1f} ms")
+    print(f"{'rays/s':10s} {options.rays / parts['gradient']:8.3g}  forward and gradient")
+    smaller = Step(options.rays // 4)
+    ratio = parts["gradient"] / median_seconds(smaller.gradient, options.repeat)
+    print(f"{'growth':10s} {ratio:8.2f}  for 4 times the rays")
+    print(f"{'memory':10s} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:8.2f} GiB peak")
+
+
+if __name__ == "__main__":
+    main()
