@@ -13,7 +13,7 @@ from lensforge.lens import Lens
 from lensforge.manufacturing.draft import draft_rad, largest_tilt_rad, undercut_fraction
 from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_json
-from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
+from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
 from lensforge.manufacturing.scallop import scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
 from lensforge.manufacturing.tooling import check_tools, tool_verdicts
 from lensforge.manufacturing.verdicts import (
@@ -113,9 +113,14 @@ def _relief_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, An
         shoulder = base.height_mm - base.flange_height_mm
         step = np.maximum(step, relief_step_mm(outer.samples, cutter_mm, base.flange_diameter_mm) - shoulder)
     step = np.where(step > 0.0, step + base.relief_step_mm, 0.0)
+    setback = step_clearance_mm(outer.samples, cutter_mm)
     clearance = bore_clearance_mm(inner.samples, cutter_mm)
     return {
-        "outer": {"smallest_step_mm": _largest_reached(outer, step), "flush_fraction": _clear(outer, step)},
+        "outer": {
+            "smallest_step_mm": _largest_reached(outer, step),
+            "step_clearance_mm": _largest_reached(outer, setback),
+            "flush_fraction": _clear(outer, np.maximum(step, setback)),
+        },
         "inner": {"bore_clearance_mm": _largest_reached(inner, clearance), "flush_fraction": _clear(inner, clearance)},
     }
 
@@ -171,7 +176,7 @@ def _relief_verdicts(relief: dict[str, Any]) -> list[Verdict]:
     if outer is None or inner is None:
         return []
     return [
-        relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"]),
+        relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"], outer["step_clearance_mm"]),
         relief_verdict("inner", inner["bore_clearance_mm"], inner["flush_fraction"]),
     ]
 

@@ -34,11 +34,24 @@ def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.n
     For samples that the ball reaches in the cavity itself. There a centre above z = 0 is at least R from the rim
     already; one below, where the cavity narrows upwards, has its full width R against the wall of the bore.
     """
-    centres = inner.points + cutter_radius_mm * inner.normals
+    return _clearance_mm(inner, cutter_radius_mm)
+
+
+def step_clearance_mm(outer: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
+    """How far (mm) the wall of a relief step must stand back from the outer rim for the ball to touch each sample.
+
+    0 where a wall drawn straight down from the rim will do; above it near a rim that is undercut.
+    """
+    return _clearance_mm(outer, cutter_radius_mm)
+
+
+def _clearance_mm(face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
+    """How much of the ball's width is in a wall below the face's rim; none of it for a centre above z = 0."""
+    centres = face.points + cutter_radius_mm * face.normals
     low = centres[:, 2] < 0.0
     clearance = np.zeros(len(centres))
     if low.any():
-        clearance[low] = cutter_radius_mm - _distance_to_rim(inner.face, centres[low, :2])
+        clearance[low] = cutter_radius_mm - _distance_to_rim(face.face, centres[low, :2])
     return np.where(clearance > _CLEAR_MM, clearance, 0.0)
 
 

@@ -35,17 +35,26 @@ def cutter_verdict(
     return Verdict("cutter", surface, False, reason)
 
 
-def relief_verdict(surface: Literal["inner", "outer"], retreat_mm: float | None, clear_fraction: float) -> Verdict:
-    """Whether a base whose top is flush with z = 0, and a bore as wide as the cavity, leave the ball its room."""
+def relief_verdict(
+    surface: Literal["inner", "outer"], retreat_mm: float | None, clear_fraction: float, setback_mm: float | None = None
+) -> Verdict:
+    """Whether the base, as the spec has it, and a bore as wide as the cavity, leave the ball its room.
+
+    ``setback_mm``: how far the wall of a step must stand back from the outer rim, where that is undercut.
+    """
     if retreat_mm is None:
         return Verdict("relief", surface, False, f"the cutter reaches nothing of the {surface} face, base or not")
-    if retreat_mm <= 0.0:
+    setback = setback_mm or 0.0
+    if retreat_mm <= 0.0 and setback <= 0.0:
         return Verdict("relief", surface, True, f"the base is out of the ball's way at the {surface} face")
-    clear = f"with a flush base the ball reaches {100.0 * clear_fraction:.1f} % of the {surface} face"
-    remedy = {
-        "outer": f"a relief step of {retreat_mm:.4g} mm below z = 0 keeps the base out of its way",
-        "inner": f"a bore {retreat_mm:.4g} mm wider all around than the cavity keeps the base out of its way",
-    }[surface]
+    clear = f"with this base the ball reaches {100.0 * clear_fraction:.1f} % of the {surface} face"
+    if surface == "inner":
+        remedy = f"a bore {retreat_mm:.4g} mm wider all around than the cavity keeps the base out of its way"
+    elif setback <= 0.0:
+        remedy = f"a relief step of {retreat_mm:.4g} mm below z = 0 keeps the base out of its way"
+    else:
+        step = f"a relief step of {retreat_mm:.4g} mm, " if retreat_mm > 0.0 else "a step "
+        remedy = f"the rim is undercut: it takes {step}whose wall stands {setback:.4g} mm back from the rim"
     return Verdict("relief", surface, False, f"{clear}; {remedy}")
 
 

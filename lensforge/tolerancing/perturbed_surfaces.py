@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 
-_ROUNDS = 4  # each gains two digits or more for displacements that are small against the lens
+_ROUNDS = 3  # each gains three digits for displacements that are small against the lens
 _SAMPLES = 4000
 
 

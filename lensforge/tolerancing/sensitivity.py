@@ -59,8 +59,11 @@ def measure_sensitivity(
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
     """The tables and the index of a lens with ``error``; its source is the caller's."""
     scene = replace(nominal.scene, refractive_index=nominal.scene.refractive_index + error.index)
-    tables = {name: _table(nominal, radius) for name, radius in error.surfaces.items()}
-    return replace(nominal, scene=scene, **tables)
+    inner, outer = (
+        _table(nominal, error.surfaces[name]) if name in error.surfaces else table
+        for name, table in (("inner", nominal.inner), ("outer", nominal.outer))
+    )
+    return replace(nominal, scene=scene, inner=inner, outer=outer)
 
 
 def _table(nominal: TracedLens, radius: Radius) -> torch.Tensor:

@@ -1,10 +1,11 @@
 import numpy as np
+import pytest
 from known_shapes import random_surface, sampled, sphere
 from scipy.spatial import cKDTree
 
 from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide
-from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm
+from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
 
 DOME, BALL = 2.45, 1.0
 
@@ -60,3 +61,11 @@ def test_the_wider_bore_lets_every_reached_ball_pass():
     wall = np.concatenate([rim + 1.05 * clearance * outward + [0.0, 0.0, depth] for depth in depths])
     assert 1e-3 < clearance < ball
     assert cKDTree(wall).query(centres)[0].min() > ball - 1e-3
+
+
+def test_a_step_s_wall_stands_back_from_an_undercut_rim_by_the_versine_of_its_draft():
+    # Of a sphere about (0, 0, c) the rim leans by asin(c/r): the ball's centre is R cos of it away from the wall.
+    radius, up, ball = 3.0, 1.0, 0.5
+    clearance = step_clearance_mm(sampled(sphere(radius, (0.0, 0.0, up)), AirSide.OUTSIDE), ball)
+    assert clearance.max() == pytest.approx(ball * (1.0 - np.sqrt(1.0 - (up / radius) ** 2)), rel=1e-4)
+    assert (step_clearance_mm(sampled(sphere(radius, (0.0, 0.0, -up)), AirSide.OUTSIDE), ball) == 0.0).all()
