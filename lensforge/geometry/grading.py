@@ -37,8 +37,10 @@ def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
         by_normal = reached.normal_rad / tolerance.normal_rad
         if rings > _TRIAL_RINGS and max(by_chord, by_normal) <= 1.0:
             break
-        rings = int(np.ceil(rings * _MARGIN * max(by_chord, by_normal)))
-        rings = int(np.clip(rings, _rings_of_base(plan, tolerance), MAX_RINGS))
+        needed = int(np.ceil(rings * _MARGIN * max(by_chord, by_normal)))
+        rings = int(np.clip(needed, _rings_of_base(plan, tolerance), MAX_RINGS))
+        if needed >= MAX_RINGS:
+            break
     return rings
 
 
