@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
+from pydantic import Field, PositiveInt, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.section import Section
@@ -15,6 +15,8 @@ from lensforge.source_spec import Source
 
 Symmetry = Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
 Accuracy = Literal["draft", "standard", "reference"]
+# From a nanometre to a kilometre, with room: squares and ratios of lengths stay within floating point.
+Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 
 
 class LensSection(Section):
@@ -26,10 +28,10 @@ class LensSection(Section):
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
     material: str = "PMMA at 564 nm"
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    levels: tuple[PositiveInt, ...] = (9, 25, 81, 289)
-    sigma_c: PositiveFloat = 1.75
-    inner_offset_mm: PositiveFloat
-    outer_offset_mm: PositiveFloat
+    levels: tuple[Annotated[int, Field(ge=1, le=100_000)], ...] = (9, 25, 81, 289)
+    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
+    inner_offset_mm: Millimetres
+    outer_offset_mm: Millimetres
     symmetry: Symmetry = "none"
 
     @model_validator(mode="after")
@@ -44,16 +46,16 @@ class LensSection(Section):
 class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14): a paraboloid of height r_a and radius r_b stays inside the cavity."""
 
-    cavity_height_mm: PositiveFloat
-    cavity_radius_mm: PositiveFloat
+    cavity_height_mm: Millimetres
+    cavity_radius_mm: Millimetres
     min_thickness_mm: Annotated[float, Field(ge=0.0)]
-    max_radius_mm: PositiveFloat
+    max_radius_mm: Millimetres
 
 
 class _Target(Section):
-    distance_mm: PositiveFloat
-    receiver_mm: PositiveFloat
-    uniform_mm: PositiveFloat | None = None
+    distance_mm: Millimetres
+    receiver_mm: Millimetres
+    uniform_mm: Millimetres | None = None
 
     @model_validator(mode="after")
     def _mask_inside(self) -> "_Target":
@@ -66,35 +68,42 @@ class FlatTopTarget(_Target):
     """A square super-Gaussian, ``exp(-|x/a|^p - |y/a|^p)``."""
 
     kind: Literal["flat_top"]
-    half_width_mm: PositiveFloat
+    half_width_mm: Millimetres
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
 
 
-class CrossTarget(_Target):
+class _SoftTarget(_Target):
+    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _edge_fits(self) -> "_SoftTarget":
+        if self.edge_mm > self.receiver_mm:
+            raise ValueError(f"edge_mm = {self.edge_mm} must not exceed receiver_mm = {self.receiver_mm}")
+        return self
+
+
+class CrossTarget(_SoftTarget):
     """An upright cross of equal arms, ``length_mm`` from end to end, edges softened by a Gaussian of ``edge_mm``."""
 
     kind: Literal["cross"]
-    length_mm: PositiveFloat
-    stroke_mm: PositiveFloat
-    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    length_mm: Millimetres
+    stroke_mm: Millimetres
 
 
-class TextTarget(_Target):
+class TextTarget(_SoftTarget):
     """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
 
     kind: Literal["text"]
     text: Annotated[str, Field(min_length=1, max_length=40)]
-    width_mm: PositiveFloat
-    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    width_mm: Millimetres
 
 
-class ImageTarget(_Target):
+class ImageTarget(_SoftTarget):
     """An image file, ``width_mm`` wide, its luminance taken as irradiance."""
 
     kind: Literal["image"]
     file: Path
-    width_mm: PositiveFloat
-    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    width_mm: Millimetres
 
 
 class OptimiseSection(Section):
@@ -112,7 +121,7 @@ class EvaluateSection(Section):
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
     pixels: Annotated[int, Field(ge=1, le=2048)] = 128
-    window_mm: PositiveFloat | None = None
+    window_mm: Millimetres | None = None
     filter_variance: Annotated[float, Field(ge=0.0)] = 1.0
 
 
@@ -125,15 +134,15 @@ class BaseSection(Section):
     """
 
     kind: Literal["cylinder", "square", "none"] = "cylinder"
-    diameter_mm: PositiveFloat = 25.4
-    side_mm: PositiveFloat = 25.4
-    height_mm: PositiveFloat = 2.0
+    diameter_mm: Millimetres = 25.4
+    side_mm: Millimetres = 25.4
+    height_mm: Millimetres = 2.0
     relief_step_mm: Annotated[float, Field(ge=0.0)] = 0.0
-    flat_mm: PositiveFloat | None = None
-    pocket_diameter_mm: PositiveFloat | None = None
-    pocket_depth_mm: PositiveFloat = 1.0
-    flange_diameter_mm: PositiveFloat | None = None
-    flange_height_mm: PositiveFloat = 0.5
+    flat_mm: Millimetres | None = None
+    pocket_diameter_mm: Millimetres | None = None
+    pocket_depth_mm: Millimetres = 1.0
+    flange_diameter_mm: Millimetres | None = None
+    flange_height_mm: Millimetres = 0.5
 
     @model_validator(mode="after")
     def _heights_fit(self) -> "BaseSection":
@@ -161,9 +170,9 @@ class Tool(Section):
     """A ball mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
     name: Annotated[str, Field(min_length=1)]
-    radius_mm: PositiveFloat
-    shank_radius_mm: PositiveFloat
-    length_mm: PositiveFloat
+    radius_mm: Millimetres
+    shank_radius_mm: Millimetres
+    length_mm: Millimetres
     holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 45.0
 
 
@@ -174,11 +183,11 @@ class ManufactureSection(Section):
     may lean from the lens axis. ``stepover_mm`` and ``slope_limit_mrad``: passes, and the slope of their cusps.
     """
 
-    cutter_radius_mm: PositiveFloat = 1.0
+    cutter_radius_mm: Millimetres = 1.0
     tools: tuple[Tool, ...] = ()
     make: Literal["part", "insert"] = "part"
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
-    stepover_mm: PositiveFloat = 0.02
+    stepover_mm: Millimetres = 0.02
     slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
 
 

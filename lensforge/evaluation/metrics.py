@@ -9,8 +9,14 @@ Image = Float[np.ndarray, "p p"]
 
 
 def nmse(irradiance: Image, target: Image) -> float:
-    """Eq. (7), with the target scaled to the flux of ``irradiance``: it judges the shape, efficiency the amount."""
-    wanted = target * (irradiance.sum() / target.sum())
+    """Eq. (7), with the target scaled to the flux of ``irradiance``: it judges the shape, efficiency the amount.
+
+    1 for a dark image, as against a target that is not scaled.
+    """
+    total = irradiance.sum()
+    if not total > 0.0:
+        return 1.0
+    wanted = target * (total / target.sum())
     return float(np.sum((irradiance - wanted) ** 2) / np.sum(wanted**2))
 
 

@@ -58,7 +58,7 @@ def simulate(
     lens: TracedLens, source: Source, receiver: Receiver, window_mm: float, rays: int, seed: int
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
-    replicates = min(REPLICATES, rays)
+    replicates = min(REPLICATES, rays, source.population or rays)
     images = np.zeros((replicates, receiver.pixels, receiver.pixels))
     by_fate = np.zeros((replicates, len(Fate)))
     window = np.zeros(replicates)
@@ -79,7 +79,7 @@ def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[
     if population is not None:
         everything = source.sample(min(rays, population), seed)
         order = np.random.default_rng(seed).permutation(len(everything))
-        for replicate, rows in enumerate(np.array_split(order, min(replicates, len(order)))):
+        for replicate, rows in enumerate(np.array_split(order, replicates)):
             part = RayBundle(everything.origins[rows], everything.directions[rows], everything.weights[rows])
             yield replicate, source.flux_w / part.weights.sum(), part
         return

@@ -15,7 +15,13 @@ def nmse_loss(flux: Float[Tensor, "p p"], wanted: Float[Tensor, "p p"]) -> Float
 def uniformity_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
     """Relative variance inside ``mask``, Eq. (8), with the mean taken over the mask's pixels."""
     inside = flux[mask]
-    return torch.mean((inside / inside.mean() - 1.0) ** 2)
+    return torch.mean((inside / _scale(inside) - 1.0) ** 2)
+
+
+def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
+    """The mean; 1 where all is dark, so that a mask without a ray is bad, not undefined."""
+    mean = inside.mean()
+    return torch.where(mean > 0.0, mean, 1.0)
 
 
 def shortfall_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"], margin: float) -> Float[Tensor, ""]:
@@ -28,7 +34,7 @@ def shortfall_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"], margin
     kernel = torch.outer(taps, taps) / taps.sum() ** 2
     padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
     inside = torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0][mask]
-    return torch.mean(torch.clamp(1.0 - margin - inside / inside.mean(), min=0.0) ** 2)
+    return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)
 
 
 def mirror_mean(image: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p"]:

@@ -11,7 +11,8 @@ from lensforge.errors import InputError
 from lensforge.receiver.plane import Receiver
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
-_OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
+_OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel,
+_MOST_SUBPIXELS = 4096  # or, with more than 512 pixels, to a 4096th of the receiver: bounds the memory
 _GLYPH_PIXELS = 1024  # font size at which text is drawn before it is scaled
 
 
@@ -20,7 +21,8 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
 
     Raises :class:`InputError` when no light is wanted anywhere on the receiver.
     """
-    fine = Receiver(receiver.side_mm, receiver.pixels * _OVERSAMPLING)
+    n, k = receiver.pixels, max(1, min(_OVERSAMPLING, _MOST_SUBPIXELS // receiver.pixels))
+    fine = Receiver(receiver.side_mm, n * k)
     match target:
         case FlatTopTarget():
             image = _flat_top(target, fine)
@@ -35,7 +37,6 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
             image = _place(_read_image(target), target.width_mm, fine)
     if not isinstance(target, FlatTopTarget) and target.edge_mm > 0.0:
         image = gaussian_filter(image, target.edge_mm / fine.pitch_mm, mode="constant")
-    n, k = receiver.pixels, _OVERSAMPLING
     coarse = image.reshape(n, k, n, k).mean(axis=(1, 3))
     total = coarse.sum()
     if not total > 0.0:
@@ -44,7 +45,8 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
 
 
 def _flat_top(target: FlatTopTarget, receiver: Receiver) -> Float[np.ndarray, "p p"]:
-    profile = np.exp(-(np.abs(receiver.axis_mm() / target.half_width_mm) ** target.exponent))
+    with np.errstate(over="ignore"):  # far outside of a narrow pattern: exp(-inf) is the 0 that is meant
+        profile = np.exp(-(np.abs(receiver.axis_mm() / target.half_width_mm) ** target.exponent))
     return profile[:, None] * profile[None, :]
 
 
@@ -81,8 +83,9 @@ def _place(picture: Float[np.ndarray, "h w"], width_mm: float, receiver: Receive
             f"it must fit into receiver_mm = {receiver.side_mm:g}"
         )
     scale = width / width_mm
-    column = np.floor(receiver.axis_mm() * scale + width / 2.0).astype(int)
-    row = np.floor(-receiver.axis_mm() * scale + height / 2.0).astype(int)
+    # clipped to just outside of the picture: a narrow picture's neighbourhood overflows integers
+    column = np.clip(np.floor(receiver.axis_mm() * scale + width / 2.0), -1, width).astype(int)
+    row = np.clip(np.floor(-receiver.axis_mm() * scale + height / 2.0), -1, height).astype(int)
     inside = ((row >= 0) & (row < height))[:, None] & ((column >= 0) & (column < width))[None, :]
     sampled = picture[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)[None, :]]
     return np.where(inside, sampled, 0.0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.qmc import sobol
 
@@ -20,6 +21,8 @@ class SquareEmitter:
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """``count`` rays of equal weight: position uniform, direction cosine-distributed (Malley's method)."""
+        if count < 1:
+            raise InputError(f"rays = {count}: at least 1")
         points = sobol(count, 4, seed)
         origins = np.zeros((count, 3))
         origins[:, :2] = (points[:, :2] - 0.5) * self.side_mm

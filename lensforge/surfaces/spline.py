@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import spline_filter1d
 
+from lensforge.errors import InputError
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, gaussians
 from lensforge.surfaces.symmetry import grid_images
@@ -18,6 +19,8 @@ from lensforge.surfaces.symmetry import grid_images
 # The filter's end condition decays by 2 - sqrt(3) a node: after 24 nodes it is below 1e-13.
 _APRON = 24
 _CHUNK_BYTES = 256 * 2**20
+_MOST_NODES = 4096  # a table of 128 MiB
+_MOST_MATRIX_BYTES = 8 * 2**30
 
 
 @dataclass(frozen=True)
@@ -58,13 +61,30 @@ class TableGrid:
 
 
 def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
-    """The grid whose apex step is ``sigma_min / nodes_per_sigma``, with at least 24 nodes."""
-    apex_span = 4.0 * chart.HALF_WIDTH
-    return TableGrid(max(24, int(np.ceil(apex_span * nodes_per_sigma / sigma_min_rad)) + 1))
+    """The grid whose apex step is ``sigma_min / nodes_per_sigma``, with at least 24 nodes.
+
+    Raises :class:`InputError` where that takes more nodes than fit.
+    """
+    spans = 4.0 * chart.HALF_WIDTH * nodes_per_sigma
+    if not sigma_min_rad * _MOST_NODES > spans:
+        raise InputError(
+            f"lens: the narrowest function has sigma = {sigma_min_rad:.3g} rad, a table of {_MOST_NODES} nodes a side "
+            f"resolves {spans / _MOST_NODES:.2g}: raise lens.sigma_c or lower the last of lens.levels"
+        )
+    return TableGrid(max(24, int(np.ceil(spans / sigma_min_rad)) + 1))
 
 
 def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> Float[np.ndarray, "s m"]:
-    """Table coefficients for each unit weight: ``table = offset + weight_matrix @ weights``."""
+    """Table coefficients for each unit weight: ``table = offset + weight_matrix @ weights``.
+
+    Raises :class:`InputError` before it takes more than 8 GiB.
+    """
+    needed = 8 * grid.side**2 * basis.size
+    if needed > _MOST_MATRIX_BYTES:
+        raise InputError(
+            f"lens: {basis.size} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
+            f"allowed are {_MOST_MATRIX_BYTES // 2**30}: lower lens.levels, raise lens.sigma_c, or --accuracy draft"
+        )
     directions = grid.sample_directions()
     count = grid.nodes + 2 * _APRON
     matrix = np.empty((grid.side**2, basis.size))

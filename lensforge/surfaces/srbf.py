@@ -18,7 +18,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.surfaces.symmetry import group
 
-_CHUNK = 65536  # directions evaluated at a time: bounds the memory of the dense basis
+_CHUNK, _CHUNK_VALUES = 2**16, 2**26  # directions, and values, at a time: bounds the memory of the dense basis
 
 
 def fibonacci_hemisphere(count: int) -> Float[np.ndarray, "m 3"]:
@@ -136,18 +136,18 @@ class SrbfSurface:
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
         return np.concatenate(
-            [self.offset_mm + self.basis.evaluate(part) @ self.weights for part in _parts(directions)]
+            [self.offset_mm + self.basis.evaluate(part) @ self.weights for part in self._parts(directions)]
         )
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
-        return np.concatenate([self.basis.gradient(part, self.weights) for part in _parts(directions)])
+        return np.concatenate([self.basis.gradient(part, self.weights) for part in self._parts(directions)])
 
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
         outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
         return outward / np.linalg.norm(outward, axis=1, keepdims=True)
 
-
-def _parts(directions: Float[np.ndarray, "n 3"]) -> Sequence[Float[np.ndarray, "k 3"]]:
-    return np.split(directions, range(_CHUNK, len(directions), _CHUNK))
+    def _parts(self, directions: Float[np.ndarray, "n 3"]) -> Sequence[Float[np.ndarray, "k 3"]]:
+        rows = max(1, min(_CHUNK, _CHUNK_VALUES // self.basis.size))
+        return np.split(directions, range(rows, len(directions), rows))

@@ -115,6 +115,8 @@ def trace_adjoint(
         sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
         mx, my, mz = outward_normal(sx, sy, sz, outer, table_origin, inverse_step)
         cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
+        if c1 <= 0.0 or c2 <= 0.0 or (arrived and q2_squared <= 0.0):
+            continue  # tangent, or at the critical angle, to the last bit: there is no derivative
         # and backwards: receiver, outer surface, inner surface
         by_c2 = -2.0 * index * index * c2 * gs
         through2, slope2 = 1.0, 0.0

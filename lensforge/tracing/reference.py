@@ -16,6 +16,7 @@ from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.symmetry import group
 from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate
+from lensforge.tracing.trace_kernel import LEAST_RISE
 
 _SCAN_STEPS = 256
 _BISECTIONS = 60
@@ -140,7 +141,7 @@ def trace_exact(
         alive, cosine = alive[passes], cosine[passes]
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
         carried = carried.index_put((alive,), carried[alive] * fresnel_transmittance(cosine, ratio))
-    forward = directions[:, 2].detach() > 0.0
+    forward = directions[:, 2].detach() > LEAST_RISE
     fates[alive[~forward]] = int(Fate.AVERTED)
     alive, origins, directions = alive[forward], origins[forward], directions[forward]
     reached = origins + ((distance_mm - origins[:, 2]) / directions[:, 2])[:, None] * directions

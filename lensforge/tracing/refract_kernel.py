@@ -8,8 +8,11 @@ from lensforge.tracing.jit import inline
 
 @inline
 def transmitted_cosine(c, ratio):
-    """Square of the cosine behind the surface; not positive: total reflection."""
-    return 1.0 - ratio * ratio * (1.0 - c * c)
+    """Square of the cosine behind the surface; not positive: total reflection.
+
+    ``1 - ratio^2 (1 - c^2)`` without its cancellations: a body of air passes even grazing rays unbent.
+    """
+    return (1.0 - ratio) * (1.0 + ratio) + (ratio * c) * (ratio * c)
 
 
 @inline

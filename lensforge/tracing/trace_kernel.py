@@ -14,6 +14,9 @@ from lensforge.tracing.spline_kernel import value_and_slope
 # The values of tracing.fates.Fate, as plain integers for the compiler.
 _ARRIVED, _BACKWARD, _OUTSIDE_CAVITY, _BASE, _TOTAL_REFLECTION, _AVERTED, _NOT_CONVERGED, _CROSSED = range(8)
 
+# A ray that rises less (rad) meets the receiver's plane nowhere: its hit and their squares would overflow.
+LEAST_RISE = 1e-12
+
 
 @inline
 def outward_normal(x, y, z, table, origin, inverse_step):
@@ -52,7 +55,7 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     start = max(0.0, -pz / dz)
     x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
     r = sqrt(x * x + y * y + z * z)
-    if r > bounds[1]:
+    if not r <= bounds[1]:  # in this form also where x is no number
         return _OUTSIDE_CAVITY, start
     if r >= bounds[0]:
         rho, _, _ = value_and_slope(table, origin, inverse_step, x / (r + z), y / (r + z))
@@ -114,7 +117,7 @@ def trace(
             continue
         through, _ = transmittance(c, sqrt(q_squared), index)
         carried[k] *= through
-        if dz <= 0.0:
+        if dz <= LEAST_RISE:
             fates[k] = _AVERTED
             continue
         t = (distance - pz) / dz

@@ -1,0 +1,63 @@
+"""How the extremes are searched, and what every trace must keep.
+
+``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 500 in a nightly run.
+"""
+
+import os
+
+import numpy as np
+import torch
+from hypothesis import settings
+from scenes import table_of
+
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid
+from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.fused import Scene, trace_tables
+
+
+def fuzzed(examples: int) -> settings:
+    """Always the same examples, ``LENSFORGE_FUZZ`` times as many."""
+    factor = int(os.environ.get("LENSFORGE_FUZZ", "1"))
+    return settings(max_examples=examples * factor, derandomize=True, deadline=None, database=None)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def bundle(origins: np.ndarray, directions: np.ndarray) -> RayBundle:
+    """Rays of 1 W together; one origin may serve all."""
+    directions = unit(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+    origins = np.array(np.broadcast_to(np.asarray(origins, dtype=np.float64), directions.shape))
+    return RayBundle(origins, directions, np.full(len(directions), 1.0 / len(directions)))
+
+
+def sound(
+    inner: SrbfSurface,
+    outer: SrbfSurface,
+    rays: RayBundle,
+    index: float = 1.4936,
+    distance: float = 1000.0,
+    nodes: int = 32,
+) -> Arrivals:
+    """Trace; every output and gradient is finite, every ray has one fate, and no flux comes out of nothing."""
+    grid = TableGrid(nodes)
+    tables = [table_of(surface, grid).requires_grad_() for surface in (inner, outer)]
+    arrivals = trace_tables(*tables, Scene(index, distance, grid), rays)
+    is_sound(arrivals, rays, tables)
+    return arrivals
+
+
+def is_sound(arrivals: Arrivals, rays: RayBundle, parameters: list[torch.Tensor]) -> None:
+    outputs = (arrivals.hits, arrivals.carried, arrivals.sines)
+    assert all(torch.isfinite(output).all() for output in outputs)
+    assert set(arrivals.fates.tolist()) <= set(Fate)
+    carried = arrivals.carried.detach().numpy()
+    assert (carried >= 0.0).all() and (carried <= rays.weights * (1.0 + 1e-12)).all()
+    rng = np.random.default_rng(0)
+    mixed = sum((output * torch.as_tensor(rng.normal(size=output.shape))).sum() for output in outputs)
+    gradients = torch.autograd.grad(mixed, parameters, allow_unused=True)
+    assert all(gradient is None or torch.isfinite(gradient).all() for gradient in gradients)

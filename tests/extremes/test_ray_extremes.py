@@ -1,0 +1,285 @@
+"""Rays at the edge of every decision that the tracer takes."""
+
+import numpy as np
+import pytest
+import torch
+from extremes import bundle, fuzzed, is_sound, sound, unit
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import hemisphere_directions, random_surface, sphere, table_of
+
+from lensforge.errors import InputError
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.square import SquareEmitter
+from lensforge.surfaces.spline import TableGrid
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.reference import ExactSurface, trace_exact
+from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
+
+INDEX = st.one_of(st.just(1.0), st.just(4.0), st.floats(1.0, 4.0))
+
+
+def _expected_hits(rays: RayBundle, radii: tuple[float, float], index: float, distance: float) -> np.ndarray:
+    """Concentric spheres in closed form (Bouguer): n |r x d| is kept, so both refractions turn the ray in one plane."""
+    moment = np.cross(rays.origins, rays.directions)
+    b = np.linalg.norm(moment, axis=1)
+    axis = moment / np.where(b > 0.0, b, 1.0)[:, None]
+    inside, outside = (np.arcsin(b / r) - np.arcsin(b / (index * r)) for r in radii)
+    turn = (outside - inside)[:, None]
+    d = rays.directions * np.cos(turn) + np.cross(axis, rays.directions) * np.sin(turn)
+    foot = b[:, None] * np.cross(d, axis)
+    return (foot + ((distance - foot[:, 2]) / d[:, 2])[:, None] * d)[:, :2]
+
+
+@fuzzed(30)
+@given(
+    INDEX,
+    st.floats(-3.0, 4.0),  # size of the lens: 1e-3 to 1e4 mm
+    st.floats(-13.0, 1.0),  # thickness of the shell, relative
+    st.floats(0.0, 7.0),  # distance of the receiver, in lens radii
+    st.one_of(st.just(0.0), st.floats(-9.0, 0.0).map(lambda e: 10.0**e)),  # half width of the source, relative
+    st.integers(0, 2**31),
+)
+def test_concentric_spheres_do_what_bouguer_says(index, size, thickness, distance, width, seed) -> None:
+    inner = 10.0**size
+    outer = inner * (1.0 + 10.0**thickness)
+    plane = 1.01 * outer * 10.0**distance
+    emitted = SquareEmitter(1.4 * width * inner).sample(64, seed)
+    arrivals = sound(sphere(inner), sphere(outer), emitted, index, plane, nodes=24)
+    arrived = arrivals.arrived.numpy()
+    assert set(arrivals.fates.tolist()) <= {Fate.ARRIVED, Fate.BASE}
+    expected = _expected_hits(emitted, (inner, outer), index, plane)[arrived]
+    found = arrivals.hits.detach().numpy()[arrived]
+    scale = plane + np.linalg.norm(expected, axis=1, keepdims=True) ** 2 / plane  # a tilt moves far hits more
+    assert (np.abs(found - expected) <= 1e-10 * scale).all()
+    if width == 0.0:
+        assert arrived.all()
+        assert arrivals.flux.sum().item() == pytest.approx(normal_transmittance(index) ** 2, rel=1e-12)
+        assert np.allclose(arrivals.sines.detach().numpy(), 0.0, atol=1e-11)
+
+
+@fuzzed(30)
+@given(
+    st.integers(0, 2**31),
+    st.floats(0.0, 0.15),
+    INDEX,
+    st.sampled_from([1.0001, 1.01, 1.5, 3.0]),
+    st.floats(0.0, 2.2),
+    st.floats(0.0, 0.5),
+)
+def test_any_lens_is_traced_or_refused(seed, roughness, index, ratio, side, depth) -> None:
+    """Rough surfaces that nearly vanish, touch or cross; sources up to wider than the cavity, some of it below."""
+    inner, outer = (random_surface(seed + k, radius, roughness, levels=(9, 25)) for k, radius in ((0, 1.0), (1, ratio)))
+    rays = SquareEmitter(side).sample(64, seed)
+    rays.origins[::2, 2] = -depth
+    try:
+        arrivals = sound(inner, outer, rays, index, distance=20.0)
+    except InputError as refusal:
+        _says_why(refusal)
+    else:
+        assert not (arrivals.fates == Fate.NOT_CONVERGED).any()
+
+
+def _says_why(refusal: InputError) -> None:
+    assert "must stay above 0" in str(refusal)
+
+
+def _borders(inner, outer, index: float, seed: int, depth: float) -> RayBundle:
+    """Pairs of rays, one bit apart or two, that meet different fates: found by halving the way between them."""
+    grid = TableGrid(32)
+    tables, scene = [table_of(s, grid) for s in (inner, outer)], Scene(index, 20.0, grid)
+    a = SquareEmitter(1.2).sample(400, seed)
+    a.origins[:, 2] = -depth
+    b = RayBundle(a.origins, a.directions[::-1].copy(), a.weights)
+    b.directions[::8, 2] *= -1.0  # some borders are the horizon
+    fates = [trace_tables(*tables, scene, rays).fates for rays in (a, b)]
+    different = (fates[0] != fates[1]).numpy()
+    origins, low, high = a.origins[different], a.directions[different], b.directions[different]
+    fate = fates[0][torch.from_numpy(different)]
+    for _ in range(56):
+        middle = unit(low + high)
+        same = (trace_tables(*tables, scene, bundle(origins, middle)).fates == fate).numpy()[:, None]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return RayBundle(np.tile(origins, (2, 1)), np.concatenate([low, high]), np.ones(2 * len(origins)))
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.3])
+@pytest.mark.parametrize("index", [1.0, 1.4936, 4.0])
+def test_on_the_border_of_two_fates_all_is_finite(index: float, depth: float) -> None:
+    """The critical angle, tangency, the rim, the horizon: to the last bit, on both sides."""
+    inner, outer = random_surface(1, 0.8, 0.02), random_surface(8, 2.45, 0.05, levels=(25, 81))
+    rays = _borders(inner, outer, index, 3, depth)
+    arrivals = sound(inner, outer, rays, index, distance=20.0)
+    assert len(set(arrivals.fates.tolist())) >= 2
+    if index > 1.0:
+        exit_sines = arrivals.sines[arrivals.fates == Fate.TOTAL_REFLECTION].detach()
+        assert (exit_sines - 1.0).abs().min() < 1e-12, "the critical angle should be among the borders"
+
+
+@pytest.mark.parametrize("cosine", [1.0, 0.5, 1e-3, 1e-8, 1e-15, 1e-150])
+def test_a_body_of_air_passes_rays_at_any_angle(cosine: float) -> None:
+    squared = transmitted_cosine(cosine, 1.0)
+    assert squared == cosine**2
+    value, slope = transmittance(cosine, np.sqrt(squared), 1.0)
+    assert value == pytest.approx(1.0, abs=1e-15) and abs(slope) <= 1e-15
+
+
+@fuzzed(100)
+@given(st.floats(1.0, 4.0), st.integers(-3, 3))
+def test_fresnel_at_the_critical_angle_to_the_last_bit(index: float, bits: int) -> None:
+    """Either totally reflected, or a transmittance that falls to 0 as sqrt does, with a finite slope."""
+    critical = np.sqrt((index - 1.0) * (index + 1.0)) / index
+    cosine = min(1.0, critical + bits * np.spacing(critical))
+    squared = transmitted_cosine(cosine, index)
+    if squared > 0.0:
+        value, slope = transmittance(cosine, np.sqrt(squared), index)
+        assert np.isfinite(slope) and 0.0 <= value <= 1.0
+        # 1 - (r_s^2 + r_p^2)/2 to first order in q: 2 q (ratio/c + 1/(ratio c)) / ... bounded by 4 (n + 1/n) q / c
+        assert value <= 4.0 * (index + 1.0 / index) * np.sqrt(squared) / max(cosine, np.sqrt(squared))
+
+
+@fuzzed(100)
+@given(st.floats(1.0, 4.0), st.floats(-12.0, 0.0))
+def test_grazing_light_is_reflected(index: float, exponent: float) -> None:
+    """Into the body no angle is critical; T -> 4c (n^2+1)/(2 n^2) n / sqrt(n^2-1) ... -> 0 with c; energy is kept."""
+    cosine = 10.0**exponent
+    squared = transmitted_cosine(cosine, 1.0 / index)
+    behind = np.sqrt(squared)
+    value, slope = transmittance(cosine, behind, 1.0 / index)
+    # textbook: t^2 (n2 cos2)/(n1 cos1), mean of both polarisations
+    ts, tp = 2.0 * cosine / (cosine + index * behind), 2.0 * cosine / (index * cosine + behind)
+    expected = 0.5 * (ts**2 + tp**2) * index * behind / cosine
+    assert value == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert np.isfinite(slope)
+
+
+def test_along_the_axis_and_through_every_centre() -> None:
+    """A bump centred on a ray does not turn it: on the axis, and through each centre from the origin."""
+    for sigma in (0.2, 1.0):
+        basis = SrbfBasis((1, 9), sigma / level_sigma(9, 1.0))
+        for j, centre in enumerate(basis.centres):
+            bump = SrbfSurface(basis, 0.1 * (np.arange(10) == j), 1.0)
+            arrivals = sound(bump, sphere(2.0), bundle(np.zeros(3), centre), nodes=120, distance=10.0)
+            assert arrivals.fates.tolist() == [Fate.ARRIVED]
+            assert np.allclose(arrivals.hits[0].detach(), centre[:2] / centre[2] * 10.0, atol=2e-3 / centre[2] ** 2)
+    on_axis = sound(random_surface(1, 1.0, symmetry="square"), sphere(2.0), bundle(np.zeros(3), [[0.0, 0.0, 1.0]]))
+    assert on_axis.hits.abs().max() < 1e-11
+
+
+@pytest.mark.parametrize("rise", [1e-3, 1e-8, 1e-15, 1e-100, 1e-310])
+@pytest.mark.parametrize("distance", [1e-2, 1e3, 1e7])
+@pytest.mark.parametrize("below", [0.0, 1e-9])
+def test_towards_the_horizon(rise: float, distance: float, below: float) -> None:
+    """theta -> 90 deg: a hit far out, or the word that there is none; never infinity."""
+    rays = bundle([0.0, 0.0, -below], [[1.0, 0.0, rise], [0.0, -1.0, rise], [0.0, 0.6, -rise], [1.0, 0.0, 0.0]])
+    arrivals = sound(sphere(1e-3), sphere(2e-3), rays, 1.0, distance, nodes=24)
+    assert arrivals.fates[2:].tolist() == [Fate.BACKWARD] * 2
+    if rise >= 1e-8 and below == 0.0:
+        assert arrivals.hits[0, 0].item() == pytest.approx(distance / rise, rel=1e-6)
+    elif rise < 1e-15:
+        assert not arrivals.arrived.any()
+
+
+def test_rays_that_are_no_numbers_never_arrive() -> None:
+    bad = np.array([[np.nan, 0.0, 1.0], [0.0, 0.0, np.nan], [np.inf, 0.0, 1.0]])
+    up = np.tile([0.0, 0.0, 1.0], (3, 1))
+    rays = RayBundle(np.concatenate([0.0 * up, bad]), np.concatenate([bad, up]), np.ones(6))
+    grid = TableGrid(24)
+    arrivals = trace_tables(*(table_of(sphere(r), grid) for r in (1.0, 2.0)), Scene(1.5, 9.0, grid), rays)
+    assert not arrivals.arrived.any()
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_corner_within_a_hair_of_the_wall(gap: float) -> None:
+    """A square whose corners all but touch a cavity of 0.8 mm: nothing is lost, nothing outside; then just beyond."""
+    corner = (0.8 - gap) / np.sqrt(2.0)
+    corners = np.array([[sx * corner, sy * corner, 0.0] for sx in (-1, 1) for sy in (-1, 1)])
+    rays = bundle(np.repeat(corners, 50, axis=0), np.tile(hemisphere_directions(50), (4, 1)))
+    arrivals = sound(sphere(0.8), sphere(2.45), rays)
+    assert not np.isin(arrivals.fates.numpy(), (Fate.OUTSIDE_CAVITY, Fate.NOT_CONVERGED)).any()
+    beyond = sound(sphere(0.8), sphere(2.45), bundle(corners * (0.8 + gap) / (0.8 - gap), rays.directions[:4]))
+    assert (beyond.fates == Fate.OUTSIDE_CAVITY).all()
+
+
+def test_a_source_as_wide_as_the_cavity_loses_its_corners() -> None:
+    """A square around the cavity's circle: 1 - pi/4 of it lies outside."""
+    rays = SquareEmitter(1.6).sample(2**14, 0)
+    arrivals = sound(sphere(0.8), sphere(2.45), rays)
+    outside = (arrivals.fates == Fate.OUTSIDE_CAVITY).double().mean().item()
+    assert outside == pytest.approx(1.0 - np.pi / 4.0, abs=2e-3)
+
+
+def test_a_source_that_shrinks_becomes_a_point() -> None:
+    inner, outer = random_surface(1, 0.8), random_surface(2, 2.45)
+    point = sound(inner, outer, SquareEmitter(0.0).sample(256, 0))
+    for side in (1e-300, 1e-12, 1e-9):
+        nearly = sound(inner, outer, SquareEmitter(side).sample(256, 0))
+        assert torch.equal(nearly.fates, point.fates)
+        assert (nearly.hits - point.hits).abs().max() < 1e-6 + 1e6 * side
+
+
+@pytest.mark.parametrize("least", [1e-1, 1e-3, 1e-6])
+def test_a_radius_of_nearly_zero(least: float) -> None:
+    """A dent to a hair above the source: all accounted for, or refused where the table's own error is larger."""
+    basis = SrbfBasis((1, 9), 1.0)
+    weights = np.zeros(10)
+    weights[0] = least - 1.0
+    dented = SrbfSurface(basis, weights, 1.0)
+    rays = bundle(np.zeros(3), np.concatenate([basis.centres, hemisphere_directions(100)]))
+    if least > 1e-4:
+        assert not (sound(dented, sphere(2.0), rays, nodes=100).fates == Fate.NOT_CONVERGED).any()
+    through = SrbfSurface(basis, weights - (np.arange(10) == 0) * (least + 0.01), 1.0)
+    with pytest.raises(InputError, match="must stay above 0"):
+        sound(through, sphere(2.0), rays, nodes=100)
+
+
+@pytest.mark.parametrize("thickness", [-1e-3, -1e-15, 0.0, 1e-15, 1e-12, 1e-9, 1e-3])
+def test_surfaces_that_nearly_touch(thickness: float) -> None:
+    """Down to rounding the shell passes rays straight; touching or crossed ones are named so."""
+    u = hemisphere_directions(200)
+    arrivals = sound(sphere(1.0), sphere(1.0 + thickness), bundle(np.zeros(3), u))
+    allowed = {Fate.ARRIVED} if thickness >= 1e-12 else {Fate.CROSSED} if thickness < -1e-14 else {0, Fate.CROSSED}
+    assert set(arrivals.fates.tolist()) <= allowed
+    straight = (u[:, :2] / u[:, 2:] * 1000.0)[arrivals.arrived.numpy()]
+    assert np.allclose(arrivals.hits[arrivals.arrived].detach(), straight, rtol=1e-8)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
+    """The oracle too, in both precisions: through centres, along the axis, into the base."""
+    basis = SrbfBasis((9, 25), 1.75)
+    rng = np.random.default_rng(0)
+    surfaces = [
+        ExactSurface(
+            basis,
+            torch.tensor(0.02 * radius * rng.normal(size=basis.size), dtype=dtype, requires_grad=True),
+            torch.tensor(radius, dtype=dtype, requires_grad=True),
+        )
+        for radius in (1.0, 2.0)
+    ]
+    horizon = [[1.0, 0.0, rise] for rise in (0.1, 1e-3, 1e-6, 1e-12)]
+    rays = bundle(np.zeros(3), np.concatenate([basis.centres, [[0.0, 0.0, 1.0]], horizon]))
+    rays.origins[-2:, 0] = 0.5
+    arrivals = trace_exact(*surfaces, 1.4936, 10.0, rays)
+    assert arrivals.hits.dtype == dtype
+    outputs = (arrivals.hits, arrivals.carried, arrivals.sines)
+    assert all(torch.isfinite(output).all() for output in outputs)
+    mixed = arrivals.hits.sum() / 1e3 + arrivals.carried.sum() + arrivals.sines.sum()
+    parameters = [p for s in surfaces for p in (s.weights, s.offset)]
+    assert all(torch.isfinite(g).all() for g in torch.autograd.grad(mixed, parameters))
+
+
+def test_tables_in_single_precision_are_traced_in_double() -> None:
+    """The fused path computes in float64 only; a float32 table is just a rounded one."""
+    grid = TableGrid(32)
+    rays = SquareEmitter(0.6).sample(256, 0)
+    tables = [table_of(random_surface(k, r, 0.01), grid) for k, r in ((1, 0.8), (2, 2.45))]
+    double = trace_tables(*tables, Scene(1.5, 10.0, grid), rays)
+    rounded = [table.float().requires_grad_() for table in tables]
+    single = trace_tables(*rounded, Scene(1.5, 10.0, grid), rays)
+    assert single.hits.dtype == torch.float64
+    assert (single.hits - double.hits).abs().max() < 1e-3
+    is_sound(single, rays, rounded)
