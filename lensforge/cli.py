@@ -142,6 +142,20 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
 
 
 @cli.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@_THREADS
+def tradeoff(spec: Path, out: Path | None, threads: int | None) -> None:
+    """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
+    content = import_module("lensforge.spec").load_spec(spec)
+    directory = out or Path("cad_out") / content.name
+    _use_threads(threads)
+    run = import_module("lensforge.tradeoff.measure").run_tradeoff
+    _print_table(run(content, directory, announce=lambda line: click.echo(line, err=True))["presets"])
+    click.echo(f"page\t{directory / 'tradeoff.html'}")
+
+
+@cli.command()
 @_FOLDER
 def handover(directory: Path) -> None:
     """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""

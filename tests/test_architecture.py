@@ -14,7 +14,7 @@ ORDER = [
     "version", "errors", "files", "memory", "gates", "surfaces", "section", "source_spec", "spec", "accuracy", "lens",
     "optics",
     "sources", "tracing", "receiver", "design", "evaluation", "tolerancing", "photometry", "geometry", "manufacturing",
-    "verification", "measurement", "report", "handover", "progress", "pipeline", "cli", "__main__",
+    "verification", "measurement", "report", "handover", "progress", "pipeline", "tradeoff", "cli", "__main__",
 ]  # fmt: skip
 MODULES = sorted(PACKAGE.rglob("*.py"))
 

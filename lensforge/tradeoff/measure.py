@@ -1,0 +1,107 @@
+"""``lensforge tradeoff``: every ladder for one scene, ``tradeoff.json`` and ``tradeoff.html``."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from lensforge.errors import InputError
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.files import write_json
+from lensforge.lens import Lens, load_lens
+from lensforge.pipeline import run_design
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import Source
+from lensforge.spec import Spec
+from lensforge.tracing.fused import Scene
+from lensforge.tradeoff import pixels, rays, shape, tables
+from lensforge.tradeoff.ladder import Ladder
+from lensforge.tradeoff.page import build_page
+from lensforge.tradeoff.prices import preset_prices
+from lensforge.tradeoff.runs import trace_run
+from lensforge.version import __version__
+
+JSON_FILE = "tradeoff.json"
+_WARM_UP_RAYS = 512  # compiles the kernels, so that no rung pays for it
+
+
+@dataclass(frozen=True)
+class Effort:
+    """The settings of each ladder; without ``cad`` no STEP file is weighed and the CAD kernel stays out."""
+
+    nodes_per_sigma: tuple[float, ...] = tables.SETTINGS
+    rays: tuple[int, ...] = rays.SETTINGS
+    pixels: tuple[int, ...] = pixels.PIXELS
+    nodes: tuple[int, ...] = shape.NODES
+    rings: tuple[int, ...] = shape.RINGS
+    cad: bool = True
+
+
+def run_tradeoff(
+    spec: Spec,
+    directory: Path,
+    *,
+    effort: Effort | None = None,
+    announce: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
+
+    ``announce`` hears what is measured next. Raises :class:`InputError` if the lens is that of another scene.
+    """
+    path = directory / "lens.json"
+    if path.exists():
+        lens = load_lens(path)
+        _require_same_scene(lens, spec, path)
+    else:
+        announce("no lens yet: a draft is designed")
+        lens = run_design(spec, directory, accuracy="draft")
+    content = measure(lens, build_source(spec.source), effort or Effort(), announce)
+    write_json(directory / JSON_FILE, content)
+    build_page(content, directory)
+    return content
+
+
+def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str], None]) -> dict[str, Any]:
+    """All ladders of ``lens`` under ``source``."""
+    started = time.perf_counter()
+    coarse = TracedLens.of(lens, min(effort.nodes_per_sigma))
+    trace_run(coarse, source, min(_WARM_UP_RAYS, source.population or _WARM_UP_RAYS), 0)
+    announce("tables")
+    by_nodes, grid, finest = tables.table_ladder(lens, source, effort.nodes_per_sigma)
+    scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, grid)
+    traced = TracedLens(scene, torch.from_numpy(finest["inner"]), torch.from_numpy(finest["outer"]), {})
+    announce("rays")
+    by_rays, runs = rays.ray_ladder(traced, lens.spec, source, effort.rays)
+    announce("pixels and filter")
+    by_pixels, by_filter = pixels.pixel_ladder(runs, lens.spec, effort.pixels), pixels.filter_ladder(runs, lens.spec)
+    del runs
+    announce("NURBS nodes and mesh rings")
+    by_knots, plan = shape.nurbs_ladder(lens, effort.nodes, cad=effort.cad)
+    ladders = [by_rays, by_nodes, by_pixels, by_filter, by_knots, shape.mesh_ladder(plan, effort.rings)]
+    return _content(lens, ladders, preset_prices(by_rays, by_nodes, source.population)) | {
+        "seconds": time.perf_counter() - started
+    }
+
+
+def _content(lens: Lens, ladders: list[Ladder], prices: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": lens.spec.name,
+        "lens": {"accuracy": lens.accuracy, "seed": lens.seed, "version": lens.version},
+        "version": __version__,
+        "threads": torch.get_num_threads(),
+        "presets": prices,
+        "ladders": {ladder.name: ladder.to_json() for ladder in ladders},
+        "plots": {ladder.name: {"error": ladder.plotted, "against": ladder.against} for ladder in ladders},
+    }
+
+
+def _require_same_scene(lens: Lens, spec: Spec, path: Path) -> None:
+    for section in ("source", "lens", "target"):
+        if getattr(lens.spec, section) != getattr(spec, section):
+            raise InputError(
+                f"{path}: its lens was designed for another [{section}] than {spec.name!r} has now; "
+                "give another --out, or run `lensforge design` again"
+            )

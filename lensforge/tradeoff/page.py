@@ -1,0 +1,152 @@
+"""``tradeoff.html``: the ladders of ``tradeoff.json`` as tables and Pareto plots; the page needs nothing else."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from lensforge.files import replacing
+from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, WIDE, in_house_style, new_figure
+from lensforge.report.numerals import NOTHING, number
+from lensforge.report.page import template
+from lensforge.report.pictures import Picture, picture
+
+FILE_NAME = "tradeoff.html"
+_HEIGHT = 3.0
+_COLOURS = (BLUE, ORANGE, GREEN)
+
+NAMES = {
+    "efficiency": "efficiency",
+    "irradiance_nmse": "irradiance, NMSE",
+    "nmse_raised": "NMSE raised by",
+    "rho": "radius",
+    "normal": "normal",
+    "hit": "hit, largest",
+    "hit_99_percent": "hit, 99 of 100",
+    "splat_nmse": "splat, NMSE",
+    "nmse_shift": "NMSE shifted by",
+    "noise_nmse": "noise left, NMSE",
+    "form": "form",
+    "chord": "form",
+}
+_OTHER = {
+    "nodes": "nodes a side",
+    "table_mb": "tables (MB)",
+    "nmse": "NMSE",
+    "step_kb": "STEP (kB)",
+    "triangles": "triangles",
+}
+
+
+@dataclass(frozen=True)
+class Section:
+    """One ladder on the page."""
+
+    title: str
+    knob: str
+    reference: str
+    orders: list[str]
+    head: list[str]
+    rows: list[list[str]]
+    pictures: list[Picture]
+
+
+def build_page(content: dict[str, Any], directory: Path) -> Path:
+    """Write ``tradeoff.html`` from the content of ``tradeoff.json`` and return its path."""
+    sections = [_section(name, ladder, content["plots"][name]) for name, ladder in content["ladders"].items()]
+    page = template("tradeoff.html").render(
+        name=content["name"],
+        lens=content["lens"],
+        threads=content["threads"],
+        seconds=number(content["seconds"], 3),
+        presets=list(_preset_rows(content["presets"])),
+        sections=sections,
+        version=content["version"],
+    )
+    path = directory / FILE_NAME
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return path
+
+
+def _preset_rows(presets: dict[str, Any]) -> Iterator[list[str]]:
+    keys = ("rays", "table_rho", "table_normal", "table_hit", "table_irradiance_nmse", "noise_nmse", "table_share")
+    for name, price in presets.items():
+        for stage, found in price.items():
+            cells = [number(found.get(key), 3) for key in keys]
+            yield [f"{name}, {stage}", *cells, number(found.get("efficiency_standard_error"), 2)]
+
+
+def _section(name: str, ladder: dict[str, Any], plot: dict[str, str]) -> Section:
+    rows = ladder["rows"]
+    other = [key for key in _OTHER if any(key in row for row in rows)]
+    head = [_headed(error, ladder["unit"]) for error in ladder["unit"]]
+    return Section(
+        ladder["title"],
+        ladder["knob"],
+        ladder["reference"],
+        [_order(series, found) for series, found in ladder["order"].items() if found],
+        ["setting", "method", "seconds", "MB", *head, *(_OTHER[key] for key in other), "used by"],
+        [_cells(row, other) for row in rows],
+        [picture(name, pareto(ladder, plot["error"], plot["against"]), "Error against " + _axis(plot["against"]))],
+    )
+
+
+def _headed(error: str, units: dict[str, str]) -> str:
+    return f"{NAMES[error]} ({units[error]})" if units[error] else NAMES[error]
+
+
+def _order(series: str, found: dict[str, dict[str, float | None]]) -> str:
+    parts = []
+    for error, order in found.items():
+        noise = order["standard_error"]
+        parts.append(f"{NAMES[error]} {number(order['value'], 3)}" + (f" ± {number(noise, 1)}" if noise else ""))
+    return f"{series}: " + ", ".join(parts)
+
+
+def _cells(row: dict[str, Any], other: list[str]) -> list[str]:
+    errors = []
+    for error, value in row["error"].items():
+        noise = row["standard_error"][error]
+        errors.append(number(value, 3) + (f" ± {number(noise, 1)}" if noise else ""))
+    setting = NOTHING if row["reference"] and not row["setting"] else number(row["setting"])
+    used = "reference" if row["reference"] else "; ".join(row["presets"])
+    costs = [number(row["seconds"], 2), number(row["peak_mb"], 2)]
+    return [setting, row["series"], *costs, *errors, *(number(row.get(key), 4) for key in other), used]
+
+
+def _axis(against: str) -> str:
+    return "time" if against == "seconds" else "setting"
+
+
+@in_house_style
+def pareto(ladder: dict[str, Any], error: str, against: str) -> Figure:
+    """The error of every rung over its time or its setting, both logarithmic; rungs that somebody uses are named."""
+    figure, axes = new_figure(WIDE, _HEIGHT)
+    shown = [row for row in ladder["rows"] if not row["reference"] and row["error"][error] > 0.0 and row[against]]
+    for series, colour in zip(dict.fromkeys(row["series"] for row in shown), _COLOURS, strict=False):
+        rows = [row for row in shown if row["series"] == series]
+        x, y = [row[against] for row in rows], [row["error"][error] for row in rows]
+        noise = [min(row["standard_error"][error] or 0.0, 0.9 * value) for row, value in zip(rows, y, strict=True)]
+        axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker="o", markersize=3.5, label=series)
+        for row, at, value in zip(rows, x, y, strict=True):
+            _name(axes, row, at, value)
+    axes.set(xscale="log", yscale="log", ylabel=_headed(error, ladder["unit"]))
+    axes.set_xlabel("seconds" if against == "seconds" else ladder["knob"])
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.margins(x=0.16, y=0.12)
+    axes.grid(True)
+    if len({row["series"] for row in shown}) > 1:
+        axes.legend(loc="upper right")
+    return figure
+
+
+def _name(axes: Any, row: dict[str, Any], at: float, value: float) -> None:
+    text = "\n".join(row["presets"]) or f"{row['setting']:g}"
+    axes.annotate(
+        text, (at, value), (5, 4), textcoords="offset points", fontsize=7.0, color=INK if row["presets"] else GREY
+    )
