@@ -11,8 +11,8 @@ from lensforge.errors import InputError
 from lensforge.receiver.plane import Receiver
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
-_OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel,
-_MOST_SUBPIXELS = 4096  # or, with more than 512 pixels, to a 4096th of the receiver: bounds the memory
+_OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
+_LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: few pixels see small patterns, many fit the memory
 _GLYPH_PIXELS = 1024  # font size at which text is drawn before it is scaled
 
 
@@ -21,7 +21,8 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
 
     Raises :class:`InputError` when no light is wanted anywhere on the receiver.
     """
-    n, k = receiver.pixels, max(1, min(_OVERSAMPLING, _MOST_SUBPIXELS // receiver.pixels))
+    n = receiver.pixels
+    k = max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // n), _MOST_SUBPIXELS // n))
     fine = Receiver(receiver.side_mm, n * k)
     match target:
         case FlatTopTarget():

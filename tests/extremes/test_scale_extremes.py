@@ -1,0 +1,257 @@
+"""From a micrometre to kilometres, from one ray and one pixel to millions: the same physics, to rounding."""
+
+import os
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from extremes import fuzzed, sound
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import random_surface, small_spec, sphere, table_of
+
+from lensforge.accuracy import PRESETS
+from lensforge.design.optimiser import design
+from lensforge.errors import InputError
+from lensforge.evaluation.evaluate import Evaluation, evaluate_lens
+from lensforge.lens import Lens
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.receiver.bins import bin_flux, flux_in_square
+from lensforge.receiver.losses import (
+    mirror_mean,
+    nmse_loss,
+    shortfall_loss,
+    stray_pull,
+    total_reflection_pull,
+    uniformity_loss,
+)
+from lensforge.receiver.plane import Receiver
+from lensforge.receiver.splat import splat_flux
+from lensforge.receiver.targets import target_irradiance
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.sources.square import SquareEmitter
+from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.fused import Scene, trace_tables
+
+NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
+DRAFT = replace(PRESETS["draft"], judge_nodes_per_sigma=3.0)
+SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
+DARK = torch.zeros(4, 4, dtype=torch.float64)
+
+
+def _scaled(spec: Spec, factor: float) -> Spec:
+    """Every length of source, lens, constraints and target times ``factor``."""
+
+    def grown(table: dict[str, Any]) -> dict[str, Any]:
+        return {k: v * factor if k.endswith("_mm") and v is not None else v for k, v in table.items()}
+
+    content = spec.model_dump(mode="json")
+    for section in ("source", "constraints", "target"):
+        content[section] = grown(content[section])
+    for name in ("inner_offset_mm", "outer_offset_mm"):
+        content["lens"][name] *= factor
+    return parse_spec(content, "scaled")
+
+
+def _point_spec(**changes: Any) -> Spec:
+    return small_spec(**{"source": {"kind": "square", "side_mm": 0.0}, "target__uniform_mm": None} | changes)
+
+
+def _complete(result: Evaluation) -> None:
+    """All flux accounted for; every image and number finite, or absent where there is nothing to judge."""
+    assert sum(result.report["flux"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert all(np.isfinite(image).all() for image in (result.irradiance, result.raw, result.target))
+    numbers = [value for value in result.report.values() if isinstance(value, float)]
+    assert np.isfinite(numbers + list(result.report["flux"].values())).all()
+
+
+@fuzzed(15)
+@given(SIZE, st.integers(0, 2**31))
+def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: int) -> None:
+    surfaces = random_surface(seed, 0.8, 0.01, (9, 25)), random_surface(seed + 1, 2.45, 0.01, (9, 25))
+    rays, grid = SquareEmitter(0.8).sample(128, seed), TableGrid(40)
+    results = []
+    for factor in (1.0, size):
+        tables = [(table_of(s, grid) * factor).requires_grad_() for s in surfaces]
+        moved = RayBundle(rays.origins * factor, rays.directions, rays.weights)
+        arrivals = trace_tables(*tables, Scene(1.4936, 100.0 * factor, grid), moved)
+        by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
+        results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sines, *by_table))
+    assert torch.equal(results[0][0], results[1][0])
+    for one, other in zip(results[0][1:], results[1][1:], strict=True):
+        assert torch.allclose(one, other, rtol=1e-9, atol=1e-10 * float(one.abs().max()))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e4])
+def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
+    """Neither the search nor the judgement knows how long a millimetre is."""
+    spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
+    histories, reports = [], []
+    for each in (spec, _scaled(spec, size)):
+        source = SquareEmitter(each.source.side_mm)
+        found = design(each, source, accuracy="draft")
+        histories.append(np.concatenate([stage["nmse"] for stage in found.history]))
+        reports.append(evaluate_lens(found.lens, source, DRAFT, rays=4096).report)
+    assert np.allclose(*histories, rtol=1e-7)
+    for name in ("efficiency", "nmse", "uniformity"):
+        assert reports[0][name] == pytest.approx(reports[1][name], rel=1e-6)
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e3, 1e7])
+@pytest.mark.parametrize("half_angle_deg", [1.0, 30.0, 80.0])
+def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle_deg: float) -> None:
+    """Share on a parallel square: (4/pi) A atan(A), A = X/sqrt(1+X^2), X = half side over distance."""
+    x = np.tan(np.radians(half_angle_deg))
+    radius = min(1.0, 0.1 * distance)
+    spec = _point_spec(
+        lens__inner_offset_mm=0.5 * radius,
+        lens__outer_offset_mm=radius,
+        constraints__max_radius_mm=radius,
+        target__distance_mm=distance,
+        target__receiver_mm=2.0 * x * distance,
+        target__half_width_mm=x * distance,
+    )
+    result = evaluate_lens(
+        Lens(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
+    )
+    _complete(result)
+    a = x / np.hypot(1.0, x)
+    expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2
+    assert result.report["efficiency"] == pytest.approx(
+        expected, abs=5 * result.report["efficiency_standard_error"] + 1e-4
+    )
+    assert result.raw.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(result.report["efficiency"], rel=1e-9)
+
+
+@fuzzed(40)
+@given(
+    st.sampled_from([1, 2, 3, 64]),
+    st.sampled_from([1e-2, 1.0, 300.0, 1e7]),
+    st.floats(-0.6, 0.6),
+    st.sampled_from(["inside", "edge", "centre", "far"]),
+)
+def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, kind: str) -> None:
+    receiver = Receiver(side, pixels)
+    x = {"inside": where, "edge": round(where * pixels) / pixels, "centre": 0.5 / pixels - 0.5, "far": where * 1e200}[
+        kind
+    ]
+    hits = torch.tensor([[x * side, -x * side], [0.0, 0.0]], dtype=torch.float64, requires_grad=True)
+    flux = torch.tensor([0.25, 0.75], dtype=torch.float64, requires_grad=True)
+    image = splat_flux(hits, flux, receiver)
+    assert (image >= 0.0).all() and image.sum().item() <= 1.0 + 1e-12
+    if abs(x) <= 0.5 - 0.5 / pixels:  # between the outermost pixel centres nothing is lost
+        assert image.sum().item() == pytest.approx(1.0, rel=1e-12)
+    gradients = torch.autograd.grad((image * torch.rand_like(image)).sum(), (hits, flux))
+    assert all(torch.isfinite(g).all() for g in gradients)
+    binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), receiver)
+    assert binned.sum() == pytest.approx(1.0 if -0.5 <= x < 0.5 and -0.5 <= -x < 0.5 else 0.75)
+    assert flux_in_square(hits.detach().numpy(), flux.detach().numpy(), 3.0 * side) >= 0.75
+
+
+@pytest.mark.parametrize("pixels", [1, 2])
+@pytest.mark.parametrize("lit", [0.0, 1e-300, 1.0])
+def test_losses_of_dark_and_of_single_pixel_images(pixels: int, lit: float) -> None:
+    image = torch.full((pixels, pixels), lit, dtype=torch.float64, requires_grad=True)
+    mask = torch.ones(pixels, pixels, dtype=torch.bool)
+    for loss in (
+        nmse_loss(image, torch.ones_like(image)),
+        uniformity_loss(image, mask),
+        shortfall_loss(image, mask, 0.03),
+        nmse_loss(mirror_mean(image, "square"), torch.ones_like(image)),
+    ):
+        assert 0.0 <= loss.item() <= 1.0
+        assert torch.isfinite(torch.autograd.grad(loss, image)[0]).all() or 0.0 < lit < 1e-200
+    if lit == 0.0:
+        assert uniformity_loss(image, mask).item() == 1.0
+
+
+def test_pulls_of_hits_far_beyond_any_receiver() -> None:
+    hits = torch.tensor([[1e19, -1e19], [0.0, 1e12]], dtype=torch.float64, requires_grad=True)
+    sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
+    flux = torch.ones(2, dtype=torch.float64)
+    for pull, of in ((stray_pull(hits, flux, 1e-2), hits), (total_reflection_pull(sines, flux), sines)):
+        assert 0.0 < pull.item() <= 2.0
+        assert torch.isfinite(torch.autograd.grad(pull, of)[0]).all()
+
+
+PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
+
+
+@pytest.mark.parametrize("pixels", [1, 2, 2048])
+@pytest.mark.parametrize(
+    "target",
+    [
+        FlatTopTarget(kind="flat_top", half_width_mm=100.0, exponent=200.0, **PLACE),
+        FlatTopTarget(kind="flat_top", half_width_mm=1e9, **PLACE),
+        CrossTarget(kind="cross", length_mm=1e9, stroke_mm=1e9, **PLACE),
+        TextTarget(kind="text", text="I", width_mm=10.0, **PLACE),
+    ],
+)
+def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
+    image = target_irradiance(target, Receiver(300.0, pixels))
+    assert image.shape == (pixels, pixels) and (image >= 0.0).all()
+    assert image.sum() == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("pixels", [1, 64, 2048])
+@pytest.mark.parametrize(
+    "target",
+    [
+        FlatTopTarget(kind="flat_top", half_width_mm=1e-6, exponent=200.0, **PLACE),
+        CrossTarget(kind="cross", length_mm=1e-6, stroke_mm=1e-6, **PLACE),
+        TextTarget(kind="text", text="I", width_mm=1e-6, **PLACE),
+    ],
+)
+def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
+    with pytest.raises(InputError, match="no light is wanted"):
+        target_irradiance(target, Receiver(300.0, pixels))
+
+
+@pytest.mark.parametrize("lens_size", [1.0, 10.0])  # a lens of air lights all; one of large n reflects nearly all
+@pytest.mark.parametrize("rays", [1, 2, 3, 15, 17, 33])
+def test_a_handful_of_rays(rays: int, lens_size: float) -> None:
+    """Replicates without a single detected ray leave numbers, not NaN."""
+    spec = _point_spec(target__receiver_mm=20.0 * lens_size, target__half_width_mm=5.0 * lens_size)
+    _complete(evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=rays))
+
+
+@pytest.mark.parametrize("population", [1, 2, 15, 16, 17])
+def test_a_measured_source_of_a_few_rays(population: int) -> None:
+    """Fewer rays than replicates: their flux still adds up to the source's."""
+    bundle = SquareEmitter(0.5).sample(population, 1)
+    source = RayfileEmitter(bundle, 1.0, {})
+    spec = _point_spec(target__receiver_mm=1e6, target__half_width_mm=4e5)
+    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
+    _complete(result)
+    flux = result.report["flux"]
+    assert result.report["rays"] == population
+    assert flux["detected"] + flux["outside"] + flux["missed"] > 0.9
+
+
+def test_no_ray_is_refused() -> None:
+    with pytest.raises(InputError, match="at least 1"):
+        SquareEmitter(1.0).sample(0, 0)
+
+
+@pytest.mark.parametrize("rays", [1, 2**24] if NIGHTLY else [1])
+def test_four_million_pixels(rays: int) -> None:
+    spec = _point_spec(evaluate={"pixels": 2048, "rays": rays})
+    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT)
+    _complete(result)
+    assert result.irradiance.shape == (2048, 2048)
+
+
+def test_many_rays_use_bounded_memory_and_agree_with_few() -> None:
+    count = 2**24 if NIGHTLY else 2**21  # above 2^20 a replicate is traced in parts
+    spec = _point_spec()
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    few, many = (evaluate_lens(lens, SquareEmitter(0.0), DRAFT, rays=n).report for n in (2**14, count))
+    assert many["efficiency"] == pytest.approx(few["efficiency"], abs=5.0 * few["efficiency_standard_error"])
+
+
+def test_one_ray_through_the_tracer() -> None:
+    assert len(sound(sphere(1.0), sphere(2.0), SquareEmitter(0.5).sample(1, 0)).fates) == 1

@@ -1,0 +1,142 @@
+"""Any spec at all: one clear line, or a lens that is traced and judged soundly."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from extremes import fuzzed
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lensforge.accuracy import PRESETS
+from lensforge.errors import InputError
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.lens import Lens
+from lensforge.sources.build import build_source
+from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+COARSE = replace(PRESETS["draft"], judge_nodes_per_sigma=2.0)
+NONSENSE = st.sampled_from([0.0, -1.0, -1e300, 5e-324, 1e-7, 1e10, 1e308, math.inf, math.nan, None, "wide", [], True])
+
+
+def _length(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(math.log10(low), math.log10(high)).map(lambda exponent: 10.0**exponent)
+
+
+@st.composite
+def _contents(draw: st.DrawFn) -> dict[str, Any]:
+    """A spec of any size whose parts mostly fit together; up to one field of it is nonsense."""
+    size = draw(_length(1e-3, 1e4))
+    inner = size * draw(_length(0.01, 1.0))
+    receiver = draw(_length(1e-2, 1e7))
+    kinds = {
+        "flat_top": {"half_width_mm": receiver * draw(_length(0.1, 1.0)), "exponent": draw(st.floats(2.0, 200.0))},
+        "cross": {
+            "length_mm": receiver * draw(_length(0.1, 1.0)),
+            "stroke_mm": receiver * draw(_length(0.05, 1.0)),
+            "edge_mm": receiver * draw(st.sampled_from([0.0, 1e-9, 0.01, 1.0])),
+        },
+    }
+    kind = draw(st.sampled_from(sorted(kinds)))
+    content = {
+        "name": "any",
+        "source": {"kind": "square", "side_mm": inner * draw(st.sampled_from([0.0, 1e-9, 0.3, 1.0, 3.0]))},
+        "lens": {
+            "levels": draw(st.lists(st.integers(1, 30), min_size=1, max_size=3)),
+            "sigma_c": draw(st.one_of(st.floats(0.7, 3.0), st.sampled_from([1e-5, 100.0]))),
+            "refractive_index": draw(st.one_of(st.sampled_from([1.0, 4.0]), st.floats(1.0, 4.0))),
+            "inner_offset_mm": inner,
+            "outer_offset_mm": size * (1.0 + 1e-9),
+            "symmetry": draw(st.sampled_from(["none", "mirror_x", "rectangle", "square"])),
+        },
+        "constraints": {
+            "cavity_height_mm": 0.3 * inner,
+            "cavity_radius_mm": 0.5 * inner,
+            "min_thickness_mm": draw(st.sampled_from([0.0, 0.1])) * size,
+            "max_radius_mm": 1.1 * size,
+        },
+        "target": {
+            "kind": kind,
+            "distance_mm": 1.2 * size * draw(_length(1.0, 1e6)),
+            "receiver_mm": receiver,
+            "uniform_mm": draw(st.sampled_from([None, 1e-3, 0.5, 1.0])),
+            **kinds[kind],
+        },
+        "evaluate": {
+            "rays": draw(st.integers(1, 200)),
+            "pixels": draw(st.sampled_from([1, 2, 7, 16])),
+            "filter_variance": draw(st.sampled_from([0.0, 5e-324, 1.0, 1e308])),
+            "window_mm": draw(st.one_of(st.none(), _length(1e-2, 1e7))),
+        },
+    }
+    if content["target"]["uniform_mm"] is not None:
+        content["target"]["uniform_mm"] *= receiver
+    if draw(st.integers(0, 4)) == 0:
+        section = content[draw(st.sampled_from(["source", "lens", "constraints", "target", "evaluate"]))]
+        section[draw(st.sampled_from(sorted(section)))] = draw(NONSENSE)
+    return content
+
+
+def _lens(spec: Spec, seed: int, roughness: float) -> Lens:
+    basis = SrbfBasis(spec.lens.levels, spec.lens.sigma_c, spec.lens.symmetry)
+    rng = np.random.default_rng(seed)
+    inner, outer = (
+        SrbfSurface(basis, roughness * offset * rng.normal(size=basis.size), offset)
+        for offset in (spec.lens.inner_offset_mm, spec.lens.outer_offset_mm)
+    )
+    return Lens(inner, outer, spec, seed, "draft")
+
+
+def _one_line(refusal: InputError) -> None:
+    assert "\n" not in str(refusal) and len(str(refusal)) < 400
+
+
+@fuzzed(100)
+@given(_contents(), st.integers(0, 2**31), st.sampled_from([0.0, 1e-12, 0.01, 0.1, 1.0]))
+def test_any_spec_is_refused_in_one_line_or_judged_soundly(content: dict, seed: int, roughness: float) -> None:
+    try:
+        spec = parse_spec(content, "any.toml")
+        result = evaluate_lens(_lens(spec, seed, roughness), build_source(spec.source), COARSE)
+    except InputError as refusal:
+        _one_line(refusal)
+        return
+    assert sum(result.report["flux"].values()) == pytest.approx(1.0, abs=1e-12)
+    numbers = [value for value in result.report.values() if isinstance(value, float)]
+    assert np.isfinite(numbers).all()
+    assert all(np.isfinite(image).all() for image in (result.irradiance, result.raw, result.target))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("lens.refractive_index", 0.999999),
+        ("lens.refractive_index", math.nextafter(4.0, 5.0)),
+        ("lens.inner_offset_mm", 0.0),
+        ("lens.outer_offset_mm", 1e10),
+        ("lens.sigma_c", 0.0),
+        ("lens.levels", [10**9]),
+        ("target.receiver_mm", math.inf),
+        ("target.distance_mm", 5e-324),
+        ("target.edge_mm", 1e6),
+        ("evaluate.pixels", 4096),
+        ("evaluate.rays", 0),
+    ],
+)
+def test_what_is_beyond_the_extremes_is_named(field: str, value: Any) -> None:
+    content: dict[str, Any] = {
+        "name": "any",
+        "source": {"kind": "square", "side_mm": 1.0},
+        "lens": {"inner_offset_mm": 3.0, "outer_offset_mm": 6.0},
+        "constraints": {"cavity_height_mm": 1, "cavity_radius_mm": 1, "min_thickness_mm": 1, "max_radius_mm": 7},
+        "target": {"kind": "cross", "length_mm": 9.0, "stroke_mm": 3.0, "distance_mm": 50.0, "receiver_mm": 20.0},
+        "evaluate": {},
+    }
+    parse_spec(content, "any.toml")
+    section, name = field.split(".")
+    content[section][name] = value
+    with pytest.raises(InputError, match=name) as refusal:
+        parse_spec(content, "any.toml")
+    _one_line(refusal.value)
