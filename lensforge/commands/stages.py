@@ -1,0 +1,82 @@
+"""The stages of a finished lens, each on its own: evaluate, export, check, verify, report."""
+
+from importlib import import_module
+from pathlib import Path
+
+import click
+
+from lensforge.commands.options import FOLDER, RAYS, THREADS, pipeline, use_threads
+from lensforge.commands.printing import finish
+from lensforge.errors import InputError
+
+
+@click.command()
+@FOLDER
+@RAYS
+@THREADS
+@click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: by the spec.")
+@click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
+def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
+    """Simulate the finished lens in DIR again."""
+    use_threads(threads)
+    finish(pipeline().run_evaluate(directory, rays=rays, pixels=pixels, source=source), directory)
+
+
+@click.command()
+@FOLDER
+@click.option(
+    "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Of the STEP."
+)
+@click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, going on by DEG degrees.")
+@click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
+@click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
+def export(directory: Path, schema: str, runout: float | None, nodes: int | None, rings: int | None) -> None:
+    """Write STEP, STL and 3MF of the lens in DIR, and prove them by reading them back."""
+    finish(pipeline().run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings), directory)
+
+
+@click.command()
+@FOLDER
+def check(directory: Path) -> None:
+    """Say whether the lens in DIR can be cut, and with what."""
+    finish(pipeline().run_check(directory), directory)
+
+
+@click.command()
+@FOLDER
+@RAYS
+@THREADS
+@click.option("--stray", is_flag=True, help="Also follow reflections, the base and absorption; writes stray.json.")
+@click.option(
+    "--base",
+    type=click.Choice(["polished", "black"]),
+    default="polished",
+    show_default=True,
+    help="Base under --stray.",
+)
+def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, base: str) -> None:
+    """Cast rays through the exported part in DIR, independently of the design."""
+    use_threads(threads)
+    result = pipeline().run_verify(directory, rays=rays)
+    if stray:
+        followed = pipeline().run_stray(directory, rays=rays, base=base)
+        result["gates"] += followed.pop("gates")
+        result["stray_light"] = followed
+    finish(result, directory)
+
+
+@click.command()
+@click.argument("directories", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="The page on several designs; default: compare.html.")
+@click.option("--pdf", is_flag=True, help="Also as PDF, beside the page; needs Chromium or Chrome.")
+def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
+    """Build report.html from the files in DIR, or one page that lays several designs side by side."""
+    if len(directories) == 1 and out is not None:
+        raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
+    if len(directories) == 1:
+        page = pipeline().run_report(directories[0])
+    else:
+        page = import_module("lensforge.report.compare").build_comparison(directories, out or Path("compare.html"))
+    click.echo(f"report\t{page}")
+    if pdf:
+        click.echo(f"pdf\t{import_module('lensforge.report.pdf').write_pdf(page)}")
