@@ -52,14 +52,14 @@ class Rung:
 
 @dataclass(frozen=True)
 class Ladder:
-    """The rungs of one knob. ``plotted``: the error that is drawn against time, or against the setting."""
+    """The rungs of one knob. ``plotted``: the errors that are drawn against time, or against the setting."""
 
     name: str
     title: str
     knob: str
     reference: str
     units: dict[str, str]
-    plotted: str
+    plotted: tuple[str, ...]
     against: str  # "seconds" or "setting"
     rungs: tuple[Rung, ...]
     orders: dict[str, dict[str, Estimate]] = field(default_factory=dict)

@@ -94,7 +94,7 @@ def _content(lens: Lens, ladders: list[Ladder], prices: dict[str, Any]) -> dict[
         "threads": torch.get_num_threads(),
         "presets": prices,
         "ladders": {ladder.name: ladder.to_json() for ladder in ladders},
-        "plots": {ladder.name: {"error": ladder.plotted, "against": ladder.against} for ladder in ladders},
+        "plots": {ladder.name: {"errors": list(ladder.plotted), "against": ladder.against} for ladder in ladders},
     }
 
 

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lensforge.files import replacing
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, WIDE, in_house_style, new_figure
@@ -34,7 +37,6 @@ NAMES = {
 }
 _OTHER = {
     "nodes": "nodes a side",
-    "table_mb": "tables (MB)",
     "nmse": "NMSE",
     "step_kb": "STEP (kB)",
     "triangles": "triangles",
@@ -80,7 +82,7 @@ def _preset_rows(presets: dict[str, Any]) -> Iterator[list[str]]:
             yield [f"{name}, {stage}", *cells, number(found.get("efficiency_standard_error"), 2)]
 
 
-def _section(name: str, ladder: dict[str, Any], plot: dict[str, str]) -> Section:
+def _section(name: str, ladder: dict[str, Any], plot: dict[str, Any]) -> Section:
     rows = ladder["rows"]
     other = [key for key in _OTHER if any(key in row for row in rows)]
     head = [_headed(error, ladder["unit"]) for error in ladder["unit"]]
@@ -89,9 +91,12 @@ def _section(name: str, ladder: dict[str, Any], plot: dict[str, str]) -> Section
         ladder["knob"],
         ladder["reference"],
         [_order(series, found) for series, found in ladder["order"].items() if found],
-        ["setting", "method", "seconds", "MB", *head, *(_OTHER[key] for key in other), "used by"],
+        ["method", "setting", "seconds", "MB", *head, *(_OTHER[key] for key in other), "used by"],
         [_cells(row, other) for row in rows],
-        [picture(name, pareto(ladder, plot["error"], plot["against"]), "Error against " + _axis(plot["against"]))],
+        [
+            picture(f"{name}-{error}", pareto(ladder, error, plot["against"]), _title(error, plot["against"]))
+            for error in plot["errors"]
+        ],
     )
 
 
@@ -115,11 +120,12 @@ def _cells(row: dict[str, Any], other: list[str]) -> list[str]:
     setting = NOTHING if row["reference"] and not row["setting"] else number(row["setting"])
     used = "reference" if row["reference"] else "; ".join(row["presets"])
     costs = [number(row["seconds"], 2), number(row["peak_mb"], 2)]
-    return [setting, row["series"], *costs, *errors, *(number(row.get(key), 4) for key in other), used]
+    return [row["series"], setting, *costs, *errors, *(number(row.get(key), 4) for key in other), used]
 
 
-def _axis(against: str) -> str:
-    return "time" if against == "seconds" else "setting"
+def _title(error: str, against: str) -> str:
+    title = f"{NAMES[error]} against {'time' if against == 'seconds' else 'setting'}"
+    return title[0].upper() + title[1:]
 
 
 @in_house_style
@@ -132,21 +138,31 @@ def pareto(ladder: dict[str, Any], error: str, against: str) -> Figure:
         x, y = [row[against] for row in rows], [row["error"][error] for row in rows]
         noise = [min(row["standard_error"][error] or 0.0, 0.9 * value) for row, value in zip(rows, y, strict=True)]
         axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker="o", markersize=3.5, label=series)
-        for row, at, value in zip(rows, x, y, strict=True):
-            _name(axes, row, at, value)
+        if colour == _COLOURS[0]:
+            for row, at, value in zip(rows, x, y, strict=True):
+                _name(axes, row, at, value)
     axes.set(xscale="log", yscale="log", ylabel=_headed(error, ladder["unit"]))
     axes.set_xlabel("seconds" if against == "seconds" else ladder["knob"])
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    for axis, least in ((axes.xaxis, 1.3), (axes.yaxis, 0.7)):
+        _tick(axis, least)
     axes.margins(x=0.16, y=0.12)
     axes.grid(True)
     if len({row["series"] for row in shown}) > 1:
-        axes.legend(loc="upper right")
+        figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
-def _name(axes: Any, row: dict[str, Any], at: float, value: float) -> None:
-    text = "\n".join(row["presets"]) or f"{row['setting']:g}"
+def _tick(axis: Axis, decades: float) -> None:
+    """Powers of ten; over fewer ``decades`` than given also twos and fives."""
+    low, high = axis.get_data_interval()
+    short = high > low > 0.0 and np.log10(high / low) < decades
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 1)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _name(axes: Axes, row: dict[str, Any], at: float, value: float) -> None:
+    text = "\n".join(row["presets"]) or number(row["setting"])
     axes.annotate(
         text, (at, value), (5, 4), textcoords="offset points", fontsize=7.0, color=INK if row["presets"] else GREY
     )

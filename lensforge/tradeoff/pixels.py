@@ -61,7 +61,7 @@ def pixel_ladder(runs: Sequence[Run], spec: Spec, settings: Sequence[int] = PIXE
         "--pixels, optimise.pixels",
         f"hard bins; for the NMSE those of {finest} pixels",
         {"splat_nmse": "", "nmse_shift": ""},
-        "splat_nmse",
+        ("splat_nmse",),
         "setting",
         tuple(rungs),
         orders,
@@ -100,7 +100,7 @@ def filter_ladder(runs: Sequence[Run], spec: Spec, variances: Sequence[float] = 
         "evaluate.filter_variance",
         f"no filter; the noise is that of one run of {len(runs[0])} rays",
         {"irradiance_nmse": "", "noise_nmse": ""},
-        "irradiance_nmse",
+        ("irradiance_nmse", "noise_nmse"),
         "setting",
         tuple(rungs),
     )

@@ -78,7 +78,7 @@ def _ladder(rungs: tuple[Rung, ...], orders: dict[str, dict[str, Estimate]]) -> 
         "--rays",
         "all runs of the longest rung together",
         {"efficiency": "of the source", "irradiance_nmse": "", "nmse_raised": ""},
-        "efficiency",
+        ("efficiency", "irradiance_nmse"),
         "seconds",
         rungs,
         {series: found for series, found in orders.items() if found},
@@ -138,7 +138,7 @@ def _users(rays: int) -> tuple[str, ...]:
     """The presets that trace ``rays`` rays at once: in a gradient step, or in one of the evaluation's scrambles."""
     steps = [f"{name}, gradient step" for name, preset in PRESETS.items() if preset.design_rays == rays]
     judged = [
-        f"{name}, scramble of the evaluation"
+        f"{name}, 1/{REPLICATES} of the evaluation"
         for name, preset in PRESETS.items()
         if preset.evaluate_rays == rays * REPLICATES
     ]

@@ -54,20 +54,18 @@ def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTING
             meter.peak_mb,
             truth.errors(grid, of_setting),
             _users(setting),
-            {"nodes": grid.nodes, "table_mb": 2 * 8e-6 * grid.side**2},
+            {"nodes": grid.nodes},
         )
         for setting, (grid, of_setting, meter) in built.items()
     ]
     names = tuple(rungs[0].errors)
     orders = {"table": orders_of(rungs, names)}
     nothing = {name: Estimate(0.0) for name in names}
-    other = {"nodes": 0, "table_mb": 0.0}
-    rungs.append(Rung(0.0, "exact sum", exactly.seconds, exactly.peak_mb, nothing, other=other, reference=True))
+    rungs.append(Rung(0.0, "exact sum", exactly.seconds, exactly.peak_mb, nothing, reference=True))
     units = {"rho": "nm", "normal": "mrad", "hit": "mm", "hit_99_percent": "mm", "irradiance_nmse": ""}
     reference = f"the exact sum: {_DIRECTIONS} directions, {len(rays)} rays"
-    ladder = Ladder(
-        "tables", "Tables", "nodes per sigma", reference, units, "rho", "seconds", tuple(rungs), orders
-    )  # fmt: skip
+    shown = ("rho", "irradiance_nmse")
+    ladder = Ladder("tables", "Tables", "nodes per sigma", reference, units, shown, "seconds", tuple(rungs), orders)
     return ladder, finest, tables
 
 
