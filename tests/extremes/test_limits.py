@@ -1,0 +1,57 @@
+"""What holds for every lens and index: étendue is kept, and the single pass through a window is a known number."""
+
+import numpy as np
+import pytest
+from extremes import bundle, fuzzed, sound
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import hemisphere_directions, random_surface, sphere, table_of
+
+from lensforge.optics.dielectric import normal_transmittance
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.fused import Scene, trace_tables
+
+INDEX = st.one_of(st.sampled_from([1.0, 4.0]), st.floats(1.0, 4.0))
+
+
+@fuzzed(20)
+@given(INDEX)
+def test_multiple_reflections_are_what_a_single_pass_lacks_to_a_window(index: float) -> None:
+    """A window passes 2n/(n^2+1); one pass through both faces, (1-R)^2, is that times 1 - R^2."""
+    flux = sound(sphere(1.0), sphere(2.0), bundle(np.zeros(3), [[0.0, 0.0, 1.0]]), index, nodes=24).flux.item()
+    reflected = 1.0 - normal_transmittance(index)
+    assert flux == pytest.approx((4.0 * index / (index + 1.0) ** 2) ** 2, rel=1e-13)
+    assert flux / (1.0 - reflected**2) == pytest.approx(2.0 * index / (index**2 + 1.0), rel=1e-13)
+
+
+def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid) -> np.ndarray:
+    """(x, y, p, q) behind the lens from those in the source plane: directions from two planes; NaN: not arrived."""
+    directions = np.column_stack([states[:, 2:], np.sqrt(1.0 - np.sum(states[:, 2:] ** 2, axis=1))])
+    origins = np.column_stack([states[:, :2], np.zeros(len(states))])
+    rays = RayBundle(origins, directions, np.ones(len(states)))
+    near, far = (trace_tables(*tables, Scene(index, plane, grid), rays) for plane in (4.0, 5.0))
+    step = (far.hits - near.hits).numpy()
+    slope = step / np.sqrt(1.0 + np.sum(step**2, axis=1, keepdims=True))
+    return np.where(near.arrived.numpy()[:, None], np.column_stack([near.hits.numpy(), slope]), np.nan)
+
+
+@fuzzed(10)
+@given(INDEX, st.integers(0, 2**31))
+def test_etendue_is_kept_by_any_lens(index: float, seed: int) -> None:
+    """The map of (x, y, p, q) through both surfaces has determinant 1 (Liouville), by central differences."""
+    grid = TableGrid(60)
+    tables = [table_of(random_surface(seed + k, r, 0.01, (9, 25)), grid) for k, r in ((0, 1.0), (1, 2.0))]
+    count, h = 40, 1e-5
+    rng = np.random.default_rng(seed)
+    states = np.column_stack([rng.uniform(-0.3, 0.3, (count, 2)), 0.6 * hemisphere_directions(count, seed)[:, :2]])
+    columns = []
+    for axis in range(4):
+        ahead, behind = (_phase_space(states + s * h * np.eye(4)[axis], tables, index, grid) for s in (1, -1))
+        columns.append((ahead - behind) / (2.0 * h))
+    jacobian = np.stack(columns, axis=-1)
+    arrived = np.isfinite(jacobian).all(axis=(1, 2))
+    assert arrived.sum() > 20
+    # differences lose digits where the map stretches
+    tolerance = 1e-8 * np.linalg.norm(jacobian[arrived], axis=(1, 2)) ** 2
+    assert (np.abs(np.linalg.det(jacobian[arrived]) - 1.0) < tolerance).all()
