@@ -1,6 +1,4 @@
-"""Single precision, where the code takes it: the exact tracer computes in the dtype of its weights, the fused one
-in float64 only, from tables of either.
-"""
+"""Single precision: the exact tracer takes it from its weights; the fused one computes in float64 only."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,35 @@
+"""The search from hopeless starts: dark receivers, empty masks, clipped sources; it goes on with finite numbers."""
+
+import numpy as np
+from extremes import fuzzed
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import small_spec
+
+from lensforge.design.optimiser import design
+from lensforge.sources.square import SquareEmitter
+
+
+@fuzzed(8)
+@given(
+    index=st.sampled_from([1.0, 1.4936, 4.0]),
+    side=st.sampled_from([0.0, 1e-9, 1.0, 5.9, 20.0]),
+    receiver=st.sampled_from([1e-2, 1.0, 200.0, 1e7]),
+    mask=st.sampled_from([1e-3, 0.5, 1.0]),
+    pixels=st.sampled_from([4, 5, 16]),
+    levels=st.sampled_from([[1], [2, 9]]),
+    seed=st.integers(0, 2**20),
+)
+def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels, levels, seed) -> None:
+    spec = small_spec(
+        source={"kind": "square", "side_mm": side},
+        lens__refractive_index=index,
+        lens__levels=levels,
+        target__half_width_mm=0.4 * receiver,
+        target__receiver_mm=receiver,
+        target__uniform_mm=mask * receiver,
+        optimise={"steps_per_level": [3] * len(levels), "rays": 64, "pixels": pixels, "uniformity_steps": 2},
+    )
+    found = design(spec, SquareEmitter(side), accuracy="draft", seed=seed)
+    assert np.isfinite([value for stage in found.history for value in stage["nmse"] + stage["efficiency"]]).all()
+    assert np.isfinite(list(found.constraints.values())).all()
