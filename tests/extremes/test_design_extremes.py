@@ -2,7 +2,7 @@
 
 import numpy as np
 from extremes import fuzzed
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import small_spec
 
@@ -20,6 +20,7 @@ from lensforge.sources.square import SquareEmitter
     levels=st.sampled_from([[1], [2, 9]]),
     seed=st.integers(0, 2**20),
 )
+@example(index=1.4936, side=1.0, receiver=1e-2, mask=0.5, pixels=4, levels=[1], seed=0)  # all dark
 def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels, levels, seed) -> None:
     spec = small_spec(
         source={"kind": "square", "side_mm": side},
