@@ -52,6 +52,7 @@ def draw(directory: Path) -> Image.Image:
 
 
 def main() -> None:
+    """Draw one sheet for each folder on the command line."""
     for name in sys.argv[1:]:
         target = Path(__file__).parent / f"{Path(name).name}.png"
         with replacing(target) as temporary:

@@ -1,4 +1,10 @@
-"""The price list: what each accuracy preset buys. One record, so that every stage reads the same knobs."""
+"""The price list: what each accuracy preset buys. One record, so that every stage reads the same knobs.
+
+The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): what a preset's table adds to the irradiance error
+stays below a hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is
+0.0014 at most, so rays are what one pays for: each preset takes the judging noise (NMSE) of the one before down, first
+to 1/13, then to less than 1/2.
+"""
 
 from dataclasses import dataclass
 

@@ -19,9 +19,9 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.files import read_json, write_json
 from lensforge.gates import Gate
 from lensforge.lens import Lens, load_lens
-from lensforge.source_spec import RayfileSource
 from lensforge.sources.build import account_of, build_source
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.source import RayfileSource
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 # Each stage's file, in the order of the data; the gates of all of them decide the exit code.

@@ -19,6 +19,9 @@ from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 TOLERANCE_MM = 1e-3
+# The search aims this far inside of the limits, relative to the largest radius allowed: its last steps still move by
+# that much, and the nodes do not see the very peak between them. It costs nothing that can be measured.
+_MARGIN = 3e-4
 NAMES = ("g1_mm", "g2_mm", "g3_mm")
 _REMEDIES = (
     "raise lens.inner_offset_mm or lower constraints.cavity_*",
@@ -71,12 +74,12 @@ class AugmentedLagrangian:
 
     def term(self, fields: Float[Tensor, "3 k"]) -> Float[Tensor, ""]:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
-        push = torch.clamp(self.multipliers - self.stringency * fields, min=0.0)
+        push = torch.clamp(self.multipliers - self.stringency * (fields - _MARGIN), min=0.0)
         return torch.sum(self._share * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
 
     def update(self, fields: Float[Tensor, "3 k"]) -> None:
         """First-order multiplier update; call it between rounds of minimisation."""
-        self.multipliers = torch.clamp(self.multipliers - self.stringency * fields.detach(), min=0.0)
+        self.multipliers = torch.clamp(self.multipliers - self.stringency * (fields.detach() - _MARGIN), min=0.0)
 
 
 def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float]:

@@ -14,7 +14,7 @@ from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results
 from lensforge.report.snapshot_figure import snapshot_figure
 from lensforge.report.snapshots import load_snapshots
-from lensforge.source_spec import SquareSource
+from lensforge.spec.source import SquareSource
 
 _FIRST = 4.6  # inches: half of the page
 

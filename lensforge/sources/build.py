@@ -3,10 +3,10 @@
 from importlib import import_module
 from typing import Any
 
-from lensforge.source_spec import Source as SourceSpec
-from lensforge.source_spec import SquareSource
 from lensforge.sources.bundle import Source
 from lensforge.sources.square import SquareEmitter
+from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.source import SquareSource
 
 # The kinds that are loaded only where they are asked for, and what makes their emitter.
 _BUILDERS = {

@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.source_spec import Placement
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.spec.source import Placement
 
 # Proper rotations that take the named direction of the file to +z.
 _TO_LENS_AXIS = {

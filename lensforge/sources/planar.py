@@ -5,7 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.source_spec import (
+from lensforge.sources.areas import Area, Disc, Rectangles
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
+from lensforge.sources.luminance import Picture
+from lensforge.sources.photometric import read_photometric
+from lensforge.sources.qmc import sobol
+from lensforge.spec.source import (
     ChipArraySource,
     ChipsSource,
     CosineIntensity,
@@ -15,12 +21,6 @@ from lensforge.source_spec import (
     RectangleSource,
     TableIntensity,
 )
-from lensforge.sources.areas import Area, Disc, Rectangles
-from lensforge.sources.bundle import RayBundle
-from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
-from lensforge.sources.luminance import Picture
-from lensforge.sources.photometric import read_photometric
-from lensforge.sources.qmc import sobol
 from lensforge.surfaces.symmetry import NAMES, contains
 
 PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource

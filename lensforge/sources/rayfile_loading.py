@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.source_spec import Placement, RayfilePart, RayfileSource, RayfilesSource
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import origin_of, placed
 from lensforge.sources.rayfile_source import RayfileEmitter
@@ -15,6 +14,7 @@ from lensforge.sources.rayfiles.cleaning import no_usable_ray, valid_rays
 from lensforge.sources.rayfiles.reading import read_rayfile
 from lensforge.sources.rayfiles.record import RayFile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.spec.source import Placement, RayfilePart, RayfileSource, RayfilesSource
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,9 +44,10 @@ def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> N
     assert constraints.term(constraints.fields(inner, table_of(sphere(6.0), grid))).item() == 0.0
     outer = (table_of(sphere(7.5), grid)).requires_grad_()
     term = constraints.term(constraints.fields(inner, outer))
-    assert term.item() == pytest.approx(0.5 * constraints.stringency * (0.5 / 7.0) ** 2, rel=1e-9)
+    violation = 0.5 / 7.0 + 3e-4  # and the margin inside of the limit at which the search aims
+    assert term.item() == pytest.approx(0.5 * constraints.stringency * violation**2, rel=1e-9)
     gradient = torch.autograd.grad(term, outer)[0].sum().item()  # all coefficients up by 1 mm: the sphere grows
-    assert gradient == pytest.approx(constraints.stringency * 0.5 / 7.0**2, rel=1e-9)
+    assert gradient == pytest.approx(constraints.stringency * violation / 7.0, rel=1e-9)
 
 
 def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
@@ -66,7 +67,7 @@ def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
 
         optimiser.step(closure)
         constraints.update(constraints.fields(inner, radius.detach() * one))
-    assert radius.item() == pytest.approx(7.0, abs=1e-3)
+    assert radius.item() == pytest.approx(7.0 * (1.0 - 3e-4), abs=1e-4)
 
 
 def test_the_nodes_see_what_the_exact_sum_sees() -> None:

@@ -10,7 +10,6 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
-from lensforge.source_spec import Placement, RayfileSource, RayfilesSource, SquareSource
 from lensforge.sources.build import account_of, build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import placed
@@ -18,6 +17,7 @@ from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 from lensforge.spec import load_spec
+from lensforge.spec.source import Placement, RayfileSource, RayfilesSource, SquareSource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

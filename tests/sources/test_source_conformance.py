@@ -13,12 +13,12 @@ from scipy.spatial import ConvexHull
 
 from lensforge import sources
 from lensforge.errors import InputError
-from lensforge.source_spec import Source as SourceSpec
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.spec import parse_spec
+from lensforge.spec.source import Source as SourceSpec
 from lensforge.surfaces.symmetry import NAMES, contains, group
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

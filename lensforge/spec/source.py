@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from lensforge.section import Section
+from lensforge.spec.section import Section
 
 
 class _Emitter(Section):

@@ -1,0 +1,56 @@
+"""Put the tables of tradeoff.json into docs/accuracy.md, between the marks that name each folder.
+
+python docs/make_accuracy.py cad_out/flat_top cad_out/pi
+"""
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lensforge.files import read_json, replacing
+from lensforge.tradeoff.page import PRESET_HEAD, preset_rows, sections_of
+
+PAGE = Path(__file__).parent / "accuracy.md"
+
+
+def table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
+    """A Markdown table."""
+    yield "| " + " | ".join(head) + " |"
+    yield "|" + "---|" * len(head)
+    for row in rows:
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+
+
+def text_of(content: dict[str, Any]) -> Iterator[str]:
+    """Everything that tradeoff.html says in words and numbers."""
+    lens = content["lens"]
+    yield f"Lens: `--accuracy {lens['accuracy']}`, seed {lens['seed']}; {content['seconds']:.0f} s on one core."
+    yield from ("", "### Presets", "")
+    yield from table(PRESET_HEAD, preset_rows(content["presets"]))
+    for section in sections_of(content):
+        yield from ("", f"### {section.title}", "", f"Set by `{section.knob}`. Reference: {section.reference}.")
+        if section.orders:
+            yield f"Measured order, the power of the setting: {'; '.join(section.orders)}."
+        yield ""
+        yield from table(section.head, section.rows)
+
+
+def main() -> None:
+    """Replace what stands between the marks of each folder."""
+    page = PAGE.read_text(encoding="utf-8")
+    for directory in map(Path, sys.argv[1:]):
+        name = directory.name
+        marks = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+        body = "\n".join(text_of(read_json(directory / "tradeoff.json")))
+        pattern = re.escape(marks[0]) + ".*?" + re.escape(marks[1])
+        page, count = re.subn(pattern, lambda _, m=marks, b=body: f"{m[0]}\n{b}\n\n{m[1]}", page, flags=re.DOTALL)
+        if count != 1:
+            sys.exit(f"{PAGE}: no marks for {name}")
+    with replacing(PAGE) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

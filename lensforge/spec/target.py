@@ -1,0 +1,65 @@
+"""The wanted light: a pattern on a receiver."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.section import Millimetres, Section
+
+
+class _Target(Section):
+    distance_mm: Millimetres
+    receiver_mm: Millimetres
+    uniform_mm: Millimetres | None = None
+
+    @model_validator(mode="after")
+    def _mask_inside(self) -> "_Target":
+        if self.uniform_mm is not None and self.uniform_mm > self.receiver_mm:
+            raise ValueError(f"uniform_mm = {self.uniform_mm} must not exceed receiver_mm = {self.receiver_mm}")
+        return self
+
+
+class FlatTopTarget(_Target):
+    """A square super-Gaussian, ``exp(-|x/a|^p - |y/a|^p)``."""
+
+    kind: Literal["flat_top"]
+    half_width_mm: Millimetres
+    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
+
+
+class _SoftTarget(_Target):
+    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _edge_fits(self) -> "_SoftTarget":
+        if self.edge_mm > self.receiver_mm:
+            raise ValueError(f"edge_mm = {self.edge_mm} must not exceed receiver_mm = {self.receiver_mm}")
+        return self
+
+
+class CrossTarget(_SoftTarget):
+    """An upright cross of equal arms, ``length_mm`` from end to end, edges softened by a Gaussian of ``edge_mm``."""
+
+    kind: Literal["cross"]
+    length_mm: Millimetres
+    stroke_mm: Millimetres
+
+
+class TextTarget(_SoftTarget):
+    """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
+
+    kind: Literal["text"]
+    text: Annotated[str, Field(min_length=1, max_length=40)]
+    width_mm: Millimetres
+
+
+class ImageTarget(_SoftTarget):
+    """An image file, ``width_mm`` wide, its luminance taken as irradiance."""
+
+    kind: Literal["image"]
+    file: Path
+    width_mm: Millimetres
+
+
+Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
