@@ -1,6 +1,5 @@
 """``tradeoff.html``: the ladders of ``tradeoff.json`` as tables and Pareto plots; the page needs nothing else."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +41,18 @@ _OTHER = {
     "triangles": "triangles",
 }
 
+_PRESETS = {
+    "rays": "rays",
+    "table_rho": "radius (nm)",
+    "table_normal": "normal (mrad)",
+    "table_hit": "hit (mm)",
+    "table_irradiance_nmse": "irradiance, NMSE",
+    "noise_nmse": "ray noise, NMSE",
+    "table_share": "table / noise",
+    "efficiency_standard_error": "efficiency ±",
+}
+PRESET_HEAD = ["preset", *_PRESETS.values()]
+
 
 @dataclass(frozen=True)
 class Section:
@@ -58,14 +69,14 @@ class Section:
 
 def build_page(content: dict[str, Any], directory: Path) -> Path:
     """Write ``tradeoff.html`` from the content of ``tradeoff.json`` and return its path."""
-    sections = [_section(name, ladder, content["plots"][name]) for name, ladder in content["ladders"].items()]
     page = template("tradeoff.html").render(
         name=content["name"],
         lens=content["lens"],
         threads=content["threads"],
         seconds=number(content["seconds"], 3),
-        presets=list(_preset_rows(content["presets"])),
-        sections=sections,
+        preset_head=PRESET_HEAD,
+        presets=preset_rows(content["presets"]),
+        sections=sections_of(content),
         version=content["version"],
     )
     path = directory / FILE_NAME
@@ -74,12 +85,18 @@ def build_page(content: dict[str, Any], directory: Path) -> Path:
     return path
 
 
-def _preset_rows(presets: dict[str, Any]) -> Iterator[list[str]]:
-    keys = ("rays", "table_rho", "table_normal", "table_hit", "table_irradiance_nmse", "noise_nmse", "table_share")
-    for name, price in presets.items():
-        for stage, found in price.items():
-            cells = [number(found.get(key), 3) for key in keys]
-            yield [f"{name}, {stage}", *cells, number(found.get("efficiency_standard_error"), 2)]
+def sections_of(content: dict[str, Any]) -> list[Section]:
+    """The ladders of ``tradeoff.json`` as the page shows them."""
+    return [_section(name, ladder, content["plots"][name]) for name, ladder in content["ladders"].items()]
+
+
+def preset_rows(presets: dict[str, Any]) -> list[list[str]]:
+    """What each preset leaves in design and in evaluation, under :data:`PRESET_HEAD`."""
+    return [
+        [f"{name}, {stage}", *(number(found.get(key), 3) for key in _PRESETS)]
+        for name, price in presets.items()
+        for stage, found in price.items()
+    ]
 
 
 def _section(name: str, ladder: dict[str, Any], plot: dict[str, Any]) -> Section:

@@ -14,7 +14,7 @@ def preset_prices(rays: Ladder, tables: Ladder, population: int | None) -> dict[
     """By preset: the tables' errors in design and evaluation, and the ray noise of a gradient step and of the verdict.
 
     ``noise_nmse``: of the filtered irradiance; between and beyond the rungs by the power law through the nearest two.
-    ``table_share``: the table's irradiance NMSE over that noise. The rule of the presets is that it stays below 0.1.
+    ``table_share``: the table's irradiance NMSE over that noise. The rule of the presets is that it stays below 0.01.
     """
     prices: dict[str, Any] = {}
     for name, preset in PRESETS.items():
