@@ -174,7 +174,7 @@ def _tick(axis: Axis, decades: float) -> None:
     low, high = axis.get_data_interval()
     short = high > low > 0.0 and np.log10(high / low) < decades
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 1)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 3)))
     axis.set_minor_formatter(NullFormatter())
 
 
