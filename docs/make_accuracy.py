@@ -26,7 +26,7 @@ def table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
 def text_of(content: dict[str, Any]) -> Iterator[str]:
     """Everything that tradeoff.html says in words and numbers."""
     lens = content["lens"]
-    yield f"Lens: `--accuracy {lens['accuracy']}`, seed {lens['seed']}; {content['seconds']:.0f} s on one core."
+    yield f"Lens: `--accuracy {lens['accuracy']}`, seed {lens['seed']}."
     yield from ("", "### Presets", "")
     yield from table(PRESET_HEAD, preset_rows(content["presets"]))
     for section in sections_of(content):
