@@ -15,8 +15,8 @@ lint: setup  ## style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: setup  ## speed and memory, as ratios within one run
-	$(BIN)/python benchmarks/run.py
+bench: setup  ## a gradient step taken apart, as ratios within one run
+	$(BIN)/python benchmarks/gradient_step.py
 
 setup: .venv/.ready
 

@@ -56,7 +56,7 @@ def main() -> None:
     for name in sys.argv[1:]:
         target = Path(__file__).parent / f"{Path(name).name}.png"
         with replacing(target) as temporary:
-            draw(Path(name)).quantize(128).save(temporary, optimize=True)
+            draw(Path(name)).quantize(256).save(temporary, optimize=True)
         print(target)
 
 
