@@ -1,6 +1,6 @@
 """How the extremes are searched, and what every trace must keep.
 
-``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 1000 in a nightly run (10^5 specs).
+``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 1000 in a nightly run (10^5 specs and lenses).
 """
 
 import os

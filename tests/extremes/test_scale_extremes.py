@@ -15,6 +15,7 @@ from scenes import random_surface, small_spec, sphere, table_of
 from lensforge.accuracy import PRESETS
 from lensforge.design.optimiser import design
 from lensforge.errors import InputError
+from lensforge.evaluation import simulate
 from lensforge.evaluation.evaluate import Evaluation, evaluate_lens
 from lensforge.lens import Lens
 from lensforge.optics.dielectric import normal_transmittance
@@ -245,12 +246,17 @@ def test_four_million_pixels(rays: int) -> None:
     assert result.irradiance.shape == (2048, 2048)
 
 
-def test_many_rays_use_bounded_memory_and_agree_with_few() -> None:
-    count = 2**24 if NIGHTLY else 2**21  # above 2^20 a replicate is traced in parts
+@pytest.mark.parametrize("at_once", [2**20, 100, 1])
+def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What bounds the memory of many rays changes nothing but the sample."""
+    monkeypatch.setattr(simulate, "_MOST_RAYS_AT_ONCE", at_once)
+    count = 2**24 if NIGHTLY and at_once > 100 else 2**10
     spec = _point_spec()
-    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    few, many = (evaluate_lens(lens, SquareEmitter(0.0), DRAFT, rays=n).report for n in (2**14, count))
-    assert many["efficiency"] == pytest.approx(few["efficiency"], abs=5.0 * few["efficiency_standard_error"])
+    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)
+    _complete(result)
+    a = 1.0 / np.sqrt(2.0)  # the receiver is twice as wide as it is far
+    expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2
+    assert result.report["efficiency"] == pytest.approx(expected, abs=5.0 * result.report["efficiency_standard_error"])
 
 
 def test_one_ray_through_the_tracer() -> None:
