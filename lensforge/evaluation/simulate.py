@@ -34,8 +34,10 @@ class TracedLens:
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
         grid: TableGrid = grid_for(float(lens.inner.basis.sigmas.min()), nodes_per_sigma)
-        inner, outer = (torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
-        errors = {name: 1e6 * table_error(grid, getattr(lens, name)) for name in ("inner", "outer")}
+        surfaces = {"inner": lens.inner, "outer": lens.outer}
+        tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
+        errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
+        inner, outer = (torch.from_numpy(table) for table in tables.values())
         return TracedLens(Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), inner, outer, errors)
 
     def trace(self, rays: RayBundle) -> Arrivals:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface
 
 from lensforge.errors import InputError
-from lensforge.surfaces.spline import grid_for, table_error, weight_matrix
+from lensforge.surfaces.spline import grid_for, table_error, tabulate, weight_matrix
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 SIGMA = st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 10 rad
@@ -87,7 +87,8 @@ def test_very_wide_functions_are_an_offset() -> None:
 @given(st.floats(0.15, 1.5), st.sampled_from([(9,), (9, 25)]))
 def test_a_table_keeps_its_accuracy_at_any_sigma(sigma, levels) -> None:
     surface = _surface(levels, sigma, 0.1 / len(levels))
-    assert table_error(grid_for(float(surface.basis.sigmas.min()), 6.0), surface) < 3e-4
+    grid = grid_for(float(surface.basis.sigmas.min()), 6.0)
+    assert table_error(grid, tabulate(grid, surface), surface) < 3e-4
 
 
 @pytest.mark.parametrize("sigma", [0.0, 5e-324, 1e-9, 1e-3])
