@@ -45,7 +45,9 @@ def main() -> None:
     except MemoryError:
         _leave("out of memory; use fewer --rays or a lower --accuracy", 1)
     except Exception as error:  # a bug: the user gets a line, the developer the details
-        with tempfile.NamedTemporaryFile("w", prefix="lensforge-", suffix=".log", delete=False) as log:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", prefix="lensforge-", suffix=".log", delete=False
+        ) as log:
             traceback.print_exc(file=log)
         _leave(f"internal error: {type(error).__name__}: {error}; details for a bug report: {log.name}", 1)
 

@@ -81,7 +81,7 @@ class Rendering:
         if code != 0:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         folder = Path(self._folder.name)
-        bounds = json.loads((folder / "bounds.json").read_text())
+        bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
         pictures = {name: (folder / f"{name}.png").read_bytes() for name in VIEWS}
         return SolidViews(pictures, tuple(bounds), (folder / "mesh.bin").read_bytes())
 

@@ -40,7 +40,7 @@ def test_a_lens_of_the_paper_passes_every_gate(tmp_path, inner, outer):
     lens = make_lens(inner, outer, 0.01, levels=ALL_LEVELS)
     result = export_lens(lens, tmp_path)
     assert set(result) == KEYS
-    assert json.loads((tmp_path / "export.json").read_text()) == result
+    assert json.loads((tmp_path / "export.json").read_text(encoding="utf-8")) == result
     assert failed(result) == []
     assert result["form_error_nm"]["max"] <= 1.0
     assert result["normal_error_mrad"]["max"] <= 0.02
@@ -99,7 +99,7 @@ def test_ap242_and_untrimmed_surfaces_on_request(tmp_path):
     result = export_lens(lens, tmp_path, rings=16, schema="AP242", runout_deg=8.0)
     assert failed(result) == []
     for name in ("lens.step", "lens_surfaces.step"):
-        text = (tmp_path / name).read_text()
+        text = (tmp_path / name).read_text(encoding="utf-8")
         assert "FILE_SCHEMA((\n'AP242_MANAGED_MODEL_BASED_3D_ENGINEERING" in text
         assert "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)" in text
     assert result["untrimmed_surfaces"]["form_error_nm"] < 1.0

@@ -71,7 +71,7 @@ def written(tmp_path_factory):
 
 
 def test_step_says_millimetres_ap214_and_the_names(written):
-    text = written[1].read_text()
+    text = written[1].read_text(encoding="utf-8")
     assert "FILE_SCHEMA(('AUTOMOTIVE_DESIGN" in text
     assert "LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.)" in text
     assert "PRODUCT('small_lens','small_lens'" in text
@@ -82,7 +82,7 @@ def test_step_says_millimetres_ap214_and_the_names(written):
 
 
 def test_optical_faces_are_single_patches_trimmed_by_a_circle(written):
-    text = written[1].read_text().replace("\n", "")
+    text = written[1].read_text(encoding="utf-8").replace("\n", "")
     assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',5,5") == 2
     assert text.count("CIRCLE('',") >= 2  # the two trims in parameter space, and the base's own circles
     for name in OPTICAL:

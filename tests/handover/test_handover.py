@@ -76,7 +76,7 @@ def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(ha
 
 def test_the_sag_table_is_the_departure_from_the_sphere_of_the_check(handed):
     _, folder, _ = handed
-    check = json.loads((folder / "check.json").read_text())
+    check = json.loads((folder / "check.json").read_text(encoding="utf-8"))
     departures = [float(row["departure_mm"]) for row in table(folder / "sag.csv") if row["surface"] == "outer"]
     assert np.ptp(departures) == pytest.approx(check["outer"]["best_fit_sphere"]["pv_mm"], rel=0.03)
     assert np.ptp(departures) <= check["outer"]["best_fit_sphere"]["pv_mm"] * (1.0 + 1e-3)
@@ -88,7 +88,7 @@ def test_page_and_pdf_say_what_the_shop_must_know(handed):
     assert "&lt;PMMA&gt; &amp; co" in page
     assert f"{lens.refractive_index:g}" in page
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"
-    for verdict in json.loads((folder / "check.json").read_text())["verdicts"]:
+    for verdict in json.loads((folder / "check.json").read_text(encoding="utf-8"))["verdicts"]:
         assert f"{verdict['name']}, {verdict['surface']}" in page
     for name, digest in result["sha256"].items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest

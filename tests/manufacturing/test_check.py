@@ -62,7 +62,7 @@ def test_what_is_returned_is_what_is_written(rough):
     def refuse(word):
         raise AssertionError(f"{word} in check.json")
 
-    assert json.loads((folder / "check.json").read_text(), parse_constant=refuse) == content
+    assert json.loads((folder / "check.json").read_text(encoding="utf-8"), parse_constant=refuse) == content
     assert sorted(path.name for path in folder.iterdir()) == ["check.json", "check.npz"]
 
 

@@ -46,7 +46,7 @@ def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> Non
         f"{low},{high}",
     )
     assert done.exit_code == 0, done.output
-    content = json.loads((folder / "compare.json").read_text())
+    content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     assert f"ssim\t{content['ssim']}" in done.output
     assert content["ssim"] > 0.995
     assert np.abs(content["displacement_mm"]).max() < 1.0
@@ -56,7 +56,7 @@ def test_measured_points_are_compared(folder: Path) -> None:
     np.savetxt(folder / "cloud.csv", probed(LENS.inner, 4000, noise_mm=0.0005), delimiter=",", header="x,y,z")
     done = run(folder, "--points", folder / "cloud.csv", "--surface", "inner", "--rays", 8192)
     assert done.exit_code == 0, done.output
-    content = json.loads((folder / "compare_inner.json").read_text())
+    content = json.loads((folder / "compare_inner.json").read_text(encoding="utf-8"))
     assert content["rays"] == 8192
     assert content["residual_rms_um"] == pytest.approx(0.5, rel=0.1)
     assert content["form_deviation_um"]["pv"] < 1.5

@@ -89,7 +89,7 @@ def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
     assert np.abs(content["displacement_mm"]).max() < 0.1
     assert content["measured"]["uniformity"] == pytest.approx(content["simulated"]["uniformity"], rel=0.03)
     assert content["gates"][0]["passed"]
-    assert json.loads((tmp_path / "compare.json").read_text()) == content
+    assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8")) == content
     assert (tmp_path / "compare.png").stat().st_size > 10_000
     with np.load(tmp_path / "compare.npz") as stored:
         np.testing.assert_allclose(stored["measured"], stored["simulated"], atol=0.06)

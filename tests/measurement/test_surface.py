@@ -89,7 +89,7 @@ def test_a_good_part_makes_the_light_of_the_design(compared):
 def test_a_deformed_part_makes_other_light(compared):
     folder, run = compared
     content = run(HEIGHT)
-    assert json.loads((folder / "compare_outer.json").read_text()) == content
+    assert json.loads((folder / "compare_outer.json").read_text(encoding="utf-8")) == content
     assert 0.3 * HEIGHT * 1e3 < content["form_deviation_um"]["pv"] < 1.2 * HEIGHT * 1e3
     assert content["point_deviation_um"]["rms"] == pytest.approx(content["form_deviation_um"]["rms"], rel=0.25)
     assert content["nmse_between"] > 1e-5

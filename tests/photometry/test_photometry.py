@@ -141,7 +141,7 @@ def test_the_command_writes_and_says_so(folder):
     result = CliRunner().invoke(cli, ["photometry", str(folder), "--rays", "4096", "--lumens", "90"])
     assert result.exit_code == 0
     assert "source_lm\t90.0" in result.output
-    assert (folder / "lens.ldt").read_text().splitlines()[28] == "90"
+    assert (folder / "lens.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
 
 
 def test_the_lumens_of_the_source_come_from_its_efficacy(tmp_path):

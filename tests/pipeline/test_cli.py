@@ -72,7 +72,7 @@ def test_the_whole_way_leaves_every_file(designed: Path) -> None:
     for name in ("lens.json", "lens.step", "lens.stl", "report.html"):
         assert (designed / name).stat().st_size > 1000
     for name in ("design", "evaluate", "export", "check", "verify"):
-        content = json.loads((designed / f"{name}.json").read_text())
+        content = json.loads((designed / f"{name}.json").read_text(encoding="utf-8"))
         assert all(gate["passed"] for gate in content["gates"]), name
     assert not list(designed.glob(".writing-*"))
     assert not (designed / "checkpoint.pt").exists()
@@ -80,7 +80,7 @@ def test_the_whole_way_leaves_every_file(designed: Path) -> None:
 
 def test_the_keys_that_scripts_rely_on_are_there(designed: Path) -> None:
     def read(name: str) -> dict:
-        return json.loads((designed / f"{name}.json").read_text())
+        return json.loads((designed / f"{name}.json").read_text(encoding="utf-8"))
 
     assert {"uniformity", "rsd", "nmse", "efficiency", "flux", "rays", "pixels", "filter"} <= read("evaluate").keys()
     assert sum(read("evaluate")["flux"].values()) == pytest.approx(1.0)
@@ -113,7 +113,7 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     lens.save(tmp_path / "again.json")
     again = load_lens(tmp_path / "again.json")
     assert np.array_equal(again.inner.weights, lens.inner.weights)
-    assert (tmp_path / "again.json").read_text() == (designed / "lens.json").read_text()
+    assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
 
 
 def test_a_killed_design_resumes_to_the_same_lens(designed: Path, tmp_path: Path) -> None:

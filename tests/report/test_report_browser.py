@@ -62,14 +62,14 @@ addEventListener("load", () => setTimeout(() => {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = make_folder(tmp_path_factory.mktemp("browser") / "whole", stl=True)
-    if "No 3-D picture" in build_report(folder).read_text():
+    if "No 3-D picture" in build_report(folder).read_text(encoding="utf-8"):
         pytest.skip("no off-screen renderer here")
     return folder
 
 
 @pytest.mark.parametrize(("width", "scripts"), [(400, True), (1280, True), (1280, False)])
 def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, width, scripts):
-    markup = (folder / "report.html").read_text()
+    markup = (folder / "report.html").read_text(encoding="utf-8")
     sandbox = "" if scripts else 'sandbox="allow-same-origin"'
     frame = tmp_path / "frame.html"
     frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)))
@@ -84,7 +84,7 @@ def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, widt
 
 def test_the_lens_turns_and_no_script_fails(folder, tmp_path):
     page = tmp_path / "play.html"
-    page.write_text((folder / "report.html").read_text().replace("</head>", f"{_PLAY}</head>"))
+    page.write_text((folder / "report.html").read_text(encoding="utf-8").replace("</head>", f"{_PLAY}</head>"))
     document, console = browser.run(page, tmp_path)
     found = json.loads(browser.title(document))
     assert found["errors"] == []

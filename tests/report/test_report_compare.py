@@ -40,7 +40,7 @@ def drawn(monkeypatch, make):
 
 
 def test_the_page_holds_both_designs_and_needs_nothing_else(folders, tmp_path):
-    markup = build_comparison(folders, tmp_path / "compare.html").read_text()
+    markup = build_comparison(folders, tmp_path / "compare.html").read_text(encoding="utf-8")
     assert markup.count("<svg") == 2 + 3 + 2
     assert "<script" not in markup
     assert not re.search(r"""(src|href)=["'](?!#|data:)""", markup)

@@ -72,7 +72,7 @@ def test_links_and_ids_agree(page):
 
 
 def test_every_number_of_every_file_is_on_the_page(page, folder):
-    content = {**CONTENT, "lens": json.loads((folder / "lens.json").read_text())}
+    content = {**CONTENT, "lens": json.loads((folder / "lens.json").read_text(encoding="utf-8"))}
     for stage in ("lens", *STAGES):
         for row in rows(content[stage], without=("gates", "verdicts", "spec")):
             assert folded(f"{row.path} {row.value}") in page.text, row.path
@@ -100,7 +100,7 @@ def test_headline_numbers_say_whether_they_are_what_was_asked_for(tmp_path):
     assert states["Thinnest wall"] == "pass"
     assert states["Ball mill"] == "open", "0.77 mm at most, the shop has 1 mm"
     assert states["Lens height"] == ""
-    text = Page(build_report(tmp_path).read_text()).text
+    text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert "Lens radius✗ fail" in text
     assert text.index("constraint g3Try") < text.index("Lens radius"), "what fails comes first, with its remedy"
 
@@ -111,7 +111,7 @@ def test_light_is_in_watts_or_by_the_efficacy_in_lux(tmp_path, efficacy, peak):
     images = evaluate_arrays()
     images["irradiance"] *= 42.5 / images["irradiance"].max()
     np.savez(tmp_path / "evaluate.npz", **images)
-    markup = build_report(tmp_path).read_text()
+    markup = build_report(tmp_path).read_text(encoding="utf-8")
     assert peak in Page(markup).text
     label = "illuminance (lx)" if efficacy else "irradiance (W/m²)"
     assert markup.count(label) >= 6, "three maps and three lines"
@@ -122,7 +122,7 @@ def test_a_failed_gate_comes_with_its_remedy(tmp_path):
     make_folder(tmp_path, stages=("export",))
     content = {**CONTENT["export"], "gates": [gate("form_error", 12.5, 10.0)]}
     (tmp_path / "export.json").write_text(json.dumps(content))
-    text = Page(build_report(tmp_path).read_text()).text
+    text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert "1 of 1 gates fail: form error." in text
     assert "Try: try something else." in text
 
@@ -130,14 +130,14 @@ def test_a_failed_gate_comes_with_its_remedy(tmp_path):
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_that_has_not_run_is_one_sentence(tmp_path, stage):
     make_folder(tmp_path, stages=[other for other in STAGES if other != stage])
-    text = Page(build_report(tmp_path).read_text()).text
+    text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert text.count(f"There is no {stage}.json") == 1
     assert f"run lensforge {stage}." in text
     assert f"Not run yet: {stage}." in text
 
 
 def test_a_lens_alone_makes_a_page(tmp_path):
-    text = Page(build_report(make_folder(tmp_path, stages=())).read_text()).text
+    text = Page(build_report(make_folder(tmp_path, stages=())).read_text(encoding="utf-8")).text
     assert "Section at φ = 90°" in text
     assert "No 3-D picture: there is no lens.stl." in text
 
@@ -146,7 +146,7 @@ def test_a_lens_alone_makes_a_page(tmp_path):
 def test_missing_arrays_are_one_sentence(tmp_path, stage):
     make_folder(tmp_path)
     (tmp_path / f"{stage}.npz").unlink()
-    assert f"There is no {stage}.npz" in Page(build_report(tmp_path).read_text()).text
+    assert f"There is no {stage}.npz" in Page(build_report(tmp_path).read_text(encoding="utf-8")).text
 
 
 def without(content, *path):
@@ -181,7 +181,7 @@ def test_a_broken_json_file_is_one_line(tmp_path, file, text):
     with pytest.raises(InputError, match=re.escape(file)) as caught:
         build_report(tmp_path)
     assert "\n" not in str(caught.value)
-    assert (tmp_path / "report.html").read_text() == "the old report"
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == "the old report"
 
 
 BROKEN_ARRAYS = {
@@ -218,12 +218,12 @@ def test_a_truncated_npz_is_one_line(tmp_path, kept):
 def test_a_cutter_that_reaches_nothing_leaves_no_map(tmp_path):
     make_folder(tmp_path, stages=("check",))
     np.savez(tmp_path / "check.npz", **{**check_arrays(), "inner_residual_mm": np.full((21, 21), np.nan)})
-    assert "Inner face: left by the mill" not in Page(build_report(tmp_path).read_text()).text
+    assert "Inner face: left by the mill" not in Page(build_report(tmp_path).read_text(encoding="utf-8")).text
 
 
 def test_text_of_the_spec_stays_text(tmp_path):
     make_folder(tmp_path, stages=(), lens=small_lens(text="<script>$x_</script>"))
-    page = Page(build_report(tmp_path).read_text())
+    page = Page(build_report(tmp_path).read_text(encoding="utf-8"))
     assert "script" not in page.tags, "there is no mesh to turn"
     assert "<script>$x_</script>" in page.text
 
@@ -231,19 +231,21 @@ def test_text_of_the_spec_stays_text(tmp_path):
 def test_an_outline_noted_by_the_design_is_drawn_and_a_missing_one_is_told(tmp_path):
     lens = small_lens()
     source = {"kind": "rayfile", "file": "/somewhere/led.tm25ray"}
-    record = json.loads((make_folder(tmp_path, stages=("design",), lens=lens) / "lens.json").read_text())
+    record = json.loads(
+        (make_folder(tmp_path, stages=("design",), lens=lens) / "lens.json").read_text(encoding="utf-8")
+    )
     record["spec"]["source"] = source
     (tmp_path / "lens.json").write_text(json.dumps(record))
-    text = Page(build_report(tmp_path).read_text()).text
+    text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert "is not recorded in this folder" in text
     assert "/somewhere" not in text
     outline = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     (tmp_path / "design.json").write_text(json.dumps({**CONTENT["design"], "source_outline_mm": outline}))
-    assert "The source is drawn at its size." in Page(build_report(tmp_path).read_text()).text
+    assert "The source is drawn at its size." in Page(build_report(tmp_path).read_text(encoding="utf-8")).text
 
 
 def test_the_part_is_shown_from_three_sides(tmp_path):
-    markup = build_report(make_folder(tmp_path, stages=(), stl=True)).read_text()
+    markup = build_report(make_folder(tmp_path, stages=(), stl=True)).read_text(encoding="utf-8")
     if "No 3-D picture" in markup:
         pytest.skip("no off-screen renderer here")
     pictures = re.findall(r'src="data:image/png;base64,([^"]+)', markup)
@@ -256,7 +258,7 @@ def test_the_part_is_shown_from_three_sides(tmp_path):
 
 def test_without_a_renderer_the_page_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(solid_view, "_COMMAND", ("sh", "-c", "kill -SEGV $$"))
-    markup = build_report(make_folder(tmp_path, stages=(), stl=True)).read_text()
+    markup = build_report(make_folder(tmp_path, stages=(), stl=True)).read_text(encoding="utf-8")
     assert "No 3-D picture: this machine has no off-screen renderer (OpenGL)." in markup
 
 

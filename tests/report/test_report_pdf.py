@@ -19,7 +19,7 @@ def test_the_report_on_paper_is_wide_a4_with_every_picture(tmp_path):
     assert not sizes
     assert len(re.findall(rb"/Type /Page\b", data)) >= 7, "light, lens, manufacture, proof, gates, search, numbers"
     assert data.count(b"/Subtype /Image") >= 14, "the maps are raster images"
-    assert build_report(tmp_path).read_text().count("report.pdf") == 0, "the report is no result"
+    assert build_report(tmp_path).read_text(encoding="utf-8").count("report.pdf") == 0, "the report is no result"
 
 
 def test_without_a_browser_one_line_says_what_to_do(tmp_path, monkeypatch):

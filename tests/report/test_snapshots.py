@@ -82,9 +82,9 @@ def test_levels_can_be_drawn_on_one_scale(taken):
 def test_the_report_shows_them(taken, tmp_path):
     folder, result = taken
     make_folder(tmp_path, stages=(), lens=result.lens)
-    without = build_report(tmp_path).read_text().count("<svg")
+    without = build_report(tmp_path).read_text(encoding="utf-8").count("<svg")
     (tmp_path / "snapshots").symlink_to(folder / "snapshots")
-    markup = build_report(tmp_path).read_text()
+    markup = build_report(tmp_path).read_text(encoding="utf-8")
     assert markup.count("<svg") == without + 2
     assert "Level 2: 34 functions" in markup
 

@@ -112,7 +112,7 @@ def test_several_files_share_one_origin_the_focus_of_all_their_light(two_files):
 
 
 def test_a_spec_names_several_files_relative_to_itself(two_files, examples):
-    text = (examples / "led_rayfile.toml").read_text()
+    text = (examples / "led_rayfile.toml").read_text(encoding="utf-8")
     text = text.replace('kind = "rayfile"', 'kind = "rayfiles"').replace(
         'file = "led.tm25ray"', 'files = [{file = "blue", flux_w = 0.6}, {file = "yellow", flux_w = 0.4}]'
     )

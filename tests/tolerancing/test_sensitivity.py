@@ -81,7 +81,7 @@ def test_the_table_names_every_error_and_nothing_changes_without_one(tmp_path):
     lens = small_lens()
     source = build_source(lens.spec.source)
     content = measure_sensitivity(lens, source, PRESETS["draft"], tmp_path, rays=4096)
-    assert json.loads((tmp_path / "sensitivity.json").read_text()) == content
+    assert json.loads((tmp_path / "sensitivity.json").read_text(encoding="utf-8")) == content
     kinds = " ".join(row["name"] for row in content["rows"])
     for kind in ("low-order", "SRBF-scale", "decentre", "tilt", "gap", "source shift", "index"):
         assert kind in kinds

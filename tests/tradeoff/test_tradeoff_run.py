@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
 
 
 def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
-    content = json.loads((folder / "tradeoff.json").read_text())
+    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
     assert list(content["ladders"]) == ["rays", "tables", "pixels", "filter", "nurbs", "mesh"]
     for name, ladder in content["ladders"].items():
         errors = list(ladder["unit"])
@@ -66,7 +66,7 @@ def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
 
 
 def test_the_presets_say_what_the_rows_say(folder):
-    content = json.loads((folder / "tradeoff.json").read_text())
+    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
     assert set(content["presets"]) == set(PRESETS)
     rows = {row["setting"]: row for row in content["ladders"]["tables"]["rows"]}
     for name, preset in PRESETS.items():
@@ -78,7 +78,7 @@ def test_the_presets_say_what_the_rows_say(folder):
 
 
 def test_the_page_needs_nothing_else(folder):
-    page = (folder / "tradeoff.html").read_text()
+    page = (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
     assert page.count("<svg") == 11
     assert "mathdefault" not in page

@@ -109,7 +109,7 @@ def test_verify_reports_the_step_beside_the_mesh(lens_step, tmp_path):
         step=lens_step,
         step_rays=50,
     )
-    assert json.loads((tmp_path / "verify.json").read_text())["brep"] == result["brep"]
+    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["brep"] == result["brep"]
     assert result["brep"]["rays"] == 50
     assert result["brep"]["against_design"]["rms"] < result["deviation_mm"]["rms"]
     assert {gate["name"] for gate in result["gates"]} >= {"brep_deviation_rms", "deviation_rms"}

@@ -41,7 +41,7 @@ def test_pictures_hold_the_flux_of_the_account(stl, tmp_path):
         assert images["stray"].sum() * pixel == pytest.approx(content["flux"]["detected_stray"], rel=1e-12)
         assert images["direct"].sum() * pixel == pytest.approx(content["flux"]["detected_direct"], rel=1e-12)
         np.testing.assert_allclose(images["direct"], images["sequential"], rtol=1e-9, atol=1e-12)
-    assert json.loads((tmp_path / "stray.json").read_text()) == content
+    assert json.loads((tmp_path / "stray.json").read_text(encoding="utf-8")) == content
     assert all(gate["passed"] for gate in content["gates"])
     assert content["balance_error"] < 1e-9
     assert sum(content["detected_stray_by_cause"].values()) == pytest.approx(content["flux"]["detected_stray"])

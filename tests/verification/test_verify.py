@@ -78,7 +78,7 @@ def failed(result):
 def test_the_right_lens_passes_and_says_so_on_disk(verify, tmp_path, design_irradiance):
     result = verify(right())
     assert failed(result) == set()
-    assert json.loads((tmp_path / "verify.json").read_text()) == result
+    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8")) == result
     with np.load(tmp_path / "verify.npz") as stored:
         assert stored["irradiance"].shape == (PIXELS, PIXELS)
         np.testing.assert_array_equal(stored["design_irradiance"], design_irradiance)

@@ -27,7 +27,7 @@ def verified(tmp_path_factory):
 
 def test_the_step_is_cast_beside_the_mesh(verified):
     folder, printed = verified
-    brep = json.loads((folder / "verify.json").read_text())["brep"]
+    brep = json.loads((folder / "verify.json").read_text(encoding="utf-8"))["brep"]
     assert brep["rays"] == 1024
     assert brep["against_design"]["rms"] < 5e-5 * 100.0
     assert float(printed["brep.against_design.rms"]) == brep["against_design"]["rms"]
@@ -35,14 +35,14 @@ def test_the_step_is_cast_beside_the_mesh(verified):
 
 def test_stray_light_is_followed_with_what_the_spec_absorbs(verified):
     folder, printed = verified
-    stray = json.loads((folder / "stray.json").read_text())
+    stray = json.loads((folder / "stray.json").read_text(encoding="utf-8"))
     assert (stray["base"], stray["absorption_per_mm"]) == ("black", 0.002)
     assert sum(stray["flux"].values()) == pytest.approx(1.0, abs=1e-9)
     # About 3 mm of way through the bulk: 1 - exp(-0.006) of the flux, and little more by reflections.
     assert 0.004 < stray["flux"]["absorbed"] < 0.012
     assert stray["flux"]["base"] > 0.0
     assert float(printed["stray_light.efficiency"]) == stray["efficiency"]
-    verify = json.loads((folder / "verify.json").read_text())
+    verify = json.loads((folder / "verify.json").read_text(encoding="utf-8"))
     assert stray["efficiency_sequential"] == pytest.approx(verify["efficiency"], rel=1e-12)
     with np.load(folder / "stray.npz") as images:
         assert images["stray"].shape == images["sequential"].shape == (16, 16)
