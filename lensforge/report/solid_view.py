@@ -116,7 +116,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
         plotter.close()
     half_height, centre_z = _frame(mesh, VIEWS["above"], optics_radius_mm)
     (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z))
-    (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]))
+    (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]), encoding="utf-8")
 
 
 def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:

@@ -11,7 +11,7 @@ POINTS = np.random.default_rng(0).normal(size=(150, 3))
 @pytest.mark.parametrize("head", ["", "x,y,z\n", "# probe 7\n\nX [mm];Y [mm];Z [mm]\n"])
 def test_common_layouts_hold_the_same_points(tmp_path, mark, head):
     lines = [mark.join(f"{value:.12e}" for value in (*point, 1.0)) for point in POINTS]
-    (tmp_path / "cloud.csv").write_text(head + "\r\n".join(lines))
+    (tmp_path / "cloud.csv").write_text(head + "\r\n".join(lines), encoding="utf-8")
     np.testing.assert_allclose(read_cloud(tmp_path / "cloud.csv"), POINTS, rtol=1e-11)
 
 

@@ -148,7 +148,7 @@ def test_sections_run_through_the_centre():
 def test_what_cannot_be_used_is_input_error(tmp_path):
     right = shot(tmp_path)
     small = write(tmp_path / "small.png", np.ones((10, 10)))
-    (tmp_path / "bad.png").write_text("no picture")
+    (tmp_path / "bad.png").write_text("no picture", encoding="utf-8")
     cases = [
         (Shot(tmp_path / "none.png", None, CORNERS, SIDE), "no such file"),
         (Shot(tmp_path / "bad.png", None, CORNERS, SIDE), "not readable as an image"),

@@ -54,7 +54,7 @@ def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
     for old, new in replace.items():
         text = text.replace(old, new)
     path = folder / "small.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -182,7 +182,7 @@ def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path) -> N
 
 
 def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
     result = lensforge("design", write_spec(tmp_path), "--out", tmp_path / "file" / "out", "--accuracy", "draft")
     assert result.returncode == 2
     assert len(result.stderr.splitlines()[-1:]) == 1

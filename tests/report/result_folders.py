@@ -43,7 +43,7 @@ def make_folder(folder, stages=STAGES, stl=False, lens=None):
     folder.mkdir(parents=True, exist_ok=True)
     (lens or small_lens()).save(folder / "lens.json")
     for stage in stages:
-        (folder / f"{stage}.json").write_text(json.dumps(CONTENT[stage]))
+        (folder / f"{stage}.json").write_text(json.dumps(CONTENT[stage]), encoding="utf-8")
     if "evaluate" in stages:
         np.savez(folder / "evaluate.npz", **evaluate_arrays())
     if "check" in stages:

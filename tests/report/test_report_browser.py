@@ -72,7 +72,7 @@ def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, widt
     markup = (folder / "report.html").read_text(encoding="utf-8")
     sandbox = "" if scripts else 'sandbox="allow-same-origin"'
     frame = tmp_path / "frame.html"
-    frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)))
+    frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)), encoding="utf-8")
     document, _ = browser.run(frame, tmp_path)
     found = json.loads(browser.title(document))
     assert found["overall"] <= width
@@ -84,7 +84,9 @@ def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, widt
 
 def test_the_lens_turns_and_no_script_fails(folder, tmp_path):
     page = tmp_path / "play.html"
-    page.write_text((folder / "report.html").read_text(encoding="utf-8").replace("</head>", f"{_PLAY}</head>"))
+    page.write_text(
+        (folder / "report.html").read_text(encoding="utf-8").replace("</head>", f"{_PLAY}</head>"), encoding="utf-8"
+    )
     document, console = browser.run(page, tmp_path)
     found = json.loads(browser.title(document))
     assert found["errors"] == []

@@ -22,7 +22,9 @@ def folders(tmp_path):
     images = evaluate_arrays()
     images["irradiance"] = 0.5 * images["irradiance"]
     np.savez(second / "evaluate.npz", **images)
-    (second / "evaluate.json").write_text(json.dumps({**CONTENT["evaluate"], "nmse": 0.0023, "receiver_mm": 600.0}))
+    (second / "evaluate.json").write_text(
+        json.dumps({**CONTENT["evaluate"], "nmse": 0.0023, "receiver_mm": 600.0}), encoding="utf-8"
+    )
     return first, second
 
 

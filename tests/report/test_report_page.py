@@ -93,7 +93,7 @@ def test_gates_that_hold_are_said_to_hold(page):
 def test_headline_numbers_say_whether_they_are_what_was_asked_for(tmp_path):
     make_folder(tmp_path, stages=("design", "check"))
     gates = [gate("constraint g1", 0.5, -0.001, ">="), gate("constraint g3", -0.25, -0.001, ">=")]
-    (tmp_path / "design.json").write_text(json.dumps({**CONTENT["design"], "gates": gates}))
+    (tmp_path / "design.json").write_text(json.dumps({**CONTENT["design"], "gates": gates}), encoding="utf-8")
     states = {card.label: card.state for card in headline.cards(load_results(tmp_path))}
     assert states["Cavity room"] == "pass"
     assert states["Lens radius"] == "fail"
@@ -121,7 +121,7 @@ def test_light_is_in_watts_or_by_the_efficacy_in_lux(tmp_path, efficacy, peak):
 def test_a_failed_gate_comes_with_its_remedy(tmp_path):
     make_folder(tmp_path, stages=("export",))
     content = {**CONTENT["export"], "gates": [gate("form_error", 12.5, 10.0)]}
-    (tmp_path / "export.json").write_text(json.dumps(content))
+    (tmp_path / "export.json").write_text(json.dumps(content), encoding="utf-8")
     text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert "1 of 1 gates fail: form error." in text
     assert "Try: try something else." in text
@@ -176,8 +176,8 @@ def without(content, *path):
 )
 def test_a_broken_json_file_is_one_line(tmp_path, file, text):
     make_folder(tmp_path)
-    (tmp_path / "report.html").write_text("the old report")
-    (tmp_path / file).write_text(text)
+    (tmp_path / "report.html").write_text("the old report", encoding="utf-8")
+    (tmp_path / file).write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=re.escape(file)) as caught:
         build_report(tmp_path)
     assert "\n" not in str(caught.value)
@@ -235,12 +235,14 @@ def test_an_outline_noted_by_the_design_is_drawn_and_a_missing_one_is_told(tmp_p
         (make_folder(tmp_path, stages=("design",), lens=lens) / "lens.json").read_text(encoding="utf-8")
     )
     record["spec"]["source"] = source
-    (tmp_path / "lens.json").write_text(json.dumps(record))
+    (tmp_path / "lens.json").write_text(json.dumps(record), encoding="utf-8")
     text = Page(build_report(tmp_path).read_text(encoding="utf-8")).text
     assert "is not recorded in this folder" in text
     assert "/somewhere" not in text
     outline = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    (tmp_path / "design.json").write_text(json.dumps({**CONTENT["design"], "source_outline_mm": outline}))
+    (tmp_path / "design.json").write_text(
+        json.dumps({**CONTENT["design"], "source_outline_mm": outline}), encoding="utf-8"
+    )
     assert "The source is drawn at its size." in Page(build_report(tmp_path).read_text(encoding="utf-8")).text
 
 

@@ -18,7 +18,7 @@ def taken(tmp_path_factory):
     folder, spec = tmp_path_factory.mktemp("design"), small_spec()
     (folder / "snapshots").mkdir()
     (folder / "snapshots" / "level-9.npz").write_bytes(b"of an earlier design")
-    (folder / "snapshots" / "notes.txt").write_text("the user's own")
+    (folder / "snapshots" / "notes.txt").write_text("the user's own", encoding="utf-8")
     observer = Snapshots(spec, folder)
     return folder, design(spec, build_source(spec.source), accuracy="draft", observer=observer.on_step)
 

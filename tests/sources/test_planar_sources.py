@@ -75,7 +75,7 @@ def test_symmetry_of_pictures(rows, name):
 
 def test_pictures_that_cannot_be_used_are_one_line(tmp_path):
     Image.new("L", (4, 4)).save(tmp_path / "dark.png")
-    (tmp_path / "text.png").write_text("no picture")
+    (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
     for name, message in (("dark.png", "dark"), ("text.png", "not a readable image"), ("none.png", "no such file")):
         with pytest.raises(InputError, match=message):
             Picture.read(tmp_path / name, 1.0)

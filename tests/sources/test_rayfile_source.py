@@ -116,11 +116,11 @@ def test_a_spec_names_several_files_relative_to_itself(two_files, examples):
     text = text.replace('kind = "rayfile"', 'kind = "rayfiles"').replace(
         'file = "led.tm25ray"', 'files = [{file = "blue", flux_w = 0.6}, {file = "yellow", flux_w = 0.4}]'
     )
-    (two_files / "led_rayfile.toml").write_text(text)
+    (two_files / "led_rayfile.toml").write_text(text, encoding="utf-8")
     spec = load_spec(two_files / "led_rayfile.toml")
     assert spec.source.title == "ray files blue, yellow"
     assert build_source(spec.source).flux_w == pytest.approx(1.0)
-    (two_files / "led_rayfile.toml").write_text(text.replace("flux_w = 0.6", "flux_w = -0.6"))
+    (two_files / "led_rayfile.toml").write_text(text.replace("flux_w = 0.6", "flux_w = -0.6"), encoding="utf-8")
     with pytest.raises(InputError, match=r"source\.files\.0\.flux_w = -0\.6"):
         load_spec(two_files / "led_rayfile.toml")
 

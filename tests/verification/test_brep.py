@@ -118,7 +118,7 @@ def test_verify_reports_the_step_beside_the_mesh(lens_step, tmp_path):
 def test_what_is_no_solid_is_input_error(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         StepBody(tmp_path / "none.step")
-    (tmp_path / "bad.step").write_text("not a STEP file")
+    (tmp_path / "bad.step").write_text("not a STEP file", encoding="utf-8")
     with pytest.raises(InputError, match=r"not readable|0 solids"):
         StepBody(tmp_path / "bad.step")
     cq.exporters.export(
