@@ -131,5 +131,5 @@ def test_importing_the_stage_loads_neither_torch_nor_cad():
         "[importlib.import_module(m.name) for m in pkgutil.walk_packages(g.__path__, g.__name__ + '.')]\n"
         "print(sorted({'torch', 'cadquery', 'OCP', 'trimesh', 'manifold3d', 'lib3mf'} & set(sys.modules)))"
     )
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=True)
     assert run.stdout.strip() == "[]"

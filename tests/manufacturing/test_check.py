@@ -147,5 +147,5 @@ def test_a_cutter_that_almost_fits_leaves_a_little(rough):
 
 def test_the_check_needs_neither_torch_nor_cad():
     code = "import sys, lensforge.manufacturing.check; print({'torch', 'cadquery', 'numba'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert done.stdout.strip() == "set()"

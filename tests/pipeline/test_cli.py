@@ -46,7 +46,7 @@ diameter_mm = 16.0
 
 def lensforge(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lensforge", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, timeout=300, check=False)
 
 
 def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
@@ -122,7 +122,7 @@ def test_a_killed_design_resumes_to_the_same_lens(designed: Path, tmp_path: Path
         [sys.executable, "-m", "lensforge", *map(str, command)],
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
-        text=True,
+        encoding="utf-8",
     )
     deadline = time.monotonic() + 60
     while not (tmp_path / "cut" / "checkpoint.pt").exists() and time.monotonic() < deadline:

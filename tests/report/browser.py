@@ -17,7 +17,7 @@ _OPTIONS = (
 def run(page, folder):
     """(document as the browser leaves it, what its console says) of the file ``page``."""
     command = [PATH, *_OPTIONS, f"--user-data-dir={folder / 'profile'}", page.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=120, check=True)
     return done.stdout, re.findall(r"CONSOLE\S*\] (.*)", done.stderr)
 
 
