@@ -27,6 +27,11 @@ class Gate:
         verdict = "holds" if self.passed else f"fails by {abs(self.value - self.limit):.3g} {self.unit}; {self.remedy}"
         return f"{self.name} = {self.value:.6g} {self.unit} (must be {self.sense} {self.limit:g}): {verdict}"
 
+    @staticmethod
+    def from_json(entry: dict[str, Any]) -> "Gate":
+        """The gate that :meth:`to_json` wrote; its verdict is derived anew."""
+        return Gate(**{key: value for key, value in entry.items() if key != "passed"})
+
     def to_json(self) -> dict[str, Any]:
         """For the ``gates`` list of a stage's JSON file."""
         return {**asdict(self), "passed": self.passed}

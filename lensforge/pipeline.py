@@ -253,9 +253,5 @@ def run_report(directory: Path) -> Path:
 
 def gates_of(directory: Path) -> list[Gate]:
     """The gates of every stage that has run in ``directory``."""
-    gates = []
-    for stage in STAGES:
-        path = directory / f"{stage}.json"
-        for entry in read_json(path)["gates"] if path.exists() else []:
-            gates.append(Gate(**{key: value for key, value in entry.items() if key != "passed"}))
-    return gates
+    paths = [directory / f"{stage}.json" for stage in STAGES]
+    return [Gate.from_json(entry) for path in paths if path.exists() for entry in read_json(path)["gates"]]

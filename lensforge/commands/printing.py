@@ -13,7 +13,7 @@ from lensforge.gates import Gate, require
 
 def finish(result: dict[str, Any], directory: Path) -> None:
     """Print one stage's numbers, refresh the report if there is one, and judge the stage's gates."""
-    gates = [Gate(**{k: v for k, v in gate.items() if k != "passed"}) for gate in result.get("gates", [])]
+    gates = [Gate.from_json(entry) for entry in result.get("gates", [])]
     print_table({key: value for key, value in result.items() if key != "gates"})
     if (directory / "report.html").exists():
         pipeline().run_report(directory)

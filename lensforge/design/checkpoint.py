@@ -2,6 +2,7 @@
 
 import hashlib
 import pickle
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,10 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None) -> str:
 
 def save_checkpoint(path: Path, key: str, state: dict[str, Any]) -> None:
     """Write ``state`` (tensors, numbers, lists) beside ``path`` and rename."""
+    content = BytesIO()  # torch's own writer hides a full disk behind an error of its own
+    torch.save({"key": key, "state": state}, content)
     with replacing(path) as temporary:
-        torch.save({"key": key, "state": state}, temporary)
+        temporary.write_bytes(content.getbuffer())
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, Any]:

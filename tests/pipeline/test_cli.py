@@ -189,6 +189,25 @@ def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
     assert "cannot be written" in result.stderr
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_one_line_and_the_old_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lensforge.design.checkpoint import save_checkpoint
+    from lensforge.errors import InputError
+
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(b"old")
+
+    def full(self: Path, data: bytes) -> int:
+        with open("/dev/full", "wb", buffering=0) as device:  # noqa: PTH123
+            return device.write(data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        save_checkpoint(path, "key", {"step": 1})
+    assert path.read_bytes() == b"old"
+    assert not list(tmp_path.glob(".writing-*"))
+
+
 def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> None:
     before = (designed / "lens.json").read_bytes()
     bad = write_spec(tmp_path, **{"side_mm = 1.0": "side_mm = -1.0"})
