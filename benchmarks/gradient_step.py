@@ -18,7 +18,6 @@ import torch
 from lensforge.design.constraints import AugmentedLagrangian
 from lensforge.design.objective import Objective
 from lensforge.design.parameters import Parametrisation
-from lensforge.memory import keep_freed_memory
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 
@@ -73,10 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--rays", type=int, default=2**19)
     parser.add_argument("--repeat", type=int, default=7)
-    parser.add_argument("--plain-malloc", action="store_true", help="without lensforge.memory.keep_freed_memory")
     options = parser.parse_args()
-    if not options.plain_malloc:
-        keep_freed_memory()
     step = Step(options.rays)
     functions = 2 * step.parametrisation.basis.size
     print(f"{options.rays} rays, {functions} SRBFs, 64 x 64 pixels, {torch.get_num_threads()} threads, float64")

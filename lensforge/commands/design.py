@@ -36,7 +36,6 @@ def design(
     content = import_module("lensforge.spec").load_spec(spec)
     directory = out or Path("cad_out") / content.name
     use_threads(threads)
-    import_module("lensforge.memory").keep_freed_memory()
     observers = []
     if snapshots:
         taken = import_module("lensforge.report.snapshots").Snapshots(content, directory, resume=resume)
