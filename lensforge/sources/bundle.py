@@ -1,22 +1,46 @@
 """Rays as they leave a source, and what every source promises."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True)
 class RayBundle:
-    """``n`` rays: start points (mm), unit directions, and the flux each carries (W). NumPy, float64."""
+    """``n`` rays: start points (mm), unit directions, and the flux each carries (W). NumPy, float64.
+
+    ``refractive_indices``: what the lens is to each ray, where it disperses the source's light; None where one index,
+    that of the spec, is right for all.
+    """
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     weights: Float[np.ndarray, " n"]
+    refractive_indices: Float[np.ndarray, " n"] | None = None
 
     def __len__(self) -> int:
         return len(self.weights)
+
+    def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
+        """Some of the rays, as they are."""
+        indices = None if self.refractive_indices is None else self.refractive_indices[rows]
+        return RayBundle(self.origins[rows], self.directions[rows], self.weights[rows], indices)
+
+    @classmethod
+    def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
+        """The rays of all parts, in their order; all of them with refractive indices of their own, or none."""
+        indices = [part.refractive_indices for part in parts]
+        return cls(
+            np.concatenate([part.origins for part in parts]),
+            np.concatenate([part.directions for part in parts]),
+            np.concatenate([part.weights for part in parts]),
+            None
+            if all(own is None for own in indices)
+            else np.concatenate([own for own in indices if own is not None]),
+        )
 
 
 @runtime_checkable
