@@ -13,6 +13,7 @@ from lensforge.commands.design import design
 from lensforge.commands.part import compare, handover, photometry, sensitivity
 from lensforge.commands.rays import rays
 from lensforge.commands.stages import check, evaluate, export, report, verify
+from lensforge.commands.sweep import sweep
 from lensforge.commands.tradeoff import tradeoff
 from lensforge.errors import LensforgeError
 from lensforge.version import __version__
@@ -25,7 +26,7 @@ def cli() -> None:
 
 
 for command in (
-    design, evaluate, export, check, verify, report, rays, tradeoff, sensitivity, photometry, handover, compare,
+    design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, photometry, handover, compare,
 ):  # fmt: skip
     cli.add_command(command)
 

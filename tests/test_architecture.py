@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 ORDER = [
     "version", "errors", "files", "gates", "surfaces", "spec", "accuracy", "lens", "optics", "sources",
     "tracing", "receiver", "design", "evaluation", "tolerancing", "photometry", "geometry", "manufacturing",
-    "verification", "measurement", "report", "handover", "progress", "pipeline", "tradeoff", "commands", "cli",
+    "verification", "measurement", "report", "handover", "progress", "pipeline", "tradeoff", "sweep", "commands", "cli",
     "__main__",
 ]  # fmt: skip
 MODULES = sorted(PACKAGE.rglob("*.py"))
