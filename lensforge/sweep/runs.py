@@ -51,7 +51,7 @@ def run_sweep(
     resume: bool = False,
     announce: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Make every design of ``variation`` in ``directory``; write sweep.json, sweep.html and sweep.png; return the first.
+    """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the first.
 
     With ``resume`` designs that sweep.json lists are kept, whatever values are asked for now. A design that fails a
     gate is listed with it, and the sweep goes on. Raises :class:`InputError` before the first design for a value that

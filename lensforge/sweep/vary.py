@@ -30,7 +30,7 @@ class Variation:
     scaled: tuple[str, ...] = ()
 
     def variants(self, base: Spec) -> list[Variant]:
-        """The designs, smallest value first. Raises :class:`InputError` for a field or a value that a spec cannot have."""
+        """The designs, smallest value first. Raises :class:`InputError` for what a spec cannot have."""
         return [self._variant(base, value) for value in self.values]
 
     def _variant(self, base: Spec, value: float) -> Variant:

@@ -1,7 +1,6 @@
 """A sweep varies what it says, keeps what is finished, and shows each design's own figures."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
