@@ -9,13 +9,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Leg
-from lensforge.verification.comparison import Agreement, Expected, compare
-from lensforge.verification.passage import Crossing, Fate, Passage, land, outside_leg, refract
+from lensforge.verification.comparison import Agreement, Expected, compare, drawn
+from lensforge.verification.passage import Crossing, Fate, Passage, indices_of, land, outside_leg, refract
 from lensforge.verification.step_body import FaceHits, StepBody
 
 RAYS = 1024
@@ -71,11 +71,10 @@ def judge_brep(
     Raises :class:`InputError` for a file that holds no solid, or several.
     """
     start = perf_counter()
-    # Drawn, not evenly picked: every sixteenth point of a Sobol sequence lies in one sixteenth of the chip.
-    rows = np.sort(np.random.default_rng(0).permutation(len(rays))[:count])
-    some = RayBundle(rays.origins[rows], rays.directions[rows], rays.weights[rows])
+    rows = drawn(count, len(rays))
+    some = rays.take(rows)
     passage = send_through_step(StepBody(step), some, refractive_index, distance_mm)
-    design = Expected(expected.irradiance, expected.hits[rows], expected.weights[rows])
+    design = expected.take(rows)
     by_mesh = Expected(expected.irradiance, mesh.landings[rows], mesh.flux[rows])
     return BrepVerdict(
         rays=len(rows),
@@ -93,7 +92,7 @@ def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, 
         fates=np.full(len(rays), Fate.NO_HIT, dtype=np.int64),
         facets_um=np.zeros((len(rays), 2)),
     )
-    leg = outside_leg(rays)
+    leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = body.first_hits(leg)
     passage.fates[:] = np.select(
         [entry.faces < 0, entry.leaving, entry.points[:, 2] <= 0.0],
@@ -102,18 +101,18 @@ def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, 
     )
     rows = np.nonzero(passage.fates == Fate.LANDED)[0]
     entry = entry.take(rows)
-    entered = _cross(leg.take(rows), entry, 1.0 / refractive_index)
+    entered = _cross(leg.take(rows), entry, 1.0 / indices[rows])
     passage.flux[rows] *= entered.transmittance
 
     exits = body.first_hits(entered.leg)
     passage.fates[rows] = _exit_fates(entry, exits)
     reached = np.nonzero(passage.fates[rows] == Fate.LANDED)[0]
-    left = _cross(entered.leg.take(reached), exits.take(reached), refractive_index)
+    left = _cross(entered.leg.take(reached), exits.take(reached), indices[rows[reached]])
     land(passage, rows[reached], left, distance_mm)
     return passage
 
 
-def _cross(leg: Leg, hits: FaceHits, index_ratio: float) -> Crossing:
+def _cross(leg: Leg, hits: FaceHits, index_ratio: Float[np.ndarray, " n"]) -> Crossing:
     directions, transmittance = refract(leg.directions, hits.normals, index_ratio)
     behind = Leg(hits.points, directions, np.full(len(directions), _SKIN_MM))
     return Crossing(behind, transmittance, np.zeros(len(directions)))

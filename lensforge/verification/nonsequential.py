@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Hits, Leg
 from lensforge.verification.part import Part
-from lensforge.verification.passage import at_base, meet, refract
+from lensforge.verification.passage import at_base, indices_of, meet, refract
 
 # A polished base is as clear as the lens; a black one takes all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
@@ -39,7 +39,7 @@ class Cause(IntEnum):
 class Light:
     """Rays under way: leg, flux (W), whether in the material, cause, and the face by which they entered (-1: none).
 
-    ``crossings`` counts the surfaces passed as the design has it.
+    ``indices`` is what the lens is to each. ``crossings`` counts the surfaces passed as the design has it.
     """
 
     leg: Leg
@@ -48,16 +48,18 @@ class Light:
     causes: Int[np.ndarray, " n"]
     crossings: Int[np.ndarray, " n"]
     entered_by: Int[np.ndarray, " n"]
+    indices: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Light":
         """Some of the rays."""
-        rest = (getattr(self, name)[rows] for name in ("flux", "inside", "causes", "crossings", "entered_by"))
+        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices")
+        rest = (getattr(self, name)[rows] for name in names)
         return Light(self.leg.take(rows), *rest)
 
 
 @dataclass(frozen=True)
 class Body:
-    """The part under light: its index, absorption coefficient (1/mm), and what its base does with light."""
+    """The part under light: its index to rays that have none of their own, absorption (1/mm), what its base does."""
 
     part: Part
     grid: Grid
@@ -109,8 +111,7 @@ def follow(body: Body, rays: RayBundle, distance_mm: float, limits: Limits) -> A
     """Follow all light of ``rays`` until it has left the part; the receiver's plane is z = ``distance_mm``."""
     account, least = Account(), limits.cut_off * float(rays.weights.mean())
     for start in range(0, len(rays), _CHUNK):
-        some = slice(start, start + _CHUNK)
-        light = _emitted(body, RayBundle(rays.origins[some], rays.directions[some], rays.weights[some]))
+        light = _emitted(body, rays.take(slice(start, start + _CHUNK)))
         for _ in range(limits.depth):
             light = _step(body, light, distance_mm, least, account)
             if len(light.flux) == 0:
@@ -127,7 +128,9 @@ def _emitted(body: Body, rays: RayBundle) -> Light:
     inside = hits.found & (_along(body, leg, hits) > 0.0)
     nothing = np.zeros(count, dtype=np.int64)
     causes = np.where(inside, Cause.BASE, Cause.SEQUENTIAL)
-    return Light(leg, rays.weights.copy(), inside, causes, nothing, nothing - 1)
+    return Light(
+        leg, rays.weights.copy(), inside, causes, nothing, nothing - 1, indices_of(rays, body.refractive_index)
+    )
 
 
 def _along(body: Body, leg: Leg, hits: Hits) -> Float[np.ndarray, " n"]:
@@ -175,10 +178,9 @@ def _dimmed(body: Body, light: Light, points: Float[np.ndarray, "n 3"], account:
 
 def _split(body: Body, light: Light, hits: Hits) -> Light:
     """The transmitted and the reflected light behind a surface, one after the other."""
-    index = body.refractive_index
     points, normals = meet(body.part, light.leg, hits)
     directions = light.leg.directions
-    outward, into = refract(directions, normals, index), refract(directions, normals, 1.0 / index)
+    outward, into = refract(directions, normals, light.indices), refract(directions, normals, 1.0 / light.indices)
     bent = np.where(light.inside[:, None], outward[0], into[0])
     transmittance = np.where(light.inside, outward[1], into[1])
     mirrored = directions - 2.0 * np.sum(directions * normals, axis=1)[:, None] * normals
@@ -192,6 +194,7 @@ def _split(body: Body, light: Light, hits: Hits) -> Light:
         np.concatenate(causes),
         np.tile(light.crossings + on_way, 2),
         np.tile(np.where(entering, body.part.faces[hits.triangles], light.entered_by), 2),
+        np.tile(light.indices, 2),
     )
 
 

@@ -54,26 +54,30 @@ class Crossing:
 
 
 def refract(
-    directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], index_ratio: float
+    directions: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    index_ratio: Float[np.ndarray, " n"] | float,
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Unit directions by Snell's law, and unpolarised Fresnel transmittance, 0 where totally reflected.
 
-    ``normals`` may point to either side; ``index_ratio`` is n before / n behind. Born and Wolf, section 1.5.
+    ``normals`` may point to either side; ``index_ratio`` is n before / n behind, of each ray or of all. Born and Wolf,
+    section 1.5.
     """
+    index_ratio = np.broadcast_to(index_ratio, len(directions))
     along = np.sum(directions * normals, axis=1)
     before = np.abs(along)
     squared = 1.0 - index_ratio**2 * (1.0 - before**2)
     passes = squared > 0.0
     behind = np.sqrt(np.where(passes, squared, 1.0))
     facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
-    bent = index_ratio * directions + (behind - index_ratio * before)[:, None] * facing
+    bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
     across = (index_ratio * before - behind) / (index_ratio * before + behind)
     within = (before - index_ratio * behind) / (before + index_ratio * behind)
     transmittance = np.where(passes, 1.0 - 0.5 * (across**2 + within**2), 0.0)
     return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
 
 
-def cross(part: Part, leg: Leg, hits: Hits, index_ratio: float) -> Crossing:
+def cross(part: Part, leg: Leg, hits: Hits, index_ratio: Float[np.ndarray, " n"]) -> Crossing:
     """Take every ray, all of which hit a facet, through the curved surface over it."""
     points, normals = meet(part, leg, hits)
     directions, transmittance = refract(leg.directions, normals, index_ratio)
@@ -107,6 +111,12 @@ def _ahead(
     return np.sum(offsets * normals, axis=1) / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
 
 
+def indices_of(rays: RayBundle, refractive_index: float) -> Float[np.ndarray, " n"]:
+    """What the lens is to each ray: its own index where it has one, else ``refractive_index``."""
+    own = rays.refractive_indices
+    return np.full(len(rays), refractive_index) if own is None else own
+
+
 def outside_leg(rays: RayBundle) -> Leg:
     """The first cast: from the source towards the part."""
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
@@ -117,8 +127,7 @@ def send_through(part: Part, grid: Grid, rays: RayBundle, refractive_index: floa
     pieces = []
     for start in range(0, len(rays), _CHUNK):
         some = slice(start, start + _CHUNK)
-        piece = RayBundle(rays.origins[some], rays.directions[some], rays.weights[some])
-        pieces.append(_send(part, grid, piece, refractive_index, distance_mm))
+        pieces.append(_send(part, grid, rays.take(some), refractive_index, distance_mm))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
@@ -129,13 +138,13 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
         fates=np.full(len(rays), Fate.NO_HIT, dtype=np.int64),
         facets_um=np.zeros((len(rays), 2)),
     )
-    leg = outside_leg(rays)
+    leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
     passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
     rows = np.nonzero(passage.fates == Fate.LANDED)[0]
     entry = entry.take(rows)
-    entered = cross(part, leg.take(rows), entry, 1.0 / refractive_index)
+    entered = cross(part, leg.take(rows), entry, 1.0 / indices[rows])
     passage.flux[rows] *= entered.transmittance
     passage.facets_um[rows, 0] = 1e3 * entered.heights
 
@@ -143,7 +152,7 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
     passage.fates[rows] = _exit_fates(part, entry, exits)
     reached = np.nonzero(passage.fates[rows] == Fate.LANDED)[0]
     rows = rows[reached]
-    left = cross(part, entered.leg.take(reached), exits.take(reached), refractive_index)
+    left = cross(part, entered.leg.take(reached), exits.take(reached), indices[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
     land(passage, rows, left, distance_mm)
     return passage

@@ -8,6 +8,9 @@ from scipy.ndimage import convolve1d
 
 from lensforge.errors import InputError
 
+# Against the design's own picture only noise may remain: as much from either, if that picture has no fewer rays.
+NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
+
 
 @dataclass(frozen=True)
 class Receiver:
@@ -67,6 +70,11 @@ class Receiver:
 def within(landings: Float[np.ndarray, "n 2"], side_mm: float) -> Bool[np.ndarray, " n"]:
     """Which landings lie in the centred square of ``side_mm``; NaN does not."""
     return (np.abs(landings) <= 0.5 * side_mm).all(axis=1)
+
+
+def noise_limit(floor: float) -> float:
+    """The largest NMSE against the design's own picture that noise explains; ``floor``: of the part's rays alone."""
+    return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
 def squared_norm(reference: Float[np.ndarray, "p p"]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg, plain_distances
 from lensforge.verification.part import Part
-from lensforge.verification.passage import cross, outside_leg
+from lensforge.verification.passage import cross, indices_of, outside_leg
 
 AGREE_MM = 1e-6  # the two compute the same plane intersection; only the last digits may differ
 
@@ -26,11 +26,11 @@ class Verdict:
 def judge(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, count: int) -> Verdict:
     """Cast ``count`` rays, evenly picked, both ways: from the source, and on from where they entered."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside = outside_leg(rays).take(rows)
+    outside, indices = outside_leg(rays).take(rows), indices_of(rays, refractive_index)[rows]
     part.mesh.triangles_tree  # noqa: B018  built here, so that it does not count as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]
-    inside = cross(part, outside.take(entered), entry.take(entered), 1.0 / refractive_index).leg
+    inside = cross(part, outside.take(entered), entry.take(entered), 1.0 / indices[entered]).leg
     start = perf_counter()
     wrong = _disagreements(part, grid, outside) + _disagreements(part, grid, inside)
     seconds = perf_counter() - start

@@ -20,9 +20,10 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification.brep import RAYS, judge_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_account, share
+from lensforge.verification.mitsuba_cast import judge_mitsuba
 from lensforge.verification.part import Part, load_part
 from lensforge.verification.passage import Passage, send_through
-from lensforge.verification.picture import Receiver, nmse, squared_norm, within
+from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm, within
 from lensforge.verification.referee import judge
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
@@ -32,8 +33,6 @@ DEVIATION_PER_DISTANCE = 1e-4
 FLUX_SHARE = FATE_SHARE = 1e-3
 # With the same rays the picture may change by a tenth of what other rays would change, or by 1 % rms of itself.
 SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
-# Against the design's own picture only noise may remain: as much from either, if that picture has no fewer rays.
-NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
 
 
 @dataclass(frozen=True)
@@ -81,14 +80,16 @@ def verify_part(
     referee_rays: int = 200,
     step: Path | None = None,
     step_rays: int = RAYS,
+    mitsuba_rays: int = 0,
 ) -> dict[str, Any]:
     """Cast ``rays`` into the part in ``stl`` (mm), compare with the design, write verify.json and verify.npz.
 
     ``design_irradiance`` (W/m^2, [y, x]) is the design's picture under the same 3 x 3 filter of ``filter_variance``
     (0: none); ``design_hits`` (mm) and ``design_weights`` (W) are where the design lands the same rays. Efficiency
     counts the centred square of ``window_mm``. ``step`` is the same part as a STEP file, through which the CAD kernel
-    casts ``step_rays`` of the rays; without it the key ``brep`` is None. Raises :class:`InputError` for a file that is
-    no mesh or no solid and for arrays that do not fit; a part that is wrong fails its gates instead.
+    casts ``step_rays`` of the rays; without it the key ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays
+    through the mesh; with 0 it is not loaded, and the key ``mitsuba`` is None. Raises :class:`InputError` for a file
+    that is no mesh or no solid and for arrays that do not fit; a part that is wrong fails its gates instead.
     """
     start = perf_counter()
     expected = Expected(design_irradiance, design_hits, design_weights)
@@ -108,6 +109,11 @@ def verify_part(
         verdict = judge_brep(step, case.rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
         figures["brep"] = verdict.to_json()
         gates += verdict.gates(distance_mm)
+    figures["mitsuba"] = None
+    if mitsuba_rays:
+        asked = judge_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
+        figures["mitsuba"] = asked.to_json()
+        gates += asked.gates(distance_mm)
     seconds = {"seconds": perf_counter() - start, "cast_seconds": cast_seconds}
     result = {"rays": len(rays), **seconds, **figures, "gates": [gate.to_json() for gate in gates]}
     with replacing(Path(directory) / "verify.npz") as temporary:
@@ -165,7 +171,7 @@ def _gates(figures: dict[str, Any]) -> list[Gate]:
         ("flux_deviation", figures["flux_deviation"], FLUX_SHARE, "of the flux", again),
         ("fate_disagreement_flux", figures["fate_disagreement_flux"], FATE_SHARE, "of the flux", again),
         ("nmse_same_rays", figures["nmse_same_rays"], SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
-        ("nmse_vs_design", figures["nmse_vs_design"], NOISE_FLOORS * floor + NOISE_ALLOWANCE, "", evaluate),
+        ("nmse_vs_design", figures["nmse_vs_design"], noise_limit(floor), "", evaluate),
         ("referee_disagreements", figures["referee"]["disagreements"], 0.0, "casts", report),
     ]
     return [Gate(name, value, "<=", limit, unit, remedy) for name, value, limit, unit, remedy in limits]

@@ -1,49 +1,93 @@
-"""The third referee against closed forms; only where Mitsuba is installed and its LLVM is named.
+"""The third referee against closed forms, and in the verdict; only where Mitsuba is installed."""
 
-An LLVM that is too old, as Mitsuba may find by itself, ends the whole process.
-"""
-
-import importlib.util
-import os
-from pathlib import Path
+import json
 
 import numpy as np
 import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification import mitsuba_cast
+from lensforge.verification.comparison import Expected
+from lensforge.verification.mitsuba_cast import judge_mitsuba, send_through_mitsuba
 from lensforge.verification.part import part_of
 from lensforge.verification.passage import Fate
+from lensforge.verification.picture import Receiver
+from lensforge.verification.verify import verify_part
 
-pytest.importorskip("mitsuba")
-if "DRJIT_LIBLLVM_PATH" not in os.environ:
-    pytest.skip("DRJIT_LIBLLVM_PATH is not set", allow_module_level=True)
-INDEX, DISTANCE = 1.4936, 150.0
+mitsuba = pytest.importorskip("mitsuba")
+INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
 INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
 OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+RAYS = lambertian(4000, 2.0, seed=11)
+HITS, FLUX, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+RECEIVER = Receiver(SIDE, 32)
 
 
-@pytest.fixture(scope="module")
-def check():
-    path = Path(__file__).parents[2] / "benchmarks" / "mitsuba_check.py"
-    content = importlib.util.spec_from_file_location("mitsuba_check", path)
-    module = importlib.util.module_from_spec(content)
-    content.loader.exec_module(module)
-    return module
+def part(rings=60, outer=OUTER):
+    return part_of(lens_mesh(INNER.radius, outer.radius, rings, (16.0, 2.0)))
 
 
-def deviations(check, rings):
-    rays = lambertian(4000, 2.0, seed=11)
-    hits, flux, _ = oracle(INNER, OUTER, rays, INDEX, DISTANCE)
-    part = part_of(lens_mesh(INNER.radius, OUTER.radius, rings, (16.0, 2.0)))
-    passage = check.send_through_mitsuba(check.mitsuba_scene(part), rays, INDEX, DISTANCE)
-    landed = (passage.fates == Fate.LANDED) & np.isfinite(hits[:, 0])
-    assert np.mean(landed == np.isfinite(hits[:, 0])) > 0.995
-    np.testing.assert_allclose(passage.flux[landed], flux[landed], rtol=0.02)
-    seen = landed & (np.abs(hits).max(axis=1) < 150.0)
-    return np.sqrt(np.mean(np.sum((passage.landings[seen] - hits[seen]) ** 2, axis=1)))
+def converged():
+    many = lambertian(400_000, 2.0, seed=2)
+    landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
+    return RECEIVER.irradiance(landings, flux)
 
 
-def test_mitsuba_lands_rays_where_the_closed_form_does(check):
-    coarse, fine = deviations(check, 30), deviations(check, 60)
+def deviation(rings):
+    _, passage = send_through_mitsuba(part(rings), RAYS, INDEX, DISTANCE)
+    landed = (passage.fates == Fate.LANDED) & np.isfinite(HITS[:, 0])
+    assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
+    np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)
+    seen = landed & (np.abs(HITS).max(axis=1) < 150.0)
+    return np.sqrt(np.mean(np.sum((passage.landings[seen] - HITS[seen]) ** 2, axis=1)))
+
+
+def test_mitsuba_lands_rays_where_the_closed_form_does():
+    coarse, fine = deviation(30), deviation(60)
     assert fine < 0.05
     assert coarse / fine > 3.0  # second order in the edge length, as interpolated normals are
+
+
+def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
+    expected = Expected(converged(), HITS, FLUX)
+    right = judge_mitsuba(part(), RAYS, INDEX, DISTANCE, RECEIVER, expected, 3000)
+    assert right.rays == 3000
+    assert right.version == mitsuba.__version__
+    assert all(gate.passed for gate in right.gates(DISTANCE))
+    # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
+    assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
+    wider = judge_mitsuba(part(outer=Quadric(OUTER.centre, (14.7, 13, 14))), RAYS, INDEX, DISTANCE, RECEIVER, expected)
+    failed = {gate.name for gate in wider.gates(DISTANCE) if not gate.passed}
+    assert "mitsuba_deviation_rms" in failed
+
+
+def test_rays_with_an_index_each_are_bent_by_it():
+    both = [RayBundle(RAYS.origins, RAYS.directions, RAYS.weights, np.full(4000, index)) for index in (1.4, 1.6)]
+    some = np.arange(50)
+    for rays, index in zip(both, (1.4, 1.6), strict=True):
+        _, own = send_through_mitsuba(part(), rays.take(some), INDEX, DISTANCE)
+        _, given = send_through_mitsuba(part(), RAYS.take(some), index, DISTANCE)
+        np.testing.assert_array_equal(own.landings, given.landings)
+
+
+def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller(tmp_path):
+    lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(tmp_path / "lens.stl")
+    mitsuba.set_variant("scalar_spectral")
+    given = {
+        "rays": RAYS, "refractive_index": INDEX, "distance_mm": DISTANCE, "receiver_mm": SIDE, "window_mm": SIDE,
+        "pixels": 32, "design_irradiance": converged(), "design_hits": HITS, "design_weights": FLUX, "referee_rays": 1,
+    }  # fmt: skip
+    result = verify_part(tmp_path / "lens.stl", tmp_path, **given, mitsuba_rays=500)
+    assert mitsuba.variant() == "scalar_spectral"
+    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["mitsuba"] == result["mitsuba"]
+    assert result["mitsuba"]["rays"] == 500
+    assert "mitsuba_nmse_vs_design" in {gate["name"] for gate in result["gates"]}
+    assert verify_part(tmp_path / "lens.stl", tmp_path, **given)["mitsuba"] is None
+
+
+def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):
+    monkeypatch.setattr(mitsuba_cast, "VARIANT", "no_such_variant")
+    with pytest.raises(InputError, match="mitsuba: does not load"):
+        send_through_mitsuba(part(8), RAYS, INDEX, DISTANCE)

@@ -131,3 +131,13 @@ def test_a_window_with_a_gap_reports_what_leaks():
     account = follow(broken, beam(), DISTANCE, EVERYTHING)
     assert account.leaked == pytest.approx(1 - R, rel=1e-9)
     assert total(account) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
+    rays = lambertian(60, 2.0, seed=5)
+    for index in (1.45, 1.55):
+        given = RayBundle(rays.origins, rays.directions, rays.weights, np.full(60, index))
+        alone = follow(Body(LENS, GRID, index), rays, DISTANCE, EVERYTHING)
+        own = follow(Body(LENS, GRID, INDEX), given, DISTANCE, EVERYTHING)
+        np.testing.assert_array_equal(own.landings().points, alone.landings().points)
+        np.testing.assert_array_equal(own.landings().flux, alone.landings().flux)

@@ -134,3 +134,14 @@ def test_chunks_change_nothing(monkeypatch):
     parts = send(mesh, rays)
     np.testing.assert_array_equal(whole.landings, parts.landings)
     np.testing.assert_array_equal(whole.fates, parts.fates)
+
+
+def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
+    part = part_of(lens_mesh(INNER.radius, OUTER.radius, 24, (16.0, 2.0)))
+    rays, grid = lambertian(400, 2.0, seed=5), Grid(part.mesh)
+    own = np.where(np.arange(400) % 2, 1.45, 1.55)
+    mixed = send_through(part, grid, RayBundle(rays.origins, rays.directions, rays.weights, own), INDEX, 150.0)
+    for index in (1.45, 1.55):
+        alone, rows = send_through(part, grid, rays, index, 150.0), np.nonzero(own == index)[0]
+        np.testing.assert_array_equal(mixed.landings[rows], alone.landings[rows])
+        np.testing.assert_array_equal(mixed.flux[rows], alone.flux[rows])

@@ -1,0 +1,166 @@
+"""A third referee where Mitsuba 3 is installed: the exported mesh under its kernel, its Snell and its Fresnel.
+
+Mitsuba's scalar variant needs no LLVM and no GPU, and traces some ten thousand rays per second in single precision. Its
+meshes are flat facets with interpolated normals, so rays land off by what the facets cut from the curved surface.
+"""
+
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.gates import Gate
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.comparison import Agreement, Expected, compare, drawn, share
+from lensforge.verification.part import Part
+from lensforge.verification.passage import Fate, Passage, indices_of
+from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm
+
+RAYS = 2**16
+VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
+# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles take up 0.2 to 0.4 of it. What is
+# smaller than that is for the referees that know the curved surface.
+DEVIATION_PER_DISTANCE = 1e-3
+FLUX_SHARE = FATE_SHARE = 2e-3
+
+
+@dataclass(frozen=True)
+class MitsubaVerdict:
+    """``rays`` rays by Mitsuba: how far from the design they land, and how far their picture is from the design's."""
+
+    version: str
+    rays: int
+    seconds: float
+    nmse_vs_design: float
+    noise_floor_nmse: float
+    nmse_same_rays: float
+    design: Agreement
+
+    def to_json(self) -> dict[str, Any]:
+        """For the key ``mitsuba`` of verify.json; lengths in mm."""
+        content = asdict(self)
+        content["against_design"] = content.pop("design")
+        return content
+
+    def gates(self, distance_mm: float) -> list[Gate]:
+        """What the exported mesh must hold under Mitsuba; ``distance_mm``: to the receiver."""
+        remedy = "export with a finer mesh; if it stays, the file is not the lens of lens.json"
+        limits: list[tuple[str, float, float, str]] = [
+            ("mitsuba_nmse_vs_design", self.nmse_vs_design, noise_limit(self.noise_floor_nmse), ""),
+            ("mitsuba_deviation_rms", self.design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
+            ("mitsuba_flux_deviation", self.design.flux, FLUX_SHARE, "of the flux"),
+            ("mitsuba_fate_disagreement_flux", self.design.fates_flux, FATE_SHARE, "of the flux"),
+        ]
+        return [Gate(name, value, "<=", limit, unit, remedy) for name, value, limit, unit in limits]
+
+
+def installed() -> bool:
+    """Whether Mitsuba 3 is there to be asked; it is not loaded."""
+    return find_spec("mitsuba") is not None
+
+
+def judge_mitsuba(
+    part: Part,
+    rays: RayBundle,
+    refractive_index: float,
+    distance_mm: float,
+    receiver: Receiver,
+    expected: Expected,
+    count: int = RAYS,
+) -> MitsubaVerdict:
+    """Cast ``count`` of ``rays``, drawn at random, through ``part``; ``expected`` holds what the design says of all."""
+    start = perf_counter()
+    rows = drawn(count, len(rays))
+    some, design = rays.take(rows), expected.take(rows)
+    version, passage = send_through_mitsuba(part, some, refractive_index, distance_mm)
+    # The picture of the drawn rays carries the flux of all of them.
+    flux, weights = passage.flux / share(rays, some.weights), design.weights / share(rays, some.weights)
+    image = receiver.irradiance(passage.landings, flux)
+    variance = receiver.noise(passage.landings, flux)
+    return MitsubaVerdict(
+        version=version,
+        rays=len(rows),
+        nmse_vs_design=nmse(image, expected.irradiance),
+        noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
+        nmse_same_rays=nmse(image, receiver.irradiance(design.hits, weights)),
+        design=compare(some, passage, design, receiver.side_mm),
+        seconds=perf_counter() - start,
+    )
+
+
+def send_through_mitsuba(
+    part: Part, rays: RayBundle, refractive_index: float, distance_mm: float
+) -> tuple[str, Passage]:
+    """Mitsuba's version, and every ray in, out, and to the plane z = ``distance_mm``; both hits above z = 0.
+
+    A variant that the caller has set is set again afterwards. Raises :class:`InputError` where Mitsuba does not load.
+    """
+    try:
+        import mitsuba as mi
+
+        before = mi.variant()
+        mi.set_variant(VARIANT)
+    except ImportError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"mitsuba: does not load ({reason}); pip install lensforge[mitsuba]") from None
+    try:
+        scene, flags = _scene(mi, part), mi.RayFlags.All
+        ends = np.full((len(rays), 2), np.nan)
+        flux = rays.weights.copy()
+        table = zip(
+            rays.origins.tolist(), rays.directions.tolist(), indices_of(rays, refractive_index).tolist(), strict=True
+        )
+        for row, (origin, direction, index) in enumerate(table):
+            ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
+            end, transmittance = _cast(mi, scene, flags, ray, index, distance_mm)
+            flux[row] *= transmittance
+            if end is not None:
+                ends[row] = end
+        return mi.__version__, _passage(ends, flux)
+    finally:
+        if before is not None:
+            mi.set_variant(before)
+
+
+def _cast(
+    mi: Any, scene: Any, flags: Any, ray: Any, index: float, distance_mm: float
+) -> tuple[tuple[float, float] | None, float]:
+    """Where one ray lands (mm), None if it is lost, and the share of its flux that is left."""
+    left = 1.0
+    for entering in (True, False):
+        hit = scene.ray_intersect(ray, flags, False, True)
+        if not hit.is_valid() or hit.p.z <= 0.0:
+            return None, left
+        local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
+        reflectance, cosine, _, ratio = mi.fresnel(local.z, index)
+        if (local.z > 0.0) != entering or reflectance >= 1.0:
+            return None, left
+        left *= 1.0 - reflectance
+        ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
+    length = distance_mm - ray.o.z
+    if ray.d.z <= 0.0 or length <= 0.0:
+        return None, left
+    return (ray.o.x + length / ray.d.z * ray.d.x, ray.o.y + length / ray.d.z * ray.d.y), left
+
+
+def _passage(ends: np.ndarray, flux: np.ndarray) -> Passage:
+    landed = np.isfinite(ends[:, 0])
+    fates = np.where(landed, Fate.LANDED, Fate.NO_HIT).astype(np.int64)
+    return Passage(landings=ends, flux=flux, fates=fates, facets_um=np.zeros((len(ends), 2)))
+
+
+def _scene(mi: Any, part: Part) -> Any:
+    """The part as a Mitsuba mesh with normals at its vertices: on flat facets light would go astray."""
+    rows = part.corners
+    points = np.empty((len(part.fit.normals), 3))
+    points[rows.ravel()] = part.mesh.vertices[part.mesh.faces.ravel()]
+    mesh = mi.Mesh("lens", len(points), len(rows), has_vertex_normals=True)
+    content = mi.traverse(mesh)
+    content["vertex_positions"] = points.ravel().astype(np.float32)
+    content["vertex_normals"] = part.fit.normals.ravel().astype(np.float32)
+    content["faces"] = rows.ravel().astype(np.uint32)
+    content.update()
+    return mi.load_dict({"type": "scene", "lens": mesh})
