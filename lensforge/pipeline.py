@@ -151,7 +151,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
     bundle = source.sample(count, _VERIFY_SEED + lens.seed)
     arrivals = TracedLens.of(lens, preset.judge_nodes_per_sigma).trace(bundle)
     hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
-    step = directory / "lens.step"
+    step, mitsuba = directory / "lens.step", import_module("lensforge.verification.mitsuba_cast")
     result: dict[str, Any] = import_module("lensforge.verification.verify").verify_part(
         directory / "lens.stl",
         directory,
@@ -166,6 +166,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
         design_weights=arrivals.flux.numpy(),
         filter_variance=spec.evaluate.filter_variance,
         step=step if step.exists() else None,
+        mitsuba_rays=mitsuba.RAYS if mitsuba.installed() else 0,
     )
     return result
 
