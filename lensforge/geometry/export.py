@@ -2,6 +2,7 @@
 
 import hashlib
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,9 @@ def export_lens(
     """
     start = time.perf_counter()
     directory = Path(directory)
-    plan = make_plan(fit_to_form(lens.inner, nodes), fit_to_form(lens.outer, nodes), lens.spec.base)
+    with ThreadPoolExecutor() as pool:
+        patches = pool.map(fit_to_form, (lens.inner, lens.outer), (nodes, nodes))
+    plan = make_plan(*patches, lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)
@@ -108,12 +111,13 @@ def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, dir
     """Read the files again and compare them with the surfaces and with each other."""
     solid = read_step(directory / STEP_FILE)
     stl = check_closed(*read_stl(directory / STL_FILE))
-    form = worst([face_error(lens.outer, solid.faces[OUTER]), face_error(lens.inner, solid.faces[INNER])])
+    with ThreadPoolExecutor() as pool:
+        errors = pool.map(face_error, (lens.outer, lens.inner), (solid.faces[OUTER], solid.faces[INNER]))
     return _Proof(
         solid=solid,
         stl=stl,
         threemf=check_closed(*read_3mf(directory / THREEMF_FILE)),
-        form=form,
+        form=worst(list(errors)),
         volume_change=abs(solid.volume_mm3 / built.volume_mm3 - 1.0),
         mesh_volume_change=abs(stl.volume_mm3 / solid.volume_mm3 - 1.0),
         mesh_volume_limit=mesh.area() * reached.chord_mm / solid.volume_mm3,

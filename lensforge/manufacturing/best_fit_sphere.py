@@ -108,8 +108,14 @@ def _least_squares_centre(
         distance = np.linalg.norm(points - parameters @ moving, axis=1)
         return root * (distance - weights @ distance)
 
+    def slope(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, "k p"]:
+        away = points - parameters @ moving
+        towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ moving.T
+        return root[:, None] * (towards - weights @ towards)
+
     scale = float(np.linalg.norm(points, axis=1).mean())
-    found = least_squares(residual, np.zeros(len(moving)), x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
+    found = least_squares(residual, np.zeros(len(moving)), slope, method="lm", x_scale=scale, **tight)
     return found.x @ moving
 
 
