@@ -104,7 +104,7 @@ def _metrics(
     add("nmse", *(jackknife(images, partial(nmse, target=target)) if lit else (None, None)))
     report["nmse_of_noise"] = _noise(images) if lit else None
     efficiency, error = jackknife(simulation.window[:, None], lambda mean: float(mean[0]))
-    add("efficiency", efficiency / simulation.emitted_w, error / simulation.emitted_w)
+    add("efficiency", efficiency / simulation.emitted_w, None if error is None else error / simulation.emitted_w)
     return report
 
 

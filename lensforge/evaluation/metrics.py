@@ -34,12 +34,12 @@ def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> floa
 
 def jackknife(
     replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]
-) -> tuple[float, float]:
-    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); 0 for one replicate."""
+) -> tuple[float, float | None]:
+    """``statistic`` of the mean over replicates, and its standard error (Efron & Stein 1981); None for one."""
     count = len(replicates)
     total = replicates.sum(axis=0)
     value = statistic(total / count)
     if count < 2:
-        return value, 0.0
+        return value, None
     left_out = np.array([statistic((total - one) / (count - 1)) for one in replicates])
     return value, float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))

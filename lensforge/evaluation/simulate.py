@@ -33,7 +33,7 @@ class TracedLens:
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
-        grid: TableGrid = grid_for(float(lens.inner.basis.sigmas.min()), nodes_per_sigma)
+        grid: TableGrid = grid_for(lens.detail_rad, nodes_per_sigma)
         surfaces = {"inner": lens.inner, "outer": lens.outer}
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}

@@ -1,28 +1,35 @@
 """Light at a dielectric surface, as pure torch functions: Snell's law and Fresnel's formulas, unpolarised.
 
-``ratio`` is n_before / n_after. Normals have length 1 and point along the ray: ``c = d . n > 0``.
+``ratio`` is n_before / n_after, one for all rays or one for each. Normals have length 1 and point along the ray:
+``c = d . n > 0``.
 """
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-
-def transmitted_sine_squared(cosine: Float[Tensor, " n"], ratio: float) -> Float[Tensor, " n"]:
-    """Squared sine behind the surface by Snell's law; 1 and above means total reflection."""
-    return ratio**2 * (1.0 - cosine**2)
+Ratio = float | Float[Tensor, " n"]
 
 
-def refract(directions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], ratio: float) -> Float[Tensor, "n 3"]:
+def transmitted_cosine_squared(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Tensor, " n"]:
+    """Squared cosine behind the surface by Snell's law; 0 and below means total reflection.
+
+    ``1 - ratio^2 (1 - c^2)`` without its cancellations: a body of air passes even grazing rays unbent.
+    """
+    return (1.0 - ratio) * (1.0 + ratio) + (ratio * cosine) ** 2
+
+
+def refract(directions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], ratio: Ratio) -> Float[Tensor, "n 3"]:
     """Unit directions behind the surface (vector form of Snell's law). Mask totally reflected rays first."""
-    cosine = torch.sum(directions * normals, dim=1, keepdim=True)
-    behind = torch.sqrt(1.0 - ratio**2 * (1.0 - cosine**2))
-    return ratio * directions + (behind - ratio * cosine) * normals
+    cosine = torch.sum(directions * normals, dim=1)
+    along = torch.sqrt(transmitted_cosine_squared(cosine, ratio)) - ratio * cosine
+    scale = torch.as_tensor(ratio, dtype=directions.dtype).reshape(-1, 1)
+    return scale * directions + along[:, None] * normals
 
 
-def fresnel_transmittance(cosine: Float[Tensor, " n"], ratio: float) -> Float[Tensor, " n"]:
+def fresnel_transmittance(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Tensor, " n"]:
     """Transmitted share of unpolarised flux (Born & Wolf, Principles of Optics, 1.5.2). Mask total reflection first."""
-    behind = torch.sqrt(1.0 - ratio**2 * (1.0 - cosine**2))
+    behind = torch.sqrt(transmitted_cosine_squared(cosine, ratio))
     senkrecht = (ratio * cosine - behind) / (ratio * cosine + behind)
     parallel = (cosine - ratio * behind) / (cosine + ratio * behind)
     return 1.0 - 0.5 * (senkrecht**2 + parallel**2)

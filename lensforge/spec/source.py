@@ -6,20 +6,26 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from lensforge.spec.section import Section
+from lensforge.spec.section import Coordinate, Millimetres, MillimetresOrZero, Section
+from lensforge.spec.spectrum import Spectrum
 
 
 class _Emitter(Section):
-    """``luminous_efficacy_lm_per_w`` of the source's light: with it, reports speak in lux, without it in W/m^2."""
+    """What every source has.
+
+    ``luminous_efficacy_lm_per_w`` of its light: with it, reports speak in lux, without it in W/m^2. ``spectrum``:
+    counts where the lens is of a dispersive material; of a ray file it takes the place of the file's own.
+    """
 
     luminous_efficacy_lm_per_w: Annotated[float, Field(gt=0.0, le=683.0)] | None = None
+    spectrum: Spectrum | None = None
 
 
 class SquareSource(_Emitter):
     """A square Lambertian emitter in the plane z = 0, centred on the axis, emitting towards +z."""
 
     kind: Literal["square"]
-    side_mm: Annotated[float, Field(ge=0.0, le=1e4)]
+    side_mm: MillimetresOrZero
     flux_w: PositiveFloat = 1.0
 
     @property
@@ -37,7 +43,7 @@ class Placement(_Emitter):
     of the file.
     """
 
-    origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file"
+    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
     scale: PositiveFloat = 1.0
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
     mirror: Literal["none", "x", "y"] = "none"
@@ -58,10 +64,14 @@ class RayfileSource(Placement):
 
 
 class RayfilePart(Section):
-    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts."""
+    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts.
+
+    ``spectrum`` takes the place of the file's own.
+    """
 
     file: Path
     flux_w: PositiveFloat | None = None
+    spectrum: Spectrum | None = None
 
 
 class RayfilesSource(Placement):
@@ -120,8 +130,8 @@ class RectangleSource(_PlanarSource):
     """A uniform rectangle, centred on the axis."""
 
     kind: Literal["rectangle"]
-    width_mm: PositiveFloat
-    height_mm: PositiveFloat
+    width_mm: Millimetres
+    height_mm: Millimetres
     flux_w: PositiveFloat = 1.0
 
     @property
@@ -134,7 +144,7 @@ class DiscSource(_PlanarSource):
     """A uniform disc, centred on the axis."""
 
     kind: Literal["disc"]
-    diameter_mm: PositiveFloat
+    diameter_mm: Millimetres
     flux_w: PositiveFloat = 1.0
 
     @property
@@ -146,10 +156,10 @@ class DiscSource(_PlanarSource):
 class Chip(Section):
     """A uniform rectangle with its centre at (x, y); with ``source.flux_w`` only the ratio of powers counts."""
 
-    x_mm: float
-    y_mm: float
-    width_mm: PositiveFloat
-    height_mm: PositiveFloat
+    x_mm: Coordinate
+    y_mm: Coordinate
+    width_mm: Millimetres
+    height_mm: Millimetres
     flux_w: PositiveFloat = 1.0
 
 
@@ -172,9 +182,9 @@ class ChipArraySource(_PlanarSource):
     kind: Literal["chip_array"]
     columns: Annotated[int, Field(ge=1, le=100)]
     rows: Annotated[int, Field(ge=1, le=100)]
-    width_mm: PositiveFloat
-    height_mm: PositiveFloat
-    pitch_mm: tuple[PositiveFloat, PositiveFloat]
+    width_mm: Millimetres
+    height_mm: Millimetres
+    pitch_mm: tuple[Millimetres, Millimetres]
     flux_w: PositiveFloat = 1.0
 
     @property
@@ -188,7 +198,7 @@ class LuminanceSource(_PlanarSource):
 
     kind: Literal["luminance"]
     file: Path
-    width_mm: PositiveFloat
+    width_mm: Millimetres
     flux_w: PositiveFloat = 1.0
 
     @property

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import Millimetres, Section
+from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
 
 
 class _Target(Section):
@@ -29,7 +29,7 @@ class FlatTopTarget(_Target):
 
 
 class _SoftTarget(_Target):
-    edge_mm: Annotated[float, Field(ge=0.0)] = 0.0
+    edge_mm: MillimetresOrZero = 0.0
 
     @model_validator(mode="after")
     def _edge_fits(self) -> "_SoftTarget":

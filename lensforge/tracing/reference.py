@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_sine_squared
+from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.symmetry import group
@@ -133,10 +133,10 @@ def trace_exact(
         found = found & (points[:, 2].detach() >= 0.0)
         fates[alive[~found]] = int(Fate.BASE)
         cosine = torch.sum(directions * normals, dim=1)
-        sine_squared = transmitted_sine_squared(cosine, ratio)
+        behind_squared = transmitted_cosine_squared(cosine, ratio)
         if is_outer:
-            sines = sines.index_put((alive[found],), sine_squared[found])
-        passes = found & (sine_squared.detach() < 1.0) & (cosine.detach() > 0.0)
+            sines = sines.index_put((alive[found],), 1.0 - behind_squared[found])
+        passes = found & (behind_squared.detach() > 0.0) & (cosine.detach() > 0.0)
         fates[alive[found & ~passes]] = int(Fate.TOTAL_REFLECTION)
         alive, cosine = alive[passes], cosine[passes]
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)

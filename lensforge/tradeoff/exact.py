@@ -11,10 +11,10 @@ import torch
 from jaxtyping import Bool, Float
 
 from lensforge.lens import Lens
-from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_sine_squared
+from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, evaluate_table
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 _SCAN_STEPS, _BISECTIONS = 48, 40
 _NEWTON_STEPS = 2  # from some nm: the first leaves the square of that, the second rounding
@@ -41,13 +41,13 @@ def trace_exact_sum(
     alive = np.flatnonzero((directions[:, 2] > 0.0) & (origins[:, 2] >= 0.0))
     index = lens.refractive_index
     for name, ratio in (("inner", 1.0 / index), ("outer", index)):
-        surface: SrbfSurface = getattr(lens, name)
+        surface: Surface = getattr(lens, name)
         lengths, found = _search(grid, tables[name], origins[alive], directions[alive])
         alive, lengths = alive[found], lengths[found]
         points, normals = _polish(surface, origins[alive], directions[alive], lengths)
         cosine = np.sum(directions[alive] * normals, axis=1)
-        sine_squared = transmitted_sine_squared(torch.from_numpy(cosine), ratio).numpy()
-        passes = (sine_squared < 1.0) & (cosine > 0.0) & (points[:, 2] >= 0.0)
+        behind_squared = transmitted_cosine_squared(torch.from_numpy(cosine), ratio).numpy()
+        passes = (behind_squared > 0.0) & (cosine > 0.0) & (points[:, 2] >= 0.0)
         alive, points, normals, cosine = alive[passes], points[passes], normals[passes], cosine[passes]
         origins[alive] = points
         directions[alive] = refract(torch.from_numpy(directions[alive]), torch.from_numpy(normals), ratio).numpy()
@@ -92,7 +92,7 @@ def _search(
 
 
 def _polish(
-    surface: SrbfSurface,
+    surface: Surface,
     origins: Float[np.ndarray, "n 3"],
     directions: Float[np.ndarray, "n 3"],
     lengths: Float[np.ndarray, " n"],

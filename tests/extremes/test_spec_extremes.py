@@ -1,6 +1,7 @@
 """Any spec at all: one clear line, or a lens that is traced and judged soundly."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -107,6 +108,33 @@ def test_any_spec_is_refused_in_one_line_or_judged_soundly(content: dict, seed: 
     numbers = [value for value in result.report.values() if isinstance(value, float)]
     assert np.isfinite(numbers).all()
     assert all(np.isfinite(image).all() for image in (result.irradiance, result.raw, result.target))
+
+
+def _numbers(schema: Any) -> Iterator[dict[str, Any]]:
+    """The number types in a JSON schema, however deep."""
+    if isinstance(schema, dict):
+        if schema.get("type") == "number":
+            yield schema
+        for value in schema.values():
+            yield from _numbers(value)
+    elif isinstance(schema, list):
+        for value in schema:
+            yield from _numbers(value)
+
+
+def test_every_length_of_a_spec_is_bounded() -> None:
+    """Squares of lengths, and ratios of squares, stay far from the ends of floating point."""
+    lengths = [
+        (section, field, number)
+        for section, schema in Spec.model_json_schema()["$defs"].items()
+        for field, type_ in schema.get("properties", {}).items()
+        if field.endswith("_mm") or field == "origin"
+        for number in _numbers(type_)
+    ]
+    assert len(lengths) > 40
+    for section, field, number in lengths:
+        assert number.get("maximum", math.inf) <= 1e9, f"{section}.{field}"
+        assert number.get("minimum", -math.inf) >= -1e9, f"{section}.{field}"
 
 
 @pytest.mark.parametrize(
