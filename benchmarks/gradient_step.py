@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.design.constraints import AugmentedLagrangian
+from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.objective import Objective
 from lensforge.design.parameters import Parametrisation
 from lensforge.sources.build import build_source
@@ -39,10 +39,10 @@ class Step:
 
     def __init__(self, rays: int) -> None:
         spec = load_spec(SPEC)
-        self.source = build_source(spec.source)
+        self.source = build_source(spec.source, spec.lens.dispersion)
         self.parametrisation = Parametrisation.of(spec, 3.4)
         self.objective = Objective.of(spec, self.source, self.parametrisation)
-        self.constraints = AugmentedLagrangian(spec.constraints, self.parametrisation.grid)
+        self.constraints = AugmentedLagrangian.of(spec, self.parametrisation.grid)
         rng = np.random.default_rng(0)
         size = self.parametrisation.basis.size
         self.weights = torch.from_numpy(rng.normal(size=(size, 2)) * 0.005).requires_grad_()

@@ -64,7 +64,7 @@ def run_design(
     observer: Callable[[Progress], None] = lambda _: None,
 ) -> Lens:
     """Search for the lens; writes ``lens.json`` and ``design.json``, and a checkpoint while it runs."""
-    source = build_source(spec.source)
+    source = build_source(spec.source, spec.lens.dispersion)
     result = design(
         spec,
         source,
@@ -99,7 +99,7 @@ def run_evaluate(
 ) -> dict[str, Any]:
     """Simulate the finished lens; ``source`` is a ray file that takes the place of the spec's source."""
     lens, preset = _lens_and_preset(directory)
-    emitter = build_source(_replaced_source(lens.spec, source))
+    emitter = build_source(_replaced_source(lens.spec, source), lens.spec.lens.dispersion)
     result = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels)
     result.save(directory)
     return result.report
@@ -131,7 +131,8 @@ def run_sensitivity(directory: Path, *, rays: int | None = None) -> dict[str, An
     """What small errors of making and mounting do to the light."""
     lens, preset = _lens_and_preset(directory)
     measure = import_module("lensforge.tolerancing.sensitivity").measure_sensitivity
-    result: dict[str, Any] = measure(lens, build_source(lens.spec.source), preset, directory, rays=rays)
+    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
+    result: dict[str, Any] = measure(lens, source, preset, directory, rays=rays)
     return result
 
 
@@ -146,7 +147,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
     lens, preset = _lens_and_preset(directory)
     spec = lens.spec
     irradiance = _design_irradiance(directory)
-    source = build_source(spec.source)
+    source = build_source(spec.source, spec.lens.dispersion)
     count = min(rays or preset.verify_rays, source.population or 2**40)
     bundle = source.sample(count, _VERIFY_SEED + lens.seed)
     arrivals = TracedLens.of(lens, preset.judge_nodes_per_sigma).trace(bundle)
@@ -175,7 +176,7 @@ def run_stray(directory: Path, *, rays: int | None = None, base: str = "polished
     """Follow rays through the exported STL with reflections, base and absorption: what the design leaves out."""
     lens, preset = _lens_and_preset(directory)
     spec = lens.spec
-    source = build_source(spec.source)
+    source = build_source(spec.source, spec.lens.dispersion)
     count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
     bundle = source.sample(count, _VERIFY_SEED + lens.seed)
     receiver = import_module("lensforge.verification.picture").Receiver
@@ -226,7 +227,7 @@ def run_compare_surface(
         directory,
         lens=lens,
         side=surface,
-        source=build_source(lens.spec.source),
+        source=build_source(lens.spec.source, lens.spec.lens.dispersion),
         preset=preset,
         rays=rays,
         freedom=registration,

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
-    "version", "errors", "files", "gates", "surfaces", "spec", "accuracy", "lens", "optics", "sources",
+    "version", "errors", "files", "gates", "surfaces", "optics", "spec", "accuracy", "lens", "sources",
     "tracing", "receiver", "design", "evaluation", "tolerancing", "photometry", "geometry", "manufacturing",
     "verification", "measurement", "report", "handover", "progress", "pipeline", "tradeoff", "sweep", "commands", "cli",
     "__main__",

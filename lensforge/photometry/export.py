@@ -6,7 +6,7 @@ stands, and is accounted for as averted. Gamma = 0 is the lens axis, C = 0 the x
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ def export_photometry(directory: Path, *, rays: int | None = None, lumens: float
     if lens.accuracy not in PRESETS:
         raise InputError(f"{directory / 'lens.json'}: accuracy = {lens.accuracy!r}: one of {', '.join(PRESETS)}")
     preset = PRESETS[lens.accuracy]
-    source = build_source(lens.spec.source)
+    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
     radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
     traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
     light = _light_behind(traced, source, rays or preset.evaluate_rays, lens.seed, _SLACK * radius_mm)
@@ -79,17 +79,13 @@ def _light_behind(lens: TracedLens, source: Source, rays: int, seed: int, sphere
         deposits.append(grid.deposit(out.rays))
         by_fate += out.by_fate_w
         some = slice(_FILE_RAYS // _PARTS)
-        kept.append(RayBundle(out.rays.origins[some], out.rays.directions[some], out.rays.weights[some]))
+        kept.append(out.rays.take(some))
         count += len(bundle)
     flux_w = float(np.sum(deposits) / len(deposits))
     if not flux_w > 0.0:
         raise InputError(f"none of {count} rays leaves the lens upwards: there is no light to write; check lens.json")
-    weights = np.concatenate([rays.weights for rays in kept])
-    sample = RayBundle(
-        np.concatenate([rays.origins for rays in kept]),
-        np.concatenate([rays.directions for rays in kept]),
-        weights * (flux_w / weights.sum()),
-    )
+    sample = RayBundle.joined(kept)
+    sample = replace(sample, weights=sample.weights * (flux_w / sample.weights.sum()))
     return _Light(count, np.array(deposits), by_fate / len(deposits), sample)
 
 
@@ -104,8 +100,8 @@ def _bundles(source: Source, rays: int, seed: int) -> Iterator[RayBundle]:
     everything = source.sample(min(rays, population), seed)
     order = np.random.default_rng(seed).permutation(len(everything))
     for rows in np.array_split(order, min(_PARTS, len(order))):
-        weights = everything.weights[rows] * (source.flux_w / everything.weights[rows].sum())
-        yield RayBundle(everything.origins[rows], everything.directions[rows], weights)
+        dealt = everything.take(rows)
+        yield replace(dealt, weights=dealt.weights * (source.flux_w / dealt.weights.sum()))
 
 
 def _flux_account(light: _Light, source_w: float) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class Snapshots:
 
     def __init__(self, spec: Spec, directory: Path, *, resume: bool = False) -> None:
         self._folder = Path(directory) / FOLDER
-        self._source = build_source(spec.source)
+        self._source = build_source(spec.source, spec.lens.dispersion)
         for path in () if resume else _files(self._folder, ("npz", "png")):
             path.unlink()
 

@@ -3,10 +3,13 @@
 from importlib import import_module
 from typing import Any
 
+from lensforge.optics.materials import Material
 from lensforge.sources.bundle import Source
+from lensforge.sources.dispersed import DispersedSource
+from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
+from lensforge.spec.source import RayfileSource, RayfilesSource, SquareSource
 from lensforge.spec.source import Source as SourceSpec
-from lensforge.spec.source import SquareSource
 
 # The kinds that are loaded only where they are asked for, and what makes their emitter.
 _BUILDERS = {
@@ -20,12 +23,22 @@ _BUILDERS = {
 }
 
 
-def build_source(spec: SourceSpec) -> Source:
-    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
-    if isinstance(spec, SquareSource):
-        return SquareEmitter(spec.side_mm, spec.flux_w)
+def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
+    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used.
+
+    ``material``: the dispersive one of the lens, if it is; then rays whose wavelength is known carry its index there.
+    """
+    if isinstance(spec, RayfileSource | RayfilesSource):
+        return _made(spec, material)
+    emitter = SquareEmitter(spec.side_mm, spec.flux_w) if isinstance(spec, SquareSource) else _made(spec)
+    if material is None or spec.spectrum is None:
+        return emitter
+    return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
+
+
+def _made(spec: SourceSpec, *more: Any) -> Source:
     module, function = _BUILDERS[spec.kind].split(":")
-    emitter: Source = getattr(import_module(module), function)(spec)
+    emitter: Source = getattr(import_module(module), function)(spec, *more)
     return emitter
 
 

@@ -1,5 +1,7 @@
 """Where measured rays come to lie: from the coordinates of their file to those of the lens."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -23,7 +25,7 @@ _MIRROR = {"none": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)
 def placed(rays: RayBundle, origin: Float[np.ndarray, " 3"], spec: Placement) -> RayBundle:
     """``rays`` of a file in lens coordinates; ``origin`` (mm, in the file) becomes the lens origin."""
     matrix = _rotation_z(np.deg2rad(spec.rotate_z_deg)) @ np.diag(_MIRROR[spec.mirror]) @ _TO_LENS_AXIS[spec.axis]
-    return RayBundle(spec.scale * (rays.origins - origin) @ matrix.T, rays.directions @ matrix.T, rays.weights)
+    return replace(rays, origins=spec.scale * (rays.origins - origin) @ matrix.T, directions=rays.directions @ matrix.T)
 
 
 def origin_of(rays: RayBundle, spec: Placement, name: str) -> Float[np.ndarray, " 3"]:

@@ -1,20 +1,30 @@
 """From ray files to one emitter: read, cleaned, powered, joined, placed, and everything done to them written down."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lensforge.errors import InputError
+from lensforge.optics.materials import Material
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.dispersed import colours
 from lensforge.sources.placement import origin_of, placed
 from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.rayfiles.cleaning import no_usable_ray, valid_rays
 from lensforge.sources.rayfiles.reading import read_rayfile
 from lensforge.sources.rayfiles.record import RayFile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.sources.rayfiles.wavelengths import wavelengths_of
 from lensforge.spec.source import Placement, RayfilePart, RayfileSource, RayfilesSource
+from lensforge.spec.spectrum import Spectrum as SpectrumSpec
+
+
+@dataclass(frozen=True)
+class _Colours:
+    """What is known of a file's light besides the file: a spectrum that takes its place, and the lens's material."""
+
+    spectrum: SpectrumSpec | None
+    material: Material | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,24 +35,22 @@ class _Part:
     account: dict[str, Any]
 
 
-def load_rayfile(spec: RayfileSource) -> RayfileEmitter:
-    """The emitter of one file. Raises :class:`InputError`, one line, for what cannot be used."""
-    part = _load(RayfilePart(file=spec.file, flux_w=spec.flux_w))
+def load_rayfile(spec: RayfileSource, material: Material | None = None) -> RayfileEmitter:
+    """The emitter of one file, dispersed by ``material``. Raises :class:`InputError`, one line, for what is no use."""
+    part = _load(RayfilePart(file=spec.file, flux_w=spec.flux_w), _Colours(spec.spectrum, material))
     return _emitter(part.rays, part.account["flux_w"], spec, part.account)
 
 
-def load_rayfiles(spec: RayfilesSource) -> RayfileEmitter:
+def load_rayfiles(spec: RayfilesSource, material: Material | None = None) -> RayfileEmitter:
     """One emitter of all rays of several files: their powers, or with ``spec.flux_w`` the ratio of these, are kept."""
-    parts = [_load(entry) for entry in spec.files]
+    parts = [_load(entry, _Colours(entry.spectrum or spec.spectrum, material)) for entry in spec.files]
     total = sum(part.account["flux_w"] for part in parts)
     flux_w = spec.flux_w or total
     for part in parts:
         part.account["flux_w"] *= flux_w / total
-    joined = RayBundle(
-        np.concatenate([part.rays.origins for part in parts]),
-        np.concatenate([part.rays.directions for part in parts]),
-        np.concatenate([part.rays.weights for part in parts]) * (flux_w / total),
-    )
+    _same_knowledge(parts)
+    joined = RayBundle.joined([part.rays for part in parts])
+    joined = replace(joined, weights=joined.weights * (flux_w / total))
     accounts = [part.account for part in parts]
     warnings = [f"{account['file']}: {warning}" for account in accounts for warning in account["warnings"]]
     account = {
@@ -56,14 +64,26 @@ def load_rayfiles(spec: RayfilesSource) -> RayfileEmitter:
     return _emitter(joined, flux_w, spec, account)
 
 
-def _load(part: RayfilePart) -> _Part:
+def _same_knowledge(parts: list[_Part]) -> None:
+    """A lens that disperses the light of one file and not that of the next is no lens."""
+    without = [part.account["file"] for part in parts if part.rays.refractive_indices is None]
+    if 0 < len(without) < len(parts):
+        raise InputError(
+            f"{', '.join(without)}: no wavelengths, as the other files have; add a spectrum to that entry of "
+            "source.files, or give lens.refractive_index instead of a dispersive material"
+        )
+
+
+def _load(part: RayfilePart, light: _Colours) -> _Part:
     rayfile = read_rayfile(part.file)
     rays = valid_rays(rayfile)
     if len(rays) == 0:
         raise no_usable_ray(rayfile, rays.dropped)
     ray_sum = float(rays.flux.sum())
     flux_w = _flux_w(part, rayfile, ray_sum)
-    bundle = RayBundle(rays.positions, rays.directions, rays.flux * (flux_w / ray_sum))
+    wavelengths = wavelengths_of(rayfile, rays, light.spectrum) if light.material else None
+    indices = None if wavelengths is None or light.material is None else light.material.index(wavelengths)
+    bundle = RayBundle(rays.positions, rays.directions, rays.flux * (flux_w / ray_sum), indices)
     account = {
         "file": Path(part.file).name,
         "format": rayfile.format,
@@ -77,6 +97,8 @@ def _load(part: RayfilePart) -> _Part:
         "virtual_focus_mm": _focus(bundle),
         "warnings": list(rayfile.warnings),
     }
+    if wavelengths is not None and light.material is not None:
+        account |= colours(wavelengths, light.material)
     return _Part(bundle, account)
 
 

@@ -51,7 +51,7 @@ class RayfileEmitter:
         times[extra] += 1
         index = np.repeat(np.arange(len(self)), times)
         weights = self.rays.weights[index] / times[index]
-        return RayBundle(self.rays.origins[index], self.rays.directions[index], weights * (self.flux_w / weights.sum()))
+        return replace(self.rays.take(index), weights=weights * (self.flux_w / weights.sum()))
 
     def split(self, fraction: float, seed: int) -> tuple["RayfileEmitter", "RayfileEmitter"]:
         """Two emitters of the same flux that share no ray: ``fraction`` of the rays to design on, the rest to judge.
@@ -96,9 +96,8 @@ class RayfileEmitter:
         return start[:, :2] + length[:, None] * direction[:, :2]
 
     def _only(self, index: np.ndarray) -> "RayfileEmitter":
-        weights = self.rays.weights[index]
-        part = RayBundle(self.rays.origins[index], self.rays.directions[index], weights * (self.flux_w / weights.sum()))
-        return replace(self, rays=part)
+        part = self.rays.take(index)
+        return replace(self, rays=replace(part, weights=part.weights * (self.flux_w / part.weights.sum())))
 
 
 def _median(points: Float[np.ndarray, "n 2"], weights: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 2"]:

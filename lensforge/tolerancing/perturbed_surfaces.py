@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
 
 _ROUNDS = 3  # each gains three digits for displacements that are small against the lens
 _SAMPLES = 4000
@@ -15,7 +16,7 @@ _SAMPLES = 4000
 class Displaced:
     """``surface`` turned about the lens origin by ``tilt_rad`` (about the x axis), then moved by ``shift_mm``."""
 
-    surface: SrbfSurface
+    surface: Surface
     shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tilt_rad: float = 0.0
 
@@ -36,7 +37,7 @@ class Displaced:
 class WithFormError:
     """``surface`` plus ``error``, a sum of functions whose offset does not count."""
 
-    surface: SrbfSurface
+    surface: Surface
     error: SrbfSurface
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -44,9 +45,11 @@ class WithFormError:
         return self.surface.radius(directions) + self.error.radius(directions) - self.error.offset_mm
 
 
-def with_form_error(surface: SrbfSurface, functions: int, rms_mm: float, seed: int) -> WithFormError:
+def with_form_error(
+    surface: Surface, functions: int, sigma_c: float, rms_mm: float, seed: int
+) -> WithFormError:
     """A random error of as many functions as one level has; ``rms_mm`` is along the normal, even over solid angle."""
-    basis = SrbfBasis((functions,), surface.basis.sigma_c, "none")
+    basis = SrbfBasis((functions,), sigma_c)
     weights = np.random.default_rng(seed).normal(size=basis.size)
     u = fibonacci_hemisphere(_SAMPLES)
     error = basis.evaluate(u) @ weights * np.sum(surface.normal(u) * u, axis=1)

@@ -1,6 +1,6 @@
 """A source that was not mounted where it should be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +33,7 @@ class ShiftedSource:
     def sample(self, count: int, seed: int) -> RayBundle:
         """The same rays, moved."""
         rays = self.source.sample(count, seed)
-        return RayBundle(rays.origins + np.array(self.shift_mm), rays.directions, rays.weights)
+        return replace(rays, origins=rays.origins + np.array(self.shift_mm))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """The outline, moved."""

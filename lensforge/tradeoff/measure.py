@@ -58,7 +58,7 @@ def run_tradeoff(
     else:
         announce("no lens yet: a draft is designed")
         lens = run_design(spec, directory, accuracy="draft")
-    content = measure(lens, build_source(spec.source), effort or Effort(), announce)
+    content = measure(lens, build_source(spec.source, spec.lens.dispersion), effort or Effort(), announce)
     write_json(directory / JSON_FILE, content)
     build_page(content, directory)
     return content

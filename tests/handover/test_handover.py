@@ -26,7 +26,13 @@ def small_lens(base=BASE):
     content = {
         "name": "shop",
         "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, "material": "<PMMA> & co"},
+        "lens": {
+            "levels": [9, 25],
+            "inner_offset_mm": 3.0,
+            "outer_offset_mm": 6.0,
+            "refractive_index": 1.49,
+            "material": "<PMMA> & co",
+        },
         "constraints": {
             "cavity_height_mm": 0.5,
             "cavity_radius_mm": 0.5,

@@ -20,6 +20,7 @@ class ValidRays:
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     wavelengths: Float[np.ndarray, " n"] | None
+    spectrum_numbers: Float[np.ndarray, " n"] | None
     dropped: dict[str, int]
 
     def __len__(self) -> int:
@@ -48,6 +49,7 @@ def valid_rays(rayfile: RayFile, start: int = 0, stop: int | None = None) -> Val
         directions=directions[keep] / length[keep, None],
         flux=flux[keep],
         wavelengths=None if rayfile.wavelengths is None else as_float64(rayfile.wavelengths[part][keep]),
+        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[part][keep]),
         dropped={
             "not_finite": int(np.count_nonzero(~finite)),
             "zero_direction": int(np.count_nonzero(finite & ~directed)),

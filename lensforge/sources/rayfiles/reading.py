@@ -67,6 +67,7 @@ def convert(path_in: Path, path_out: Path, format: str | None = None) -> dict[st
     back = read_rayfile(path_out)
     lost = ["wavelengths"] * (rayfile.wavelengths is not None and back.wavelengths is None)
     lost += ["spectral tables"] * (bool(rayfile.header.get("spectral_tables")) and "spectral_tables" not in back.header)
+    lost += ["spectral table of each ray"] * (rayfile.spectrum_numbers is not None and back.spectrum_numbers is None)
     return {
         "from": rayfile.format,
         "to": chosen.name,

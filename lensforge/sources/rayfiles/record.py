@@ -19,8 +19,9 @@ class RayFile:
     """``n`` rays as a file holds them: nothing dropped, nothing normalised.
 
     ``positions`` in mm, ``directions`` as given, ``flux`` in ``unit`` or only relative to it, ``wavelengths`` in nm or
-    None. The arrays are read-only float32 views of the mapped file wherever its layout allows, so that a file of any
-    size opens at once; ``cleaning.valid_rays`` turns them into float64.
+    None, ``spectrum_numbers``, from 1, into the header's ``spectral_tables``, or None. The arrays are read-only float32
+    views of the mapped file wherever its layout allows, so that a file of any size opens at once;
+    ``cleaning.valid_rays`` turns them into float64.
 
     ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
     ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum,
@@ -37,6 +38,7 @@ class RayFile:
     flux: Float[np.ndarray, " n"]
     unit: Unit
     wavelengths: Float[np.ndarray, " n"] | None = None
+    spectrum_numbers: Float[np.ndarray, " n"] | None = None
     format: str = ""
     header_flux_w: float | None = None
     header_flux_lm: float | None = None

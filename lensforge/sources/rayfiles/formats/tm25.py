@@ -31,7 +31,7 @@ _WIDTHS = {
     "position": 3, "direction": 3, "radiant": 1, "wavelength": 1, "luminous": 1,
     "stokes": 6, "tristimulus": 2, "spectrum_index": 1,
 }  # fmt: skip
-_NOT_USED = ("stokes", "tristimulus", "spectrum_index")
+_NOT_USED = ("stokes", "tristimulus")
 _SPECTRAL_IDS = ("none", "single wavelength", "wavelength of each ray", "common tables", "table of each ray")
 
 
@@ -86,6 +86,7 @@ def _decode(image: FileImage) -> RayFile:
         flux=rows[:, at],
         unit="W" if unit == "W" else "lm",
         wavelengths=_wavelengths(fields, rows),
+        spectrum_numbers=rows[:, fields.column("spectrum_index")] if fields.flags["spectrum_index"] else None,
         format=FORMAT.name,
         header_flux_w=known(fields.radiant_w),
         header_flux_lm=known(fields.luminous_lm),

@@ -1,0 +1,183 @@
+"""From spectra to refractive indices of rays: which rays get one, which one, and when none is needed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rayfile_samples import encoded, image, rays, with_tables
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.optics.materials import D_LINE_NM, MATERIALS
+from lensforge.sources.build import account_of, build_source
+from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles.reading import decode
+from lensforge.sources.spectrum import Spectrum
+from lensforge.spec import parse_spec
+
+PMMA = MATERIALS["PMMA"]
+LINE = {"kind": "line", "wavelength_nm": 450.0}
+TABLE = {"kind": "table", "wavelength_nm": [440.0, 450.0, 480.0], "weight": [0.0, 2.0, 1.0]}
+
+
+def sample(source, material="PMMA", count=1000, **lens):
+    """Rays of ``source`` as a scene would have them."""
+    spec = small_spec(source=source, **({"lens__material": material} if material else {}), **lens)
+    return build_source(spec.source, spec.lens.dispersion).sample(count, 3)
+
+
+def saved(folder, rayfile, name="led.tm25ray"):
+    write_rayfile(folder / name, rayfile, "tm25")
+    return {"kind": "rayfile", "file": str(folder / name)}
+
+
+def test_a_scene_without_wavelengths_or_without_dispersion_has_one_index(tmp_path):
+    square = {"kind": "square", "side_mm": 1.0}
+    spectral = saved(tmp_path, rays(50, wavelengths="each"))
+    grey = saved(tmp_path, rays(50), "grey.tm25ray")
+    for source, material in ((square, "PMMA"), (square | {"spectrum": TABLE}, None), (spectral, None), (grey, "PMMA")):
+        assert sample(source, material).refractive_indices is None
+
+
+def test_rays_of_a_file_have_the_index_at_their_own_wavelength(tmp_path):
+    measured = rays(200, wavelengths="each")
+    source = saved(tmp_path, replace(measured, wavelengths=measured.wavelengths * 0.8 + 100.0))
+    spec = small_spec(source=source, lens__material="PMMA")
+    everything = build_source(spec.source, spec.lens.dispersion)
+    expected = PMMA.index((measured.wavelengths * 0.8 + 100.0).astype(np.float32).astype(np.float64))
+    np.testing.assert_array_equal(everything.sample(200, 0).refractive_indices, expected)
+    by_place = dict(zip(map(tuple, everything.rays.origins), everything.rays.refractive_indices, strict=True))
+    for part in (
+        everything.sample(70, 1),
+        everything.sample(333, 1),
+        *(half.rays for half in everything.split(0.5, 1)),
+    ):
+        assert [by_place[tuple(origin)] for origin in part.origins] == part.refractive_indices.tolist()
+
+
+def test_placement_leaves_every_ray_its_index(tmp_path):
+    source = saved(tmp_path, rays(60, wavelengths="one"))
+    turned = sample({**source, "axis": "+x", "mirror": "y", "origin": "virtual_focus", "scale": 2.0}, count=60)
+    np.testing.assert_allclose(turned.refractive_indices, PMMA.index_at(450.0), rtol=1e-15)
+
+
+def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_path):
+    spec = small_spec(source=saved(tmp_path, with_tables(rays(4000))), lens__material="PMMA")
+    emitter = build_source(spec.source, spec.lens.dispersion)
+    found = np.sort(emitter.sample(4000, 1).refractive_indices)
+    table = Spectrum(np.array([430.0, 450.0, 470.0]), np.array([0.25, 1.0, 0.5]))
+    np.testing.assert_allclose(found, np.sort(PMMA.index(table.at((np.arange(4000) + 0.5) / 4000))), atol=2e-5)
+    np.testing.assert_array_equal(
+        emitter.sample(4000, 1).refractive_indices, emitter.sample(4000, 2).refractive_indices
+    )
+    account = account_of(emitter, spec.source)
+    assert 430.0 < account["wavelengths_nm"][0] < account["wavelengths_nm"][1] < 470.0
+
+
+def with_spectrum_numbers(numbers):
+    """A TM-25 file of two tables whose rays say by a number which is theirs (spectral identifier 4)."""
+    tables = [{"wavelength_nm": [c - 1.0, c, c + 1.0], "weight": [0.0, 1.0, 0.0]} for c in (450.0, 600.0)]
+    content = bytearray(encoded("tm25", replace(rays(len(numbers)), header={"spectral_tables": tables})))
+    content[60:64] = (4).to_bytes(4, "little")
+    content[256 + 28 : 256 + 32] = (1).to_bytes(4, "little")
+    start = len(content) - len(numbers) * 28
+    rows = np.frombuffer(bytes(content[start:]), "<f4").reshape(-1, 7)
+    return bytes(content[:start]) + np.column_stack([rows, np.array(numbers, dtype="<f4")]).astype("<f4").tobytes()
+
+
+def test_rays_that_name_their_table_are_drawn_from_it(tmp_path):
+    (tmp_path / "led.ray").write_bytes(with_spectrum_numbers([1, 2, 2, 1, 2]))
+    index = sample({"kind": "rayfile", "file": str(tmp_path / "led.ray")}, count=5).refractive_indices
+    expected = PMMA.index(np.array([450.0, 600.0, 600.0, 450.0, 600.0]))
+    np.testing.assert_allclose(index, expected, atol=2e-4)
+    assert decode(image(with_spectrum_numbers([1, 2, 2]))).warnings == ()
+    (tmp_path / "led.ray").write_bytes(with_spectrum_numbers([1, 3, 2]))
+    with pytest.raises(InputError, match="spectrum number 3 of a ray: 1 to 2"):
+        sample({"kind": "rayfile", "file": str(tmp_path / "led.ray")})
+
+
+def test_several_tables_that_nobody_claims_are_refused(tmp_path):
+    table = {"wavelength_nm": [440.0, 450.0], "weight": [1.0, 1.0]}
+    source = saved(tmp_path, replace(rays(20), header={"spectral_tables": [table, table]}))
+    with pytest.raises(InputError, match=r"2 spectral tables.*give source\.spectrum"):
+        sample(source)
+    assert sample(source | {"spectrum": LINE}).refractive_indices is not None
+
+
+def test_the_spectrum_of_the_spec_takes_the_place_of_the_file_s(tmp_path):
+    source = saved(tmp_path, rays(30, wavelengths="each")) | {"spectrum": LINE}
+    np.testing.assert_array_equal(sample(source).refractive_indices, np.full(1000, PMMA.index_at(450.0)))
+
+
+def test_blue_and_yellow_files_each_keep_their_own_light(tmp_path):
+    blue, yellow = (saved(tmp_path, rays(40, seed=seed), f"{seed}.tm25ray")["file"] for seed in (1, 2))
+    source = {"kind": "rayfiles", "files": [{"file": blue, "spectrum": LINE}, {"file": yellow}]}
+    with pytest.raises(InputError, match=r"2\.tm25ray: no wavelengths, as the other files have"):
+        sample(source)
+    source["files"][1]["spectrum"] = LINE | {"wavelength_nm": 570.0}
+    index = sample(source, count=80).refractive_indices
+    assert index.tolist() == [PMMA.index_at(450.0)] * 40 + [PMMA.index_at(570.0)] * 40
+    assert sample(source, None).refractive_indices is None
+
+
+@pytest.mark.parametrize("count", [1, 10, 997])
+def test_drawn_wavelengths_have_the_spectrum_s_distribution(count):
+    """Closed form: the power up to a wavelength of a piecewise linear density, one ray in each equal share of it."""
+    spectrum = Spectrum(np.array(TABLE["wavelength_nm"]), np.array(TABLE["weight"]))
+    drawn = np.sort(spectrum.draw(count, 4))
+    rising, falling = np.minimum(drawn, 450.0) - 440.0, np.maximum(drawn, 450.0) - 450.0
+    power = (rising**2 / 10.0 + 2.0 * falling - falling**2 / 60.0) / 55.0
+    assert (np.floor(power * count + 1e-9) == np.arange(count)).all()
+    assert not np.array_equal(spectrum.draw(count, 5), spectrum.draw(count, 4))
+
+
+def test_colours_tell_nothing_of_place_and_direction():
+    bundle = sample({"kind": "rectangle", "width_mm": 2.0, "height_mm": 1.0, "spectrum": TABLE}, count=2**14)
+    index = bundle.refractive_indices - bundle.refractive_indices.mean()
+    others = np.column_stack([bundle.origins[:, :2], bundle.directions, bundle.directions[:, :2] ** 2])
+    others = (others - others.mean(axis=0)) / others.std(axis=0)
+    assert np.abs(index @ others / len(index) / index.std()).max() < 5.0 / np.sqrt(len(index))
+
+
+def test_a_spectrum_file_of_a_vendor_is_read(tmp_path):
+    (tmp_path / "led.txt").write_bytes(b"440.0\t0.0\r\n450.0\t2.0\r\n480.0\t1.0\r\n")
+    square = {"kind": "square", "side_mm": 1.0}
+    from_file = sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})
+    np.testing.assert_array_equal(from_file.refractive_indices, sample(square | {"spectrum": TABLE}).refractive_indices)
+    for content, message in ((b"a b\n", "not two columns"), (b"1 2 3\n", "3 columns"), (b"5 1\n4 1\n", "longer than")):
+        (tmp_path / "led.txt").write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})
+    with pytest.raises(InputError, match="no such file"):
+        sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "none.txt")}})
+
+
+@pytest.mark.parametrize(
+    ("lens", "message"),
+    [
+        ({"material": "PMAM"}, "material = 'PMAM': one of PMMA, PC"),
+        ({"material": "PMMA", "refractive_index": 1.5}, "PMMA has 1.49253 at 587.562 nm; leave out refractive_index"),
+        ({"material": "PC", "abbe_number": 30.0}, "PC has its own dispersion"),
+        ({"abbe_number": 30.0}, "abbe_number needs refractive_index"),
+        ({"material": "PC", "design_wavelength_nm": 250.0}, "250 nm: the index of PC is known from"),
+        ({"refractive_index": 1.5, "design_wavelength_nm": 450.0}, "goes with a material of PMMA"),
+    ],
+)
+def test_the_index_comes_from_one_place(lens, message):
+    with pytest.raises(InputError, match=message):
+        small_spec(**{f"lens__{name}": value for name, value in lens.items()})
+
+
+def test_a_material_gives_the_index_at_the_design_wavelength_and_comes_back_from_json():
+    for lens, index in (
+        ({"material": "PMMA"}, PMMA.index_at(D_LINE_NM)),
+        ({"material": "PMMA", "design_wavelength_nm": 450.0}, PMMA.index_at(450.0)),
+        ({"refractive_index": 1.53, "abbe_number": 56.0}, 1.53),
+        ({"refractive_index": 1.53, "material": "a label"}, 1.53),
+        ({}, 1.4936),
+    ):
+        spec = small_spec(**{f"lens__{name}": value for name, value in lens.items()})
+        assert spec.lens.refractive_index == index
+        again = parse_spec(spec.model_dump(mode="json"), "again")
+        assert again.lens == spec.lens
+        assert again.lens.dispersion == spec.lens.dispersion
