@@ -82,7 +82,7 @@ def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[
         everything = source.sample(min(rays, population), seed)
         order = np.random.default_rng(seed).permutation(len(everything))
         for replicate, rows in enumerate(np.array_split(order, replicates)):
-            part = RayBundle(everything.origins[rows], everything.directions[rows], everything.weights[rows])
+            part = everything.take(rows)
             yield replicate, source.flux_w / part.weights.sum(), part
         return
     per_replicate = rays // replicates

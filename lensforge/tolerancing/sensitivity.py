@@ -41,7 +41,7 @@ def measure_sensitivity(
     designed = _metrics(nominal, lens, source, count)
     rows = []
     for error in perturbations(lens, amounts, lens.seed):
-        shifted = ShiftedSource(source, error.source_mm) if any(error.source_mm) else source
+        shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
         found = _metrics(perturbed(nominal, error), lens, shifted, count)
         change = {key: _difference(found[key], designed[key]) for key in METRICS}
         rows.append({"name": error.name, "amount": error.amount, "unit": error.unit, **found, "change": change})
