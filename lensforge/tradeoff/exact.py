@@ -39,16 +39,19 @@ def trace_exact_sum(
     """Trace ``rays`` through the exact surfaces; ``tables`` of both, by name, bracket the first crossings."""
     origins, directions, carried = rays.origins.copy(), rays.directions.copy(), rays.weights.copy()
     alive = np.flatnonzero((directions[:, 2] > 0.0) & (origins[:, 2] >= 0.0))
-    index = lens.refractive_index
-    for name, ratio in (("inner", 1.0 / index), ("outer", index)):
+    own = rays.refractive_indices
+    index = np.full(len(rays), lens.refractive_index) if own is None else own
+    for name, ratios in (("inner", 1.0 / index), ("outer", index)):
         surface: Surface = getattr(lens, name)
         lengths, found = _search(grid, tables[name], origins[alive], directions[alive])
         alive, lengths = alive[found], lengths[found]
         points, normals = _polish(surface, origins[alive], directions[alive], lengths)
         cosine = np.sum(directions[alive] * normals, axis=1)
+        ratio = torch.from_numpy(ratios[alive])
         behind_squared = transmitted_cosine_squared(torch.from_numpy(cosine), ratio).numpy()
         passes = (behind_squared > 0.0) & (cosine > 0.0) & (points[:, 2] >= 0.0)
         alive, points, normals, cosine = alive[passes], points[passes], normals[passes], cosine[passes]
+        ratio = ratio[torch.from_numpy(passes)]
         origins[alive] = points
         directions[alive] = refract(torch.from_numpy(directions[alive]), torch.from_numpy(normals), ratio).numpy()
         carried[alive] *= fresnel_transmittance(torch.from_numpy(cosine), ratio).numpy()
