@@ -96,3 +96,12 @@ def choose(
     share = cumulative[index] - before
     rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
     return index, np.clip(rest, 0.0, 1.0)
+
+
+def linear_inverse(
+    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rest: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Where in [0, 1] a density that runs from ``first`` to ``second`` has given the share ``rest`` of its integral."""
+    target = rest * (first + second)
+    denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
+    return np.clip(np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0)

@@ -20,6 +20,7 @@ _BUILDERS = {
     "chips": "lensforge.sources.planar:planar_emitter",
     "chip_array": "lensforge.sources.planar:planar_emitter",
     "luminance": "lensforge.sources.planar:planar_emitter",
+    "radiance": "lensforge.sources.radiance:radiance_emitter",
 }
 
 

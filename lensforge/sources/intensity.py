@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.areas import choose, largest_symmetry
+from lensforge.sources.areas import choose, largest_symmetry, linear_inverse
 
 _FINE = np.deg2rad(0.25)  # cells of gamma in which the intensity is taken as constant for drawing; fluxes are exact
 
@@ -116,10 +116,7 @@ class TabulatedIntensity:
         fluxes = self.plane_fluxes
         sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
         low, rest = choose(np.cumsum(sectors), numbers)
-        first, second = fluxes[low], fluxes[low + 1]
-        target = rest * (first + second)
-        denominator = first + np.sqrt(first**2 + (second - first) * target)
-        return low, np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0)
+        return low, linear_inverse(fluxes[low], fluxes[low + 1], rest)
 
 
 def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import choose
+from lensforge.sources.areas import choose, linear_inverse
 from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
 from lensforge.spec.spectrum import Spectrum as SpectrumSpec
 
@@ -40,10 +40,7 @@ class Spectrum:
         if len(self.wavelengths_nm) == 1:
             return np.full(len(numbers), self.wavelengths_nm[0])
         cell, rest = choose(self._cumulative, numbers)
-        first, second = self.weights[cell], self.weights[cell + 1]
-        target = rest * (first + second)
-        denominator = first + np.sqrt(first**2 + (second - first) * target)
-        place = np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0)
+        place = linear_inverse(self.weights[cell], self.weights[cell + 1], rest)
         low = self.wavelengths_nm[cell]
         return low + place * (self.wavelengths_nm[cell + 1] - low)
 

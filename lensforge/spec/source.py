@@ -207,6 +207,19 @@ class LuminanceSource(_PlanarSource):
         return f"source of the luminance picture {self.file.name}"
 
 
+class RadianceSource(_Emitter):
+    """Radiance by place and direction, from a NumPy archive (docs/rayfiles.md); ``flux_w``: if not the table's own."""
+
+    kind: Literal["radiance"]
+    file: Path
+    flux_w: PositiveFloat | None = None
+
+    @property
+    def title(self) -> str:
+        """What it is, in a few words."""
+        return f"source of the radiance table {self.file.name}"
+
+
 Source = Annotated[
     SquareSource
     | RayfileSource
@@ -215,6 +228,7 @@ Source = Annotated[
     | DiscSource
     | ChipsSource
     | ChipArraySource
-    | LuminanceSource,
+    | LuminanceSource
+    | RadianceSource,
     Field(discriminator="kind"),
 ]

@@ -18,6 +18,8 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
+from lensforge.sources.radiance_file import write_radiance
+from lensforge.sources.radiance_table import RadianceTable
 from lensforge.spec import parse_spec
 from lensforge.spec.source import Source as SourceSpec
 from lensforge.surfaces.symmetry import NAMES, contains, group
@@ -46,6 +48,7 @@ CASES = {
         {"columns": 2, "rows": 2, "width_mm": 0.5, "height_mm": 0.5, "pitch_mm": [0.75, 0.75]},
     ],
     "luminance": [{"file": "led.png", "width_mm": 2.0}],
+    "radiance": [{"file": "slanted.npz", "flux_w": 2.0}, {"file": "square.npz"}, {"file": "turned.npz"}],
 }
 NAMED = [(kind, index) for kind, forms in CASES.items() for index in range(len(forms))]
 
@@ -54,6 +57,8 @@ NAMED = [(kind, index) for kind, forms in CASES.items() for index in range(len(f
 def source(request, tmp_path):
     kind, index = request.param
     fields = {"kind": kind, **CASES[kind][index]}
+    if kind == "radiance":
+        fields["file"] = _radiance(tmp_path / fields["file"])
     if kind == "luminance":
         fields["file"] = str(tmp_path / fields["file"])
         Image.fromarray(np.array([[0, 1, 4, 1], [2, 9, 9, 2], [0, 3, 3, 0]], dtype=np.uint8)).save(fields["file"])
@@ -63,6 +68,22 @@ def source(request, tmp_path):
 def _built(fields):
     """The emitter, its light dispersed by PMMA where a spectrum is known."""
     return build_source(_spec(fields), MATERIALS["PMMA"])
+
+
+def _radiance(path):
+    """A table without any mirror, one with all mirrors of a square, one of revolution about every point."""
+    edges, azimuth, gamma = np.linspace(-1.0, 1.0, 5), np.linspace(0.0, 360.0, 13), np.linspace(0.0, 80.0, 9)
+    if path.stem == "turned":
+        values = np.array([[1.0, 3.0], [2.0, 0.0]])[:, :, None, None] * np.cos(np.deg2rad(gamma))
+        write_radiance(path, RadianceTable(edges[::2], edges[::2], np.zeros(1), gamma, values))
+        return str(path)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    y, x, c, g = np.meshgrid(centres, centres, np.deg2rad(azimuth), np.deg2rad(gamma), indexing="ij")
+    kx, ky = np.sin(g) * np.cos(c), np.sin(g) * np.sin(c)
+    values = 1.0 + x * kx + y * ky if path.stem == "square" else 1.5 + x * kx + 0.4 * y + 0.3 * ky + 0.1 * x * ky
+    values[:, :, -1] = values[:, :, 0]
+    write_radiance(path, RadianceTable(edges, edges, azimuth, gamma, np.maximum(values, 0.0)))
+    return str(path)
 
 
 def _with_far_field(fields, folder):
@@ -98,14 +119,17 @@ def _emitter_classes():
                 yield member
 
 
-def test_every_kind_and_every_emitter_class_has_a_case():
+def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
     kinds = {get_args(form.model_fields["kind"].annotation)[0] for form in get_args(get_args(SourceSpec)[0])}
     assert kinds == set(CASES)
     without_files = [(kind, form) for kind, forms in CASES.items() for form in forms if "far.ldt" not in str(form)]
-    built = {type(_built({"kind": kind, **form})) for kind, form in without_files if kind != "luminance"}
+    built = {
+        type(_built({"kind": kind, **form})) for kind, form in without_files if kind not in ("luminance", "radiance")
+    }
+    radiant = _built({"kind": "radiance", "file": _radiance(tmp_path / "square.npz")})
     found = set(_emitter_classes())
     assert len(found) >= 3
-    assert found == built
+    assert found == built | {type(radiant)}
 
 
 @every

@@ -1,0 +1,130 @@
+"""An emitter whose radiance depends on place and direction together: near-field data of a real LED."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.sources.areas import choose, linear_inverse
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.qmc import sobol
+from lensforge.sources.radiance_file import read_radiance
+from lensforge.sources.radiance_table import RadianceTable
+from lensforge.spec.source import RadianceSource
+
+_BLOCK = 2**14  # rays drawn at a time: each needs a row of the table
+
+Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of each ray's cell
+
+
+@dataclass(frozen=True, eq=False)
+class RadianceEmitter:
+    """Rays of equal weight, as dense in place and direction as ``table`` is bright; total flux ``flux_w``."""
+
+    table: RadianceTable
+    flux_w: float
+    population: int | None = None
+
+    @cached_property
+    def symmetry(self) -> str:
+        """That of the table."""
+        return self.table.symmetry
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """``count`` rays of equal weight by quasi-Monte-Carlo points in four dimensions."""
+        points = sobol(count, 4, seed)
+        origins, directions = np.empty((count, 3)), np.empty((count, 3))
+        for start in range(0, count, _BLOCK):
+            some = slice(start, start + _BLOCK)
+            origins[some], directions[some] = self.emit(points[some])
+        return RayBundle(origins, directions, np.full(count, self.flux_w / count))
+
+    def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points of the unit cube to starts (mm) and unit directions; equal volumes become equal shares of the flux."""
+        cells, origins = self._place(points[:, 0], points[:, 1])
+        low, between = self._turn(cells, points[:, 3])
+        turn = np.deg2rad(self.table.c_deg)
+        azimuth = 2.0 * np.pi * between if len(turn) == 1 else turn[low] + between * (turn[low + 1] - turn[low])
+        square = self._rise(cells, low, between, points[:, 2])
+        sine, cosine = np.sqrt(square), np.sqrt(np.maximum(1.0 - square, 0.0))
+        return origins, np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
+
+    def outline(self) -> Float[np.ndarray, "4 3"]:
+        """The rectangle of the cells that emit."""
+        rows, columns = np.nonzero(self.table.cell_fluxes)
+        left, right = self.table.x_mm[columns.min()], self.table.x_mm[columns.max() + 1]
+        bottom, top = self.table.y_mm[rows.min()], self.table.y_mm[rows.max() + 1]
+        return np.array([[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]])
+
+    def _place(
+        self, down: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
+    ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
+        """Row by the first number, column by the second given the row; uniform inside of the cell."""
+        rows, y = choose(self._rows, down)
+        columns, x = _choose_each(self._columns[rows], across)
+        origins = np.zeros((len(rows), 3))
+        for axis, edges, cell, place in ((0, self.table.x_mm, columns, x), (1, self.table.y_mm, rows, y)):
+            origins[:, axis] = edges[cell] + place * (edges[cell + 1] - edges[cell])
+        return (rows, columns), origins
+
+    def _turn(
+        self, cells: Cells, numbers: Float[np.ndarray, " n"]
+    ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """The sector of azimuth, and the place in it, for each number given the cell."""
+        if len(self.table.c_deg) == 1:
+            return np.zeros(len(numbers), dtype=np.int64), numbers
+        low, rest = _choose_each(self._azimuths[cells], numbers)
+        planes = self.table.cumulative[..., -1]
+        return low, linear_inverse(planes[(*cells, low)], planes[(*cells, low + 1)], rest)
+
+    def _rise(
+        self,
+        cells: Cells,
+        low: Int[np.ndarray, " n"],
+        between: Float[np.ndarray, " n"],
+        numbers: Float[np.ndarray, " n"],
+    ) -> Float[np.ndarray, " n"]:
+        """``sin^2 gamma`` for each number given the cell and the azimuth."""
+        high = np.minimum(low + 1, len(self.table.c_deg) - 1)
+
+        def blend(values: Float[np.ndarray, "y x c g"]) -> Float[np.ndarray, "n g"]:
+            share = between[:, None]
+            mixed: Float[np.ndarray, "n g"] = (1.0 - share) * values[(*cells, low)] + share * values[(*cells, high)]
+            return mixed
+
+        cell, rest = _choose_each(blend(self.table.cumulative)[:, 1:], numbers)
+        radiance, each = blend(self.table.radiance), np.arange(len(numbers))
+        place = linear_inverse(radiance[each, cell], radiance[each, cell + 1], rest)
+        squares = self.table.squares
+        return squares[cell] + place * (squares[cell + 1] - squares[cell])
+
+    @cached_property
+    def _rows(self) -> Float[np.ndarray, " y"]:
+        return np.cumsum(self.table.cell_fluxes.sum(axis=1))
+
+    @cached_property
+    def _columns(self) -> Float[np.ndarray, "y x"]:
+        return np.cumsum(self.table.cell_fluxes, axis=1)
+
+    @cached_property
+    def _azimuths(self) -> Float[np.ndarray, "y x s"]:
+        return np.cumsum(self.table.sectors, axis=2)
+
+
+def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:
+    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    table = read_radiance(spec.file)
+    return RadianceEmitter(table, spec.flux_w or table.flux())
+
+
+def _choose_each(
+    cumulative: Float[np.ndarray, "n k"], numbers: Float[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """As :func:`areas.choose`, each number with shares of its own."""
+    wanted, each = numbers * cumulative[:, -1], np.arange(len(numbers))
+    index = np.minimum(np.sum(cumulative <= wanted[:, None], axis=1), cumulative.shape[1] - 1)
+    before = np.where(index > 0, cumulative[each, index - 1], 0.0)
+    share = cumulative[each, index] - before
+    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return index, np.clip(rest, 0.0, 1.0)
