@@ -48,7 +48,9 @@ class _Corner(click.ParamType):
 @FOLDER
 @click.option("--on", type=click.Path(path_type=Path), help="Photograph of the target with the LED on.")
 @click.option("--off", type=click.Path(path_type=Path), help="The same with the LED off.")
-@click.option("--corners", type=_Corner(), nargs=4, help="Target corners in it: top left, and on clockwise.")
+@click.option(
+    "--corners", type=_Corner(), nargs=4, help="Target corners in it: top left, and on clockwise; default: found."
+)
 @click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the square of --corners.")
 @click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Of the camera.")
 @click.option("--points", type=click.Path(path_type=Path), help="Points x, y, z in mm, measured on one surface.")
@@ -64,10 +66,8 @@ class _Corner(click.ParamType):
 def compare(directory: Path, on: Path | None, points: Path | None, rays: int | None, **options: Any) -> None:
     """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
     if (on is None) == (points is None):
-        raise InputError("compare: give --on PHOTO with --corners, or --points FILE with --surface")
+        raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
     if on is not None:
-        if not options["corners"]:
-            raise InputError("compare: --on needs --corners, four pixels x,y in it, from the top left clockwise")
         shot = {name: options[name] for name in ("off", "corners", "target_mm", "gamma")}
         result = pipeline().run_compare_photo(directory, on=on, **shot)
     else:

@@ -42,7 +42,7 @@ def _homography(corners: Float[np.ndarray, "4 2"], target_mm: float) -> Any:
     following = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     if not (np.isfinite(corners).all() and ((turns > 1.0).all() or (turns < -1.0).all())):
-        raise InputError(f"--corners: {_listed(corners)} bound no convex quadrangle; the order is {_ORDER}")
+        raise InputError(f"--corners: {listed(corners)} bound no convex quadrangle; the order is {_ORDER}")
     half = target_mm / 2.0
     square = np.array([[-half, half], [half, half], [half, -half], [-half, -half]])
     return ProjectiveTransform.from_estimate(square, corners)
@@ -54,5 +54,6 @@ def _samples(corners: Float[np.ndarray, "4 2"], target_mm: float, receiver: Rece
     return int(np.clip(np.ceil(longest / target_mm * receiver.pitch_mm), 2, _MOST_SAMPLES))
 
 
-def _listed(corners: Float[np.ndarray, "4 2"]) -> str:
-    return " ".join(f"{x:g},{y:g}" for x, y in corners)
+def listed(corners: Float[np.ndarray, "4 2"]) -> str:
+    """Corners as they are written after --corners, to a tenth of a pixel."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)

@@ -119,7 +119,7 @@ def send_through_mitsuba(
             flux[row] *= transmittance
             if end is not None:
                 ends[row] = end
-        return mi.__version__, _passage(ends, flux)
+        return str(mi.__version__), _passage(ends, flux)
     finally:
         if before is not None:
             mi.set_variant(before)

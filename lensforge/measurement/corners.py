@@ -1,0 +1,193 @@
+"""The target's corners in a photograph, where they are not given: the border of the panel on which the light lies."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import binary_fill_holes, binary_opening, gaussian_filter, label, map_coordinates
+
+from lensforge.errors import InputError
+from lensforge.measurement.quadrilateral import Sides, area, clockwise, enclosing, fit_sides
+from lensforge.measurement.rectify import listed
+
+_COARSE = 400  # pixels of the longer side, in which regions are looked for
+_LEVELS = 32  # thresholds a picture
+_LEAST_AREA, _MOST_AREA = 0.02, 0.97  # of the picture
+_FILLED = 0.94  # of its quadrilateral, a region that is one: perspective leaves the sides straight
+_STRAIGHT, _SCATTER = 0.7, 0.6  # share of an edge's points on its line, and their rms (pixels), of a border
+_BOW = 3e-3  # of the side: more is a lens's distortion that four corners cannot undo
+_SAME = 0.02  # of the quadrilateral's size: corners nearer than this are the same
+_HELD = 0.9  # of the bright pixels lie within the target
+_LIT = 0.3  # of the light's peak, just inside of a border: then it is the pattern's edge, not the panel's
+_ROLL_RAD = np.radians(30.0)
+
+
+@dataclass(frozen=True)
+class Located:
+    """Corners of the target (column, row) from the top left clockwise, and where and how well they were seen.
+
+    ``seen_in``: the picture, or "the light" for on less off. ``lit``: they are those of the light itself. Scatter of
+    the points of the worst edge about its line, and its bow, in pixels.
+    """
+
+    corners: Float[np.ndarray, "4 2"]
+    seen_in: str
+    lit: bool
+    edge_rms_px: float
+    edge_bow_px: float
+
+    def to_json(self) -> dict[str, Any]:
+        """For the key ``corners_located`` of compare.json; the corners are beside it."""
+        content = asdict(self)
+        del content["corners"]
+        return content
+
+
+def locate(
+    on: Float[np.ndarray, "h w"],
+    off: Float[np.ndarray, "h w"] | None,
+    *,
+    border_share: float,
+    lit_square: bool = False,
+) -> Located:
+    """The one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
+
+    ``border_share``: how bright the simulation is along its border, of its peak. ``lit_square``: take the edges of a
+    square pattern where no panel is to be seen. Raises :class:`InputError`, with what to do, where no border, more
+    than one, a bent or a rolled one is seen: nothing is guessed.
+    """
+    light = on if off is None else on - off
+    found = [each for each in _found(on, off, light) if _holds(each.corners, light)]
+    found = [_judged(each, light, border_share) for each in found]
+    panels, lit = [each for each in found if not each.lit], [each for each in found if each.lit]
+    chosen = _one(panels) if panels or not lit else _one(lit)
+    if chosen.lit and not lit_square:
+        raise InputError(
+            f"--on: the only square seen is the edge of the light itself, at {listed(chosen.corners)}, not a target's "
+            "border; give --target-mm with the side of that square of light, or --corners of the target"
+        )
+    return _sound(chosen)
+
+
+def _found(
+    on: Float[np.ndarray, "h w"], off: Float[np.ndarray, "h w"] | None, light: Float[np.ndarray, "h w"]
+) -> list[Located]:
+    """Every quadrilateral with four straight edges, once; those with the straightest edges stand for their likes."""
+    pictures = {"--on": on} if off is None else {"--off": off, "--on": on, "the light": light}
+    seen = []
+    for name, picture in pictures.items():
+        for rough in _rough(picture):
+            sides = _refined(picture, rough)
+            if sides is not None:
+                bow = float(sides.bow.max())
+                seen.append(Located(clockwise(sides.corners), name, name == "the light", float(sides.rms.max()), bow))
+    distinct: list[Located] = []
+    for each in sorted(seen, key=lambda one: one.edge_rms_px):
+        if not any(_same(each.corners, other.corners) for other in distinct):
+            distinct.append(each)
+    return distinct
+
+
+def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2"]]:
+    """Quadrilaterals around bright regions at many thresholds, in coarse pixels scaled back; each about once."""
+    factor = max(1, int(np.ceil(max(picture.shape) / _COARSE)))
+    coarse = gaussian_filter(_means(picture, factor), 1.0)
+    low, high = np.quantile(coarse, (0.005, 0.995))
+    known: list[Float[np.ndarray, "4 2"]] = []
+    # Closer together where it is dark: a panel's border may be a hundredth of the peak.
+    for threshold in low + (high - low) * (np.arange(1, _LEVELS) / _LEVELS) ** 3:
+        for region in _regions(coarse > threshold):
+            corners = enclosing(region)
+            if corners is None or region.sum() < _FILLED * area(corners):
+                continue
+            if not any(_same(corners, other) for other in known):
+                known.append(corners)
+                yield (corners + 0.5) * factor - 0.5
+
+
+def _means(picture: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, "i j"]:
+    rows, columns = (size // factor for size in picture.shape)
+    blocks = picture[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    mean: Float[np.ndarray, "i j"] = blocks.mean(axis=(1, 3))
+    return mean
+
+
+def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"]]:
+    """Connected regions of a fair size, their holes filled, that do not touch the picture's border."""
+    numbered, count = label(binary_opening(binary_fill_holes(bright), iterations=2))
+    sizes = np.bincount(numbered.ravel(), minlength=count + 1)
+    edge = np.concatenate([numbered[0], numbered[-1], numbered[:, 0], numbered[:, -1]])
+    for number in range(1, count + 1):
+        if _LEAST_AREA * bright.size < sizes[number] < _MOST_AREA * bright.size and number not in edge:
+            yield numbered == number
+
+
+def _refined(picture: Float[np.ndarray, "h w"], rough: Float[np.ndarray, "4 2"]) -> Sides | None:
+    """Twice through the edges, the second time near to the first lines; None unless all four are edges."""
+    size = float(np.sqrt(area(rough)))
+    sides = fit_sides(picture, rough, max(6.0, 0.03 * size))
+    if sides is not None:
+        sides = fit_sides(picture, clockwise(sides.corners), max(4.0, 0.01 * size))
+    if sides is None or sides.straight.min() < _STRAIGHT or sides.step.min() <= 0.0:
+        return None
+    inside = (sides.corners >= 0.0) & (sides.corners <= np.array(picture.shape[::-1]) - 1.0)
+    return sides if inside.all() and sides.rms.max() < _SCATTER else None
+
+
+def _same(one: Float[np.ndarray, "4 2"], other: Float[np.ndarray, "4 2"]) -> bool:
+    return bool(np.abs(one - other).max() < _SAME * np.sqrt(area(one)))
+
+
+def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -> bool:
+    """Whether the brightest of the light lies within the quadrilateral."""
+    rows, columns = np.nonzero(light > 0.5 * np.quantile(light, 0.999))
+    inside = np.ones(len(rows), dtype=bool)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        inside &= (end[0] - start[0]) * (rows - start[1]) - (end[1] - start[1]) * (columns - start[0]) >= -1.0
+    return bool(inside.mean() >= _HELD) if len(rows) else False
+
+
+def _judged(each: Located, light: Float[np.ndarray, "h w"], border_share: float) -> Located:
+    """With ``lit`` by how bright the light is just inside of the border: what --off shows is a panel in any case."""
+    if each.seen_in == "--off":
+        return each
+    centre, t = each.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
+    border = ((1.0 - t) * each.corners + t * np.roll(each.corners, -1, axis=0)).reshape(-1, 2)
+    ring = np.concatenate([centre + inset * (border - centre) for inset in (0.9, 0.93, 0.96)])
+    share = float(np.median(map_coordinates(light, [ring[:, 1], ring[:, 0]], order=1)) / np.quantile(light, 0.999))
+    return replace(each, lit=share > _LIT + border_share)
+
+
+def _one(found: list[Located]) -> Located:
+    """The only one, or an error that says what to do."""
+    if not found:
+        raise InputError(
+            "--on: no square with four straight edges is seen around the light, the target's border does not stand "
+            "out; give --corners, or --off with some room light on the target"
+        )
+    if len(found) > 1:
+        by_size = sorted(found, key=lambda each: -area(each.corners))[:3]
+        listing = "; or ".join(listed(each.corners) for each in by_size)
+        raise InputError(
+            f"--on: {len(found)} squares are seen around the light; give the target's --corners: {listing}"
+        )
+    return found[0]
+
+
+def _sound(located: Located) -> Located:
+    """``located`` unless four corners cannot say what is needed of it."""
+    corners, side = located.corners, float(np.sqrt(area(located.corners)))
+    if located.edge_bow_px > _BOW * side:
+        raise InputError(
+            f"--on: the target's edges are bent by {located.edge_bow_px:.1f} pixels, corners would not be certain; "
+            f"undo the distortion of the camera's lens first, or give --corners {listed(corners)}"
+        )
+    top = corners[1] - corners[0]
+    if abs(np.arctan2(top[1], top[0])) > _ROLL_RAD:
+        raise InputError(
+            f"--on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, its top left is not "
+            f"certain; give --corners, such as {listed(corners)}"
+        )
+    return located
