@@ -199,16 +199,16 @@ def run_compare_photo(
     *,
     on: Path,
     off: Path | None,
-    corners: Sequence[tuple[float, float]],
+    corners: Sequence[tuple[float, float]] | None,
     target_mm: float | None = None,
     gamma: float = 1.0,
 ) -> dict[str, Any]:
-    """Compare a photograph with the simulation; ``target_mm`` is the side of the square of ``corners``."""
+    """Compare a photograph with the simulation; ``target_mm``: side of the square of ``corners``, found if None."""
     lens, _ = _lens_and_preset(directory)
     target = lens.spec.target
     photo = import_module("lensforge.measurement.photo")
     result: dict[str, Any] = photo.compare_photo(
-        photo.Shot(on, off, np.array(corners, dtype=np.float64), target_mm or target.receiver_mm, gamma),
+        photo.Shot(on, off, None if corners is None else np.array(corners, dtype=np.float64), target_mm, gamma),
         directory,
         simulated=_design_irradiance(directory),
         receiver_mm=target.receiver_mm,
