@@ -17,7 +17,8 @@ FILE_NAME = "checkpoint.pt"
 
 def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None) -> str:
     """What a checkpoint belongs to: another spec, seed, preset or ray count must not resume from it."""
-    text = f"{spec.model_dump_json(exclude={'evaluate', 'base', 'manufacture'})}|{seed}|{accuracy}|{rays}"
+    searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
+    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{rays}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

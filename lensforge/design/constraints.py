@@ -1,100 +1,157 @@
-"""The paper's three constraints, Eqs. (10) to (14), by sequential unconstrained minimisation with multipliers.
+"""What makes a lens feasible: the paper's three constraints, Eqs. (10) to (14), and those of the shop on request.
 
-The paper takes the minimum over the hemisphere, whose gradient sees one point. Here every table node carries its own
-multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, a smoother way there.
+g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. g4 lets no hollow be tighter than the ball that mills
+it (curvature alone: the gouge test of ``check`` is global), g5 gives each face a draft, so that a mould opens along
+the axis. A constraint that the spec does not ask for is not computed.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import radians
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.gates import Gate
-from lensforge.lens import Lens
-from lensforge.spec import ConstraintsSection
-from lensforge.surfaces import chart
-from lensforge.surfaces.spline import TableGrid
-from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.design.surface_shape import least_curvature, pull_cosine
+from lensforge.design.watch import ChartPoints, RadiusJet
+from lensforge.spec import Spec
+from lensforge.surfaces.srbf import level_sigma
 
-TOLERANCE_MM = 1e-3
-# The search aims this far inside of the limits, relative to the largest radius allowed: its last steps still move by
-# that much, and the nodes do not see the very peak between them. It costs nothing that can be measured.
-_MARGIN = 3e-4
-NAMES = ("g1_mm", "g2_mm", "g3_mm")
-_REMEDIES = (
-    "raise lens.inner_offset_mm or lower constraints.cavity_*",
-    "raise lens.outer_offset_mm or lower constraints.min_thickness_mm",
-    "raise constraints.max_radius_mm or lower lens.outer_offset_mm",
-)
+# The search aims this far inside of the limits, relative to the largest radius, to the cutter's curvature, and in
+# degrees: its last steps still move by that much, and no set of points sees the very peak.
+_LENGTH_MARGIN = 3e-4
+_CURVATURE_MARGIN = 0.01
+_DRAFT_MARGIN_DEG = 0.1
+# What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
+_CURVATURE_TOLERANCE = 1e-3
+_DRAFT_TOLERANCE_DEG = 0.01
+_STEEP = 0.5  # sine of the draft from which more draft is worth nothing: the arcsine's slope is endless at the apex
 
-
-def constraint_fields(
-    inner: Float[Tensor, " n"], outer: Float[Tensor, " n"], cosine: Float[Tensor, " n"], limits: ConstraintsSection
-) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"], Float[Tensor, " n"]]:
-    """The three constraints (mm) at directions of the given polar cosine; at least 0 where feasible."""
-    squared = (inner**2) * (1.0 - cosine**2)
-    cavity = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared + inner * cosine - limits.cavity_height_mm
-    return cavity, outer - inner - limits.min_thickness_mm, limits.max_radius_mm - outer
+Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 
 
-@dataclass
-class AugmentedLagrangian:
-    """Multipliers at the nodes of ``grid`` within the hemisphere; lengths relative to the largest radius allowed."""
+@dataclass(frozen=True)
+class Constraint:
+    """A field over both surfaces that is at least 0 where the lens is feasible.
 
-    limits: ConstraintsSection
-    grid: TableGrid
-    stringency: float = 2e4
-    multipliers: Float[Tensor, "3 k"] = field(init=False)
+    ``key`` ends with the unit of field, ``margin`` (how far inside the search aims) and ``tolerance``. ``share`` of
+    the field is a number of order 1 for all constraints alike: lengths count relative to the largest radius, angles
+    and curvatures by the height that they make over the narrowest function.
+    """
 
-    def __post_init__(self) -> None:
-        nodes = chart.grid(self.grid.nodes)
-        squared = np.sum(nodes * nodes, axis=-1)
-        self._inside = torch.from_numpy(squared <= 1.0 + 1e-12)
-        inside = torch.from_numpy(squared)[self._inside]
-        self._cosine = (1.0 - inside) / (1.0 + inside)
-        area = 4.0 / (1.0 + inside) ** 2
-        self._share = area / area.sum()
-        self.multipliers = torch.zeros(3, len(area), dtype=torch.float64)
+    key: str
+    unit: str
+    field: Field
+    share: float
+    margin: float
+    tolerance: float
+    remedy: str
+    derivatives: bool = False
 
-    def _at_nodes(self, table: Float[Tensor, "side side"]) -> Float[Tensor, " k"]:
-        rows = (table[:-2] + 4.0 * table[1:-1] + table[2:]) / 6.0
-        return ((rows[:, :-2] + 4.0 * rows[:, 1:-1] + rows[:, 2:]) / 6.0)[self._inside]
-
-    def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "3 k"]:
-        """The constraints at the nodes, relative to the largest radius allowed."""
-        g = constraint_fields(self._at_nodes(inner), self._at_nodes(outer), self._cosine, self.limits)
-        return torch.stack(g) / self.limits.max_radius_mm
-
-    def least_mm(self, fields: Float[Tensor, "3 k"]) -> dict[str, float]:
-        """The minimum of each constraint over the nodes; the history of a search keeps it."""
-        least = self.limits.max_radius_mm * fields.detach().amin(dim=1)
-        return dict(zip(NAMES, least.tolist(), strict=True))
-
-    def term(self, fields: Float[Tensor, "3 k"]) -> Float[Tensor, ""]:
-        """The regularisation term of Eq. (15), averaged over the hemisphere."""
-        push = torch.clamp(self.multipliers - self.stringency * (fields - _MARGIN), min=0.0)
-        return torch.sum(self._share * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
-
-    def update(self, fields: Float[Tensor, "3 k"]) -> None:
-        """First-order multiplier update; call it between rounds of minimisation."""
-        self.multipliers = torch.clamp(self.multipliers - self.stringency * (fields.detach() - _MARGIN), min=0.0)
+    @property
+    def name(self) -> str:
+        """As the gate calls it."""
+        return "constraint " + self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace(
+            "_", " "
+        )
 
 
-def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float]:
-    """The constraints (mm) by the exact sum, minimum over a Fibonacci grid of the hemisphere and its rim."""
-    azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
-    rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
-    u = np.concatenate([fibonacci_hemisphere(directions), rim])
-    inner, outer, cosine = (torch.from_numpy(a) for a in (lens.inner.radius(u), lens.outer.radius(u), u[:, 2].copy()))
-    g = constraint_fields(inner, outer, cosine, lens.spec.constraints)
-    return {name: float(value.min()) for name, value in zip(NAMES, g, strict=True)}
+def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
+    """The paper's three, and what the spec asks for besides."""
+    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec))
 
 
-def constraint_gates(measured: dict[str, float]) -> list[Gate]:
-    """One gate for each constraint: at least -1 um."""
+def _of_paper(spec: Spec) -> list[Constraint]:
+    limits = spec.constraints
+
+    def cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        squared = (inner.rho**2) * (1.0 - points.cosine**2)
+        paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
+        return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
+
+    def wall(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return outer.rho - inner.rho - limits.min_thickness_mm
+
+    def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return limits.max_radius_mm - outer.rho
+
+    length = partial(
+        Constraint,
+        unit="mm",
+        share=1.0 / limits.max_radius_mm,
+        margin=_LENGTH_MARGIN * limits.max_radius_mm,
+        tolerance=limits.tolerance_mm,
+    )
     return [
-        Gate(f"constraint {name[:2]}", measured[name], ">=", -TOLERANCE_MM, "mm", remedy)
-        for name, remedy in zip(NAMES, _REMEDIES, strict=True)
+        length("g1_mm", field=cavity, remedy="raise lens.inner_offset_mm or lower constraints.cavity_*"),
+        length("g2_mm", field=wall, remedy="raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
+        length("g3_mm", field=size, remedy="raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
     ]
+
+
+def _of_cutter(spec: Spec) -> list[Constraint]:
+    sigma = _narrowest_rad(spec)
+    found = []
+    for surface, limit_mm in (
+        ("inner", spec.constraints.inner_concave_radius_mm),
+        ("outer", spec.constraints.outer_concave_radius_mm),
+    ):
+        if limit_mm is None:
+            continue
+        # the cutter touches the lens from the air; a mould's insert it touches where the lens will be
+        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
+        found.append(
+            Constraint(
+                f"g4_{surface}_per_mm",
+                "1/mm",
+                partial(_room_for_ball, surface, air, 1.0 / limit_mm),
+                share=0.5 * sigma**2 * spec.constraints.max_radius_mm,
+                margin=_CURVATURE_MARGIN / limit_mm,
+                tolerance=_CURVATURE_TOLERANCE / limit_mm,
+                remedy=f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm",
+                derivatives=True,
+            )
+        )
+    return found
+
+
+def _of_mould(spec: Spec) -> list[Constraint]:
+    sigma = _narrowest_rad(spec)
+    return [
+        Constraint(
+            f"g5_{surface}_deg",
+            "deg",
+            partial(_draft_to_spare, surface, limit_deg),
+            share=radians(sigma),
+            margin=_DRAFT_MARGIN_DEG,
+            tolerance=_DRAFT_TOLERANCE_DEG,
+            remedy=f"lower constraints.{surface}_draft_deg or take more steps",
+            derivatives=True,
+        )
+        for surface, limit_deg in (
+            ("inner", spec.constraints.inner_draft_deg),
+            ("outer", spec.constraints.outer_draft_deg),
+        )
+        if limit_deg is not None
+    ]
+
+
+def _room_for_ball(
+    surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """By how much (1/mm) the surface may still be hollowed until the ball of the given curvature touches twice."""
+    return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
+
+
+def _draft_to_spare(
+    surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Draft (deg) beyond the limit."""
+    sine = torch.clamp(pull_cosine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
+    return torch.rad2deg(torch.asin(sine)) - limit_deg
+
+
+def _narrowest_rad(spec: Spec) -> float:
+    return level_sigma(max(spec.lens.levels), spec.lens.sigma_c)

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from lensforge.design.constraints import AugmentedLagrangian
+from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.optics.dielectric import normal_transmittance
@@ -46,7 +46,7 @@ class Evaluated:
     loss: Float[Tensor, ""]
     nmse: float
     efficiency: float
-    fields: Float[Tensor, "3 k"]
+    fields: Float[Tensor, "c k"]
 
 
 @dataclass(frozen=True)

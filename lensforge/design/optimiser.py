@@ -12,8 +12,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.accuracy import PRESETS
+from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.checkpoint import fingerprint, load_checkpoint, save_checkpoint
-from lensforge.design.constraints import AugmentedLagrangian, constraint_gates, measure_constraints
+from lensforge.design.feasibility import constraint_gates, measure_constraints
 from lensforge.design.objective import Evaluated, Objective
 from lensforge.design.parameters import Parametrisation
 from lensforge.design.schedule import Stage, plan
@@ -77,7 +78,7 @@ class _State:
 
     weights: Float[Tensor, "m 2"]
     offsets: Float[Tensor, "2"]
-    multipliers: Float[Tensor, "3 k"]
+    multipliers: Float[Tensor, "c k"]
     stage: int = 0
     step: int = 0
     optimiser: dict[str, Any] | None = None
@@ -105,7 +106,7 @@ def design(
     stages = plan(spec, preset, rays)
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
     objective = Objective.of(spec, source, parametrisation)
-    constraints = AugmentedLagrangian(spec.constraints, parametrisation.grid)
+    constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     key = fingerprint(spec, seed, accuracy, rays)
     state = _fresh_state(parametrisation, constraints)
     if resume and checkpoint is not None:
@@ -115,7 +116,7 @@ def design(
     state = search.state
     lens = parametrisation.lens(state.weights, state.offsets, spec, seed, accuracy)
     measured = measure_constraints(lens)
-    return Design(lens, state.history, measured, constraint_gates(measured), state.seconds, stages[-1].rays)
+    return Design(lens, state.history, measured, constraint_gates(spec, measured), state.seconds, stages[-1].rays)
 
 
 def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian) -> _State:
@@ -205,7 +206,7 @@ class _Search:
 
     def _values(self, result: Evaluated) -> dict[str, float]:
         """What the history keeps of a step."""
-        least = self.constraints.least_mm(result.fields)
+        least = self.constraints.least(result.fields)
         return {"nmse": result.nmse, "efficiency": result.efficiency, **least}
 
 
