@@ -26,8 +26,6 @@ from lensforge.manufacturing.verdicts import (
 )
 from lensforge.manufacturing.wall import ThinnestWall, normal_wall_mm, radial_wall_mm, thinnest
 
-CONSTRAINT_TOLERANCE_MM = 1e-3  # what the design stage calls feasible
-
 
 def check_lens(lens: Lens, directory: Path) -> dict[str, Any]:
     """Check ``lens`` for manufacture; write check.json and check.npz into ``directory`` and return the former.
@@ -96,7 +94,7 @@ def _radial_gate(lens: Lens, radial: ThinnestWall) -> Gate:
         name="radial wall",
         value=radial.thickness_mm,
         sense=">=",
-        limit=lens.spec.constraints.min_thickness_mm - CONSTRAINT_TOLERANCE_MM,
+        limit=lens.spec.constraints.min_thickness_mm - lens.spec.constraints.tolerance_mm,
         unit="mm",
         remedy="raise lens.outer_offset_mm or give the last level more steps",
     )
