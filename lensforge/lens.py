@@ -3,7 +3,7 @@
 The design stage writes it, the geometry stage reads it; NumPy only. ``lens.json`` holds all of it.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,9 @@ import numpy as np
 from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
 from lensforge.spec import Spec, parse_spec
+from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.surface import Surface
 from lensforge.version import __version__
 
 FORMAT = "lensforge-lens-1"
@@ -21,10 +23,10 @@ FORMAT = "lensforge-lens-1"
 
 @dataclass(frozen=True)
 class Lens:
-    """A double-freeform lens: ``inner`` faces the source, ``outer`` the target; lengths in mm."""
+    """Two surfaces, one of them perhaps fixed: ``inner`` faces the source, ``outer`` the target; lengths in mm."""
 
-    inner: SrbfSurface
-    outer: SrbfSurface
+    inner: Surface
+    outer: Surface
     spec: Spec
     seed: int
     accuracy: str
@@ -34,6 +36,16 @@ class Lens:
     def refractive_index(self) -> float:
         """Index of the body at the design wavelength; the surroundings are air, n = 1."""
         return self.spec.lens.refractive_index
+
+    @property
+    def basis(self) -> SrbfBasis:
+        """The functions that shape what is free of the lens; errors of either surface are described by them, too."""
+        return self.spec.lens.basis
+
+    @property
+    def detail_rad(self) -> float:
+        """Of the narrowest feature of both surfaces, the sigma (rad) that a common table must resolve."""
+        return min(self.inner.detail_rad, self.outer.detail_rad)
 
     def save(self, path: Path) -> None:
         """Write ``lens.json``; weights are written with all of their digits."""
@@ -53,12 +65,12 @@ class Lens:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a section at y = 0, and the numbers that name the lens."""
-        basis, spec = self.outer.basis, self.spec
+        spec = self.spec
         rows = {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": f"{spec.target.receiver_mm:g} mm wide at {spec.target.distance_mm:g} mm",
-            "surfaces": f"{basis.size} functions each in {len(basis.levels)} levels, symmetry: {basis.symmetry}",
+            "surfaces": ", ".join(f"{name}: {_describe(getattr(self, name))}" for name in ("inner", "outer")),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
         table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
@@ -97,9 +109,26 @@ def load_lens(path: Path) -> Lens:
         raise InputError(f"{path}: damaged lens file ({type(error).__name__}: {error})") from None
 
 
-def _surface_to_json(surface: SrbfSurface) -> dict[str, Any]:
+def _describe(surface: Surface) -> str:
+    if isinstance(surface, SrbfSurface):
+        basis = surface.basis
+        return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
+    return f"fixed {type(surface).__name__.lower()}"
+
+
+def _surface_to_json(surface: Surface) -> dict[str, Any]:
+    match surface:
+        case SrbfSurface():
+            return _srbf_to_json(surface)
+        case Asphere():
+            return {"kind": "asphere", **asdict(surface)}
+    raise TypeError(f"{type(surface).__name__} has no place in a lens file")
+
+
+def _srbf_to_json(surface: SrbfSurface) -> dict[str, Any]:
     basis = surface.basis
     return {
+        "kind": "srbf",
         "levels": list(basis.levels),
         "sigma_c": basis.sigma_c,
         "symmetry": basis.symmetry,
@@ -108,6 +137,9 @@ def _surface_to_json(surface: SrbfSurface) -> dict[str, Any]:
     }
 
 
-def _surface_from_json(content: dict[str, Any]) -> SrbfSurface:
+def _surface_from_json(content: dict[str, Any]) -> Surface:
+    if content.get("kind", "srbf") == "asphere":
+        numbers = (float(content[name]) for name in ("vertex_mm", "radius_mm", "conic"))
+        return Asphere(*numbers, tuple(float(value) for value in content["coefficients"]))
     basis = SrbfBasis(tuple(content["levels"]), float(content["sigma_c"]), content["symmetry"])
     return SrbfSurface(basis, np.array(content["weights_mm"], dtype=np.float64), float(content["offset_mm"]))

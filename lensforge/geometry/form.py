@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.geometry.patch import MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.geometry.plan import FULL_TURN, rim_directions
 from lensforge.surfaces.chart import to_chart
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 SAMPLES = 4096
 _RIM_SHARE = 4  # one more sample for each four of these lies exactly on the rim, where splines are worst
@@ -50,11 +50,11 @@ def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2
     return np.concatenate([inner, rim_directions(FULL_TURN * (np.arange(rim) + turn) / rim)[:, :2]])
 
 
-def fit_to_form(surface: SrbfSurface, nodes: int | None = None) -> Patch:
+def fit_to_form(surface: Surface, nodes: int | None = None) -> Patch:
     """The patch of ``surface``: with ``nodes`` as asked for, else as many as the measured form and normals need."""
     if nodes is not None:
         return fit_patch(surface, nodes)
-    chart, count = chart_samples(), default_nodes(surface.basis)
+    chart, count = chart_samples(), default_nodes(surface.detail_rad)
     while True:
         patch = fit_patch(surface, count)
         error = form_error(surface, patch.points(chart), patch.normals(chart))
@@ -83,19 +83,21 @@ def face_points(
     return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def form_error(surface: SrbfSurface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
+def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
     """Compare points and normals with ``surface``: distance is radial times the cosine to the normal, first order."""
     radius = np.linalg.norm(points, axis=1)
     directions = points / radius[:, None]
-    exact = surface.normal(directions)
-    distance = (radius - surface.radius(directions)) * np.sum(exact * directions, axis=1) * 1e6
+    rho = surface.radius(directions)
+    exact = directions - surface.gradient(directions) / rho[:, None]
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    distance = (radius - rho) * np.sum(exact * directions, axis=1) * 1e6
     sine = np.linalg.norm(np.cross(normals, exact), axis=1)
     cosine = np.abs(np.sum(normals * exact, axis=1))
     angle = np.arctan2(sine, cosine) * 1e3
     return FormError(float(np.abs(distance).max()), _rms(distance), float(angle.max()), _rms(angle))
 
 
-def face_error(surface: SrbfSurface, face: Any, count: int = SAMPLES) -> FormError:
+def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
     """Form error of a face over the whole hemisphere. Raises :class:`InputError` if it has lost the chart."""
     chart = chart_samples(count)
     points, normals = face_points(face, chart)

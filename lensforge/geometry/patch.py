@@ -9,7 +9,7 @@ than the one at the apex, and a fifth fewer nodes reach it than on an even grid 
 at its ends, so the grid goes on for an apron beyond the chart's square, which is then cut off, exactly. Both together
 make the form error 4 times smaller than an even grid of as many nodes that ends at the square.
 
-Below z = 0 the SRBF sum itself continues the surface: it decays smoothly to the offset h, and the
+Below z = 0 the surface itself goes on: an SRBF sum decays smoothly to the offset h, and the
 corners of the chart (110 degrees from the axis) lie beyond the trimmed face.
 """
 
@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
 
 from lensforge.errors import InputError
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart, to_sphere
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 DEGREE = 5
 # The chart's map of a plain sphere has its own poles at R = +-i, which wide functions do not see: 72 nodes follow it.
@@ -67,9 +67,9 @@ class Patch:
         return NdBSpline((self.knots, self.knots), self.control, DEGREE)
 
 
-def default_nodes(basis: SrbfBasis) -> int:
-    """Nodes that resolve the narrowest function: the grid step at the apex is ``sigma / NODES_PER_SIGMA`` or less."""
-    apex_step = float(basis.sigmas.min()) / NODES_PER_SIGMA
+def default_nodes(detail_rad: float) -> int:
+    """Nodes that resolve the narrowest feature: the grid step at the apex is it over ``NODES_PER_SIGMA``, or less."""
+    apex_step = detail_rad / NODES_PER_SIGMA
     return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), MIN_NODES, MAX_NODES))
 
 
@@ -79,18 +79,18 @@ def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Flo
     return np.tan(2.0 * half / (count - 1) * np.arange(-apron, count + apron) - half)
 
 
-def fit_patch(surface: SrbfSurface, nodes: int | None = None) -> Patch:
-    """Interpolate ``surface`` at ``nodes`` x ``nodes`` chart points; by default as many as its basis needs.
+def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:
+    """Interpolate ``surface`` at ``nodes`` x ``nodes`` chart points; by default as many as its detail needs.
 
     Raises :class:`InputError` if ``nodes`` is out of range or the radius is not positive over the chart.
     """
-    count = default_nodes(surface.basis) if nodes is None else nodes
+    count = default_nodes(surface.detail_rad) if nodes is None else nodes
     if not 2 * DEGREE <= count <= MAX_NODES:
         raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to let the lens decide")
     return _interpolate(surface, count, HALF_WIDTH)
 
 
-def fit_extended(surface: SrbfSurface, nodes: int, runout_deg: float) -> Patch:
+def fit_extended(surface: Surface, nodes: int, runout_deg: float) -> Patch:
     """The same surface over a larger square: on its axes it reaches ``runout_deg`` (degrees) beyond the rim.
 
     ``nodes`` is the count over the usual square; the larger one gets as many more as it is wider in angle.
@@ -102,12 +102,12 @@ def fit_extended(surface: SrbfSurface, nodes: int, runout_deg: float) -> Patch:
     return _interpolate(surface, count, half_width)
 
 
-def _interpolate(surface: SrbfSurface, count: int, half_width: float) -> Patch:
+def _interpolate(surface: Surface, count: int, half_width: float) -> Patch:
     axis = node_axis(count, _APRON, half_width)
-    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2))
-    radius = surface.radius(directions)
-    _require_positive(radius, directions)
-    points = (radius[:, None] * directions).reshape(len(axis), len(axis), 3)
+    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+    radius = surface.radius_on_grid(directions)
+    _require_positive(radius.reshape(-1), directions.reshape(-1, 3))
+    points = radius[..., None] * directions
     along_x = _within_square(make_interp_spline(axis, points, k=DEGREE), half_width)
     along_y = _within_square(make_interp_spline(axis, along_x.c.transpose(1, 0, 2), k=DEGREE), half_width)
     return Patch(np.ascontiguousarray(along_y.c.transpose(1, 0, 2)), along_x.t)

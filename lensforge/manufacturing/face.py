@@ -15,6 +15,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 NODES_PER_SIGMA = 4.5  # apex nodes for each shape parameter of the narrowest function
 _MIN_NODES = 64
@@ -105,13 +106,16 @@ def _direction_jet(X: Float[np.ndarray, " n"], Y: Float[np.ndarray, " n"]) -> li
 def tabulate_face(surface: StarShaped, air: AirSide, nodes: int) -> OpticalFace:
     """Sample ``surface`` on ``nodes`` x ``nodes`` chart points and interpolate by a quintic spline."""
     grid = chart.grid(nodes)
-    values = surface.radius(chart.to_sphere(grid).reshape(-1, 3)).reshape(nodes, nodes)
-    axis = grid[:, 0, 0]
+    directions, axis = chart.to_sphere(grid), grid[:, 0, 0]
+    if isinstance(surface, SrbfSurface):
+        values = surface.radius_on_grid(directions)
+    else:
+        values = surface.radius(directions.reshape(-1, 3)).reshape(nodes, nodes)
     return OpticalFace(RectBivariateSpline(axis, axis, values, kx=5, ky=5, s=0), air)
 
 
-def nodes_for(surface: SrbfSurface) -> int:
-    """Table size whose apex step is the narrowest shape parameter over ``NODES_PER_SIGMA``."""
+def nodes_for(surface: Surface) -> int:
+    """Table size whose apex step is the narrowest feature over ``NODES_PER_SIGMA``."""
     apex_span = 4.0 * chart.HALF_WIDTH  # rad: one chart unit is 2 rad at the apex
-    needed = apex_span * NODES_PER_SIGMA / float(surface.basis.sigmas.min())
+    needed = apex_span * NODES_PER_SIGMA / surface.detail_rad
     return max(_MIN_NODES, int(np.ceil(needed)) + 1)

@@ -21,7 +21,7 @@ from lensforge.measurement.surface_figure import draw_surface
 from lensforge.sources.bundle import Source
 from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.spline import tabulate
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 Side = Literal["inner", "outer"]
 
@@ -61,14 +61,13 @@ def compare_surface(
     material on the outer surface, too little on the inner one. What ``freedom`` registers is taken out, and the rest is
     form; the other surface is the design's. Raises :class:`InputError` for points that cannot be registered.
     """
-    surface: SrbfSurface = getattr(lens, side)
-    patch = fit_patch(surface)
-    form = measure_form(surface, patch, cloud, freedom)
+    patch = fit_patch(getattr(lens, side))
+    form = measure_form(patch, lens.basis, cloud, freedom)
     count = rays or min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
     design = TracedLens.of(lens, preset.judge_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
-    chart, height = _map(surface, patch, form.deviation.surface)
+    chart, height = _map(patch, form.deviation.surface)
     content = {
         "surface": side,
         "registration": freedom,
@@ -98,10 +97,8 @@ def compare_surface(
     return content
 
 
-def measure_form(
-    surface: SrbfSurface, patch: Patch, cloud: Float[np.ndarray, "k 3"], freedom: Freedom = "rigid"
-) -> Form:
-    """Register ``cloud`` (mm) to ``surface``, whose spline is ``patch``, and fit its radial deviation."""
+def measure_form(patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], freedom: Freedom = "rigid") -> Form:
+    """Register ``cloud`` (mm) to the surface of ``patch``, and fit its radial deviation by ``basis``."""
     pose = register(patch, cloud, freedom)
     placed = pose.apply(cloud)
     over = over_surface(placed)
@@ -112,9 +109,9 @@ def measure_form(
         pose=pose,
         points=points,
         distances=distances(patch, points)[0],
-        deviation=fit_deviation(surface.basis, directions, radius - patch.radius(directions)),
+        deviation=fit_deviation(basis, directions, radius - patch.radius(directions)),
         used=float(over.mean()),
-        covered=coverage(directions, float(surface.basis.sigmas.min())),
+        covered=coverage(directions, float(basis.sigmas.min())),
     )
 
 
@@ -125,9 +122,7 @@ def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> T
     return TracedLens(design.scene, tables["inner"], tables["outer"], design.table_error_nm)
 
 
-def _map(
-    surface: SrbfSurface, patch: Patch, deviation: SrbfSurface
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
+def _map(patch: Patch, deviation: SrbfSurface) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
     """Deviation along the normal (um) over the chart's disc, [Y, X], NaN outside; and the chart's axis."""
     axis = np.linspace(-1.0, 1.0, _MAP_PIXELS)
     chart = np.stack(np.meshgrid(axis, axis), axis=-1)

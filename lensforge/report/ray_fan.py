@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.lens import Lens
-from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 _MARCH = 192  # steps of the search for a first crossing: far finer than a lens's features
 _BISECTIONS = 40
@@ -28,7 +28,7 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
     return np.stack([start_mm, at_inner, at_outer, _at_distance(at_outer, after, reach_mm)], axis=1)
 
 
-def _first_crossing(surface: SrbfSurface, start: Points, direction: Points, reach_mm: float) -> Points:
+def _first_crossing(surface: Surface, start: Points, direction: Points, reach_mm: float) -> Points:
     """Where each ray first leaves the body below ``surface``; NaN where it does not, or only below z = 0."""
     lengths = np.linspace(0.0, 2.0 * reach_mm, _MARCH)
     height = _height(surface, start[:, None] + lengths[:, None] * direction[:, None])
@@ -44,7 +44,7 @@ def _first_crossing(surface: SrbfSurface, start: Points, direction: Points, reac
     return hit
 
 
-def _height(surface: SrbfSurface, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+def _height(surface: Surface, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
     """Height (mm) of points above the surface along their radius; NaN points stay NaN."""
     distance = np.linalg.norm(points, axis=-1)
     known = distance > 0.0  # false for NaN and for the origin
@@ -53,7 +53,7 @@ def _height(surface: SrbfSurface, points: Float[np.ndarray, "*n 3"]) -> Float[np
     return height
 
 
-def _returns(surface: SrbfSurface, start: Points, direction: Points, end: Points) -> Bool[np.ndarray, " n"]:
+def _returns(surface: Surface, start: Points, direction: Points, end: Points) -> Bool[np.ndarray, " n"]:
     """Whether the way from ``start`` on the cavity to ``end`` dips into the cavity again."""
     share = np.linspace(0.0, 1.0, _MARCH)[1:]
     way = start[:, None] + share[:, None] * (end - start)[:, None]
@@ -61,7 +61,7 @@ def _returns(surface: SrbfSurface, start: Points, direction: Points, end: Points
         return np.asarray((_height(surface, way) < -1e-9).any(axis=1))
 
 
-def _normals(surface: SrbfSurface, points: Points) -> Points:
+def _normals(surface: Surface, points: Points) -> Points:
     normals = np.full_like(points, np.nan)
     known = ~np.isnan(points[:, 0])
     unit = points[known] / np.linalg.norm(points[known], axis=1, keepdims=True)

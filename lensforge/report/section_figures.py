@@ -9,7 +9,8 @@ from matplotlib.patches import Polygon
 from lensforge.lens import Lens
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.ray_fan import trace_fan
-from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _MARGIN = 1.3  # the drawing's reach in largest radii
@@ -58,7 +59,7 @@ def reach_mm(lens: Lens) -> float:
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
 
 
-def profile(surface: SrbfSurface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:
+def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:
     """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
     polar = np.column_stack([np.sin(theta), np.cos(theta)])

@@ -42,6 +42,23 @@ class Spec(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def _fixed_surfaces_fit(self) -> "Spec":
+        limits, fixed_inner, fixed_outer = self.constraints, self.lens.fixed_inner, self.lens.fixed_outer
+        if fixed_inner is not None:
+            inside = fixed_inner.room_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
+            if inside < 0.0:
+                raise ValueError(
+                    f"lens.fixed_inner cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = "
+                    f"{limits.cavity_height_mm:g} and cavity_radius_mm = {limits.cavity_radius_mm:g}"
+                )
+        if fixed_outer is not None and fixed_outer.largest_mm > limits.max_radius_mm:
+            raise ValueError(
+                f"lens.fixed_outer reaches {fixed_outer.largest_mm:.6g} mm from the origin, "
+                f"constraints.max_radius_mm = {limits.max_radius_mm:g}"
+            )
+        return self
+
 
 def load_spec(path: Path) -> Spec:
     """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
@@ -86,7 +103,7 @@ def parse_spec(content: dict[str, Any], origin: str) -> Spec:
 
 def _field(location: tuple[int | str, ...]) -> str:
     """The path to a field as the user wrote it: without the ``kind`` that chose the form of a section."""
-    unions = ("source", "target", "intensity")
+    unions = ("source", "target", "intensity", "spectrum", "fixed_inner", "fixed_outer")
     return ".".join(
         str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
     )

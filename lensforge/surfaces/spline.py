@@ -5,7 +5,7 @@ ray no longer depends on the number of functions. The table's error against the 
 of the node spacing (:func:`table_error` measures it).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,8 @@ from scipy.ndimage import spline_filter1d
 
 from lensforge.errors import InputError
 from lensforge.surfaces import chart
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, gaussians
+from lensforge.surfaces.srbf import SrbfBasis, gaussians
+from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import grid_images
 
 # The filter's end condition decays by 2 - sqrt(3) a node: after 24 nodes it is below 1e-13.
@@ -97,13 +98,11 @@ def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> Float[np.ndarray, "s m"]
     return matrix
 
 
-def tabulate(grid: TableGrid, surface: SrbfSurface) -> Float[np.ndarray, "side side"]:
-    """The table of one surface, from its exact sum; on this grid, mirror images are a permutation of one evaluation."""
-    plain = replace(surface, basis=replace(surface.basis, symmetry="none"))
+def tabulate(grid: TableGrid, surface: Surface) -> Float[np.ndarray, "side side"]:
+    """The table of one surface, from its exact sum."""
     count = grid.nodes + 2 * _APRON
-    block = plain.radius(grid.sample_directions()).reshape(count, count)
-    samples = grid_images(block, surface.basis.symmetry).reshape(-1)
-    return grid.coefficients(samples[:, None]).reshape(grid.side, grid.side)
+    samples = surface.radius_on_grid(grid.sample_directions().reshape(count, count, 3))
+    return grid.coefficients(samples.reshape(-1, 1)).reshape(grid.side, grid.side)
 
 
 def evaluate_table(
@@ -131,7 +130,7 @@ def _cubic_weights(f: Float[np.ndarray, " n"]) -> list[Float[np.ndarray, " n"]]:
 
 
 def table_error(
-    grid: TableGrid, table: Float[np.ndarray, "side side"], surface: SrbfSurface, samples: int = 4096, seed: int = 0
+    grid: TableGrid, table: Float[np.ndarray, "side side"], surface: Surface, samples: int = 4096, seed: int = 0
 ) -> float:
     """Largest |table - exact sum| (mm) over random directions of the hemisphere, off the nodes."""
     rng = np.random.default_rng(seed)

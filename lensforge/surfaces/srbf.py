@@ -9,14 +9,15 @@ mirror symmetry, in which case each basis function is averaged over its mirror i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.surfaces.symmetry import group
+from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.symmetry import grid_images, group
 
 _CHUNK, _CHUNK_VALUES = 2**16, 2**26  # directions, and values, at a time: bounds the memory of the dense basis
 
@@ -64,6 +65,11 @@ class SrbfBasis:
     def sigmas(self) -> Float[np.ndarray, " m"]:
         """Shape parameters (rad) of all functions, coarse first."""
         return np.repeat([level_sigma(count, self.sigma_c) for count in self.levels], self.levels)
+
+    @property
+    def detail_rad(self) -> float:
+        """Shape parameter (rad) of the narrowest function."""
+        return float(self.sigmas.min())
 
     def evaluate(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n m"]:
         """Value of every function at unit ``directions``."""
@@ -120,7 +126,7 @@ def _slopes(
 
 
 @dataclass(frozen=True)
-class SrbfSurface:
+class SrbfSurface(Surface):
     """A star-shaped surface: offset ``h`` (mm) and one weight (mm) for each function of the basis."""
 
     basis: SrbfBasis
@@ -133,20 +139,26 @@ class SrbfSurface:
         if not (np.isfinite(self.weights).all() and np.isfinite(self.offset_mm)):
             raise InputError("weights: some are not finite; the design has diverged, lower the learning rate")
 
+    @property
+    def detail_rad(self) -> float:
+        """Sigma of the narrowest function."""
+        return self.basis.detail_rad
+
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
         return np.concatenate(
             [self.offset_mm + self.basis.evaluate(part) @ self.weights for part in self._parts(directions)]
         )
 
+    def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
+        """``rho`` (mm) on a square chart grid centred on the axis: mirror images are a permutation of one evaluation."""
+        plain = replace(self, basis=replace(self.basis, symmetry="none"))
+        block = plain.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
+        return grid_images(block, self.basis.symmetry)
+
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
         return np.concatenate([self.basis.gradient(part, self.weights) for part in self._parts(directions)])
-
-    def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
-        outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
-        return outward / np.linalg.norm(outward, axis=1, keepdims=True)
 
     def _parts(self, directions: Float[np.ndarray, "n 3"]) -> Sequence[Float[np.ndarray, "k 3"]]:
         rows = max(1, min(_CHUNK, _CHUNK_VALUES // self.basis.size))

@@ -7,14 +7,15 @@ import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
+from lensforge.evaluation.exact import ExactHits, trace_exact_sum
 from lensforge.lens import Lens
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.splat import splat_flux
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
-from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
 from lensforge.tracing.fused import Scene, trace_tables
-from lensforge.tradeoff.exact import ExactHits, trace_exact_sum
 from lensforge.tradeoff.ladder import Estimate, Ladder, Meter, Rung, orders_of
 
 EXACT_RAYS = 2**13
@@ -37,7 +38,7 @@ def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTING
     """
     built = {}
     for setting in settings:
-        grid = grid_for(float(lens.inner.basis.sigmas.min()), setting)
+        grid = grid_for(lens.detail_rad, setting)
         with Meter() as meter:
             tables = {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
         built[setting] = grid, tables, meter
@@ -75,7 +76,7 @@ class _Truth:
     def __init__(self, lens: Lens, rays: RayBundle, exact: ExactHits) -> None:
         self._lens, self._rays, self._exact = lens, rays, exact
         self._directions = fibonacci_hemisphere(_DIRECTIONS)
-        surfaces: dict[str, SrbfSurface] = {name: getattr(lens, name) for name in ("inner", "outer")}
+        surfaces: dict[str, Surface] = {name: getattr(lens, name) for name in ("inner", "outer")}
         self._radius = {name: surface.radius(self._directions) for name, surface in surfaces.items()}
         self._normal = {name: surface.normal(self._directions) for name, surface in surfaces.items()}
         self._receiver = Receiver(lens.spec.target.receiver_mm, lens.spec.optimise.pixels)

@@ -31,10 +31,10 @@ def test_form_converges_with_order_six_and_normals_with_order_five():
 
 def test_nodes_resolve_the_narrowest_function():
     basis = SrbfBasis(ALL_LEVELS, 1.75)
-    axis = node_axis(default_nodes(basis))
+    axis = node_axis(default_nodes(float(basis.sigmas.min())))
     assert 2.0 * np.diff(np.arctan(axis)).max() <= basis.sigmas.min() / 5.0
     assert (axis[0], axis[-1]) == pytest.approx((-HALF_WIDTH, HALF_WIDTH), rel=1e-14)
-    assert default_nodes(SrbfBasis((100_000,), 1.75)) == MAX_NODES
+    assert default_nodes(1e-3) == MAX_NODES
 
 
 def test_patch_is_linear_in_the_weights():

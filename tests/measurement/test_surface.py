@@ -29,7 +29,7 @@ def without_motion(u, radial):
 
 
 def recovered(cloud):
-    form = measure_form(LENS.outer, PATCH, cloud)
+    form = measure_form(PATCH, LENS.basis, cloud)
     u = directions(3000, 99)
     return form, np.sum(LENS.outer.normal(u) * u, axis=1) * form.deviation.surface.radius(u), u
 
