@@ -30,7 +30,7 @@ def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float
     found = {each.key: float(each.field(inner, outer, points).min()) for each in constraints if not each.derivatives}
     of_shape = [each for each in constraints if each.derivatives]
     if of_shape:
-        grid = grid_for(float(lens.inner.basis.sigmas.min()), _NODES_PER_SIGMA)
+        grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
         everywhere = watched_points(grid)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}

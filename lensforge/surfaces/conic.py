@@ -135,9 +135,10 @@ class Asphere(Surface):
             raise self._not_star_shaped(float(heights[np.argmax(hidden)]))
 
     def _not_star_shaped(self, height: float) -> InputError:
+        polar = np.degrees(np.arccos(height))
         return InputError(
-            f"the surface with vertex at {self.vertex_mm:g} mm and radius {self.radius_mm:g} mm is not star-shaped: a "
-            f"ray from the origin, {np.degrees(np.arccos(height)):.1f} degrees from the axis, does not meet it just once; "
+            f"the surface with vertex at {self.vertex_mm:g} mm and radius {self.radius_mm:g} mm is not star-shaped: "
+            f"a ray from the origin, {polar:.1f} degrees from the axis, does not meet it just once; "
             "it must close around the source to 120 degrees (a dome has a negative radius)"
         )
 
