@@ -47,7 +47,11 @@ def _outside(plan: Plan, outer_rim: list[Any]) -> tuple[Named, Any]:
         faces = [(SIDE, side)]
     else:
         faces, seat = [], outer_rim
-        if plan.relief_mm > 0.0:
+        if plan.ring is not None:
+            ring = _circle(plan.ring, 0.0)
+            walls, seat_wire = _prism(ring, plan.relief_mm)
+            faces, seat = [(RIM, _annulus(wire(outer_rim), wire(ring))), (RELIEF, walls[0])], _edges(seat_wire)
+        elif plan.relief_mm > 0.0:
             wall, seat_wire = _wall(outer_rim, plan.relief_mm)
             faces, seat = [(RELIEF, wall)], _edges(seat_wire)
         outline = outline_edges(plan.outline, plan.relief_mm, outer_rim, plan.arcs)

@@ -12,10 +12,12 @@ from lensforge.gates import Gate
 from lensforge.geometry.form import FormError, face_error, fit_to_form, worst
 from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
+from lensforge.geometry.mesh_union import join_mesh
 from lensforge.geometry.patch import fit_extended
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import Schema, read_step, read_surfaces, write_step, write_surfaces
+from lensforge.geometry.step_base import join_base, read_base
 from lensforge.geometry.stl import read_stl, write_stl
 from lensforge.geometry.threemf import read_3mf, write_3mf
 from lensforge.geometry.watertight import Closure, check_closed
@@ -26,7 +28,6 @@ SURFACES_FILE = "lens_surfaces.step"
 
 _FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 1.0, 0.02
 _ROUND_TRIP_LIMIT = 1e-9
-_GENUS = 0  # with or without a base: the bore is the cavity continued, so the body is a cup
 
 
 @dataclass(frozen=True)
@@ -59,16 +60,19 @@ def export_lens(
     ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and going on by this angle (degrees)
     beyond the rim, for the run-out of the tool.
     Failed gates do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
-    a base too narrow for the cavity.
+    a base too narrow for the cavity, a base's file that does not go under the lens.
     """
     start = time.perf_counter()
     directory = Path(directory)
+    base = None if lens.spec.base.file is None else read_base(lens.spec.base.file)
     with ThreadPoolExecutor() as pool:
         patches = pool.map(fit_to_form, (lens.inner, lens.outer), (nodes, nodes))
     plan = make_plan(*patches, lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)
+    if base is not None:
+        mesh, solid = join_mesh(mesh, base.solid, reached.chord_mm), join_base(solid, base)
     surfaces = None if runout_deg is None else _write_extended(lens, plan, directory, runout_deg, schema)
     write_step(solid, directory / STEP_FILE, lens.spec.name, schema)
     write_stl(mesh, directory / STL_FILE)
@@ -134,7 +138,7 @@ def _gates(proof: _Proof) -> list[Gate]:
         Gate("step_volume_change", proof.volume_change, "<=", _ROUND_TRIP_LIMIT, "", finer),
         Gate("watertight", float(proof.stl.watertight), ">=", 1.0, "", "change the number of rings"),
         Gate("watertight_3mf", float(proof.threemf.watertight), ">=", 1.0, "", "change the number of rings"),
-        Gate("genus_difference", abs(proof.stl.genus - _GENUS), "<=", 0.0, "", "change the number of rings"),
+        Gate("genus_difference", abs(proof.stl.genus - proof.solid.genus), "<=", 0.0, "", "change the number of rings"),
         Gate(
             "mesh_volume_change",
             proof.mesh_volume_change,

@@ -61,9 +61,11 @@ def build_mesh(plan: Plan, rings: int) -> BodyMesh:
         raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to let the tolerance decide")
     rim = rim_azimuths(6 * rings, plan.breaks)
     dome = dome_rings(plan.outer, rings, rim, OUTER)
-    seat = rings + (1 if plan.has_base and plan.relief_mm > 0.0 else 0)  # the ring that meets the base's outline
+    steps = 0 if plan.relief_mm == 0.0 else 1 if plan.ring is None else 2
+    seat = rings + steps  # the ring that meets the base's outline
     stack = [*dome, *_base(plan, dome[-1]), *reversed(dome_rings(plan.inner, rings, rim, INNER))]
-    stack[rings] = Ring(rim, stack[rings].points, RIM if not plan.has_base else TOP if seat == rings else RELIEF)
+    below_rim = (TOP, RELIEF, RIM)[steps] if plan.has_base else RIM
+    stack[rings] = Ring(rim, stack[rings].points, below_rim)
     ids = number_rings(stack)
     if plan.has_base:
         _share_crossings(plan, stack, ids, seat)
@@ -84,7 +86,10 @@ def _base(plan: Plan, outer_rim: Ring) -> Iterator[Ring]:
     def ring(radius: Float[np.ndarray, " n"], depth: float, strip: str) -> Ring:
         return Ring(rim, radius[:, None] * around - np.array([0.0, 0.0, depth]), strip)
 
-    if plan.relief_mm > 0.0:
+    if plan.ring is not None:
+        yield ring(plan.ring.radius(rim), 0.0, RELIEF)
+        yield ring(plan.ring.radius(rim), plan.relief_mm, TOP)
+    elif plan.relief_mm > 0.0:
         yield Ring(rim, outer_rim.points - np.array([0.0, 0.0, plan.relief_mm]), TOP)
     side = plan.outline.radius(rim)
     yield ring(side, plan.relief_mm, SIDE)

@@ -1,8 +1,9 @@
 """The plan of the body seen along the axis: where the inner rim, the outer rim and the base's outline lie.
 
-All three are radii over the azimuth. The outer rim may lie inside the outline (a *ledge* of the base shows
-above), outside (the dome *overhangs* the base), on it (*flush*), or change over where it *crosses* the
-outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
+All are radii over the azimuth. The seat, on which the base begins, is the outer rim or the wall of a step behind it. It
+may lie inside the outline (a *ledge* of the base shows above), outside (the dome *overhangs* the base), on it
+(*flush*), or change over where it *crosses* the outline. Mesh and solid are both built arc by arc from this plan, so
+neither needs a boolean operation.
 """
 
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
 
 Relation = Literal["bare", "ledge", "overhang", "flush"]
+Radius = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]  # distance (mm) from the axis over azimuths
 
 FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _MIN_BASE_WALL_MM = 0.01
@@ -29,7 +31,7 @@ _WALL_NODES = 96  # chart nodes where the wall is looked at
 
 @dataclass(frozen=True)
 class Arc:
-    """Azimuths from ``start`` to ``end`` (rad) over which the outer rim keeps its ``relation`` to the outline."""
+    """Azimuths from ``start`` to ``end`` (rad) over which the seat keeps its ``relation`` to the outline."""
 
     start: float
     end: float
@@ -38,17 +40,22 @@ class Arc:
 
 @dataclass(frozen=True)
 class Plan:
-    """The two optical faces of a lens, its base, and the arcs of the outer rim, which go once around."""
+    """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
+
+    The seat is what meets the base's outline: ``ring``, the circle of a relief step's wall that stands back from the
+    outer rim, or, without one, the outer rim itself.
+    """
 
     inner: Patch
     outer: Patch
     base: BaseSection
     arcs: tuple[Arc, ...]
+    ring: Outline | None = None
 
     @property
     def has_base(self) -> bool:
-        """Whether there is anything below z = 0."""
-        return self.base.kind != "none"
+        """Whether there is anything below z = 0; a base from a STEP file is joined to the body later."""
+        return self.base.kind in ("cylinder", "square")
 
     @property
     def outline(self) -> Outline:
@@ -87,7 +94,7 @@ class Plan:
 
     @property
     def crossings(self) -> Float[np.ndarray, " k"]:
-        """Azimuths (rad) at which the outer rim crosses the outline; none or an even number."""
+        """Azimuths (rad) at which the seat crosses the outline; none or an even number."""
         return np.array([arc.start for arc in self.arcs] if len(self.arcs) > 1 else [])
 
     @property
@@ -104,18 +111,38 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
 def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
     _require_wall(inner, outer)
-    if base.kind == "none":
+    if base.kind in ("none", "step"):
         return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
     outline = outline_of(base)
     _require_opening_inside(inner, base, outline)
-    arcs = _arcs(outer, outline)
-    if len(arcs) > 1 and base.relief_step_mm > 0.0:
-        rim = outer.radius(rim_directions(_samples()))
+    ring = _ring(inner, outer, base)
+    seat = _rim_radius(outer) if ring is None else ring.radius
+    arcs = _arcs(seat, outline)
+    if base.relief_step_mm > 0.0 and (len(arcs) > 1 or (ring is not None and arcs[0].relation == "flush")):
+        widths = 2.0 * seat(_samples())
         raise InputError(
-            f"base.relief_step_mm = {base.relief_step_mm:g}: the lens's rim, {2.0 * rim.min():.4g} to "
-            f"{2.0 * rim.max():.4g} mm wide, crosses the outline of the base; make the base wider, or the step 0"
+            f"base.relief_step_mm = {base.relief_step_mm:g}: the wall of the step, {widths.min():.4g} to "
+            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or the step 0"
         )
-    return Plan(inner, outer, base, arcs)
+    return Plan(inner, outer, base, arcs, ring)
+
+
+def _rim_radius(patch: Patch) -> Radius:
+    return lambda azimuths: patch.radius(rim_directions(azimuths))
+
+
+def _ring(inner: Patch, outer: Patch, base: BaseSection) -> Outline | None:
+    """The wall of a step that stands back from the outer rim; None where it is drawn down from the rim itself."""
+    if base.relief_setback_mm == 0.0:
+        return None
+    opening, rim = (patch.radius(rim_directions(_samples())) for patch in (inner, outer))
+    room = float(rim.min() - opening.max()) - _MIN_BASE_WALL_MM
+    if base.relief_setback_mm > room:
+        raise InputError(
+            f"base.relief_setback_mm = {base.relief_setback_mm:g}: the step's wall would open the cavity; "
+            f"at most {room:.4g}"
+        )
+    return circle(float(rim.min()) - base.relief_setback_mm)
 
 
 def _require_wall(inner: Patch, outer: Patch) -> None:
@@ -153,9 +180,9 @@ def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -
         )
 
 
-def _arcs(outer: Patch, outline: Outline) -> tuple[Arc, ...]:
+def _arcs(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
     azimuths = _samples()
-    height = outer.radius(rim_directions(azimuths)) - outline.radius(azimuths)
+    height = seat(azimuths) - outline.radius(azimuths)
     if np.abs(height).max() <= FLUSH_MM:
         return (Arc(0.0, FULL_TURN, "flush"),)
     outside = height > 0.0
@@ -163,16 +190,16 @@ def _arcs(outer: Patch, outline: Outline) -> tuple[Arc, ...]:
     if len(changes) == 0:
         return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
     step = FULL_TURN / len(azimuths)
-    starts = [_root(_rim_above(outer, outline), azimuths[k], azimuths[k] + step) for k in changes]
+    starts = [_root(_seat_above(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
     ends = [*starts[1:], starts[0] + FULL_TURN]
     relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
     return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
 
 
-def _rim_above(outer: Patch, outline: Outline) -> Callable[[float], float]:
+def _seat_above(seat: Radius, outline: Outline) -> Callable[[float], float]:
     def above(azimuth: float) -> float:
         at = np.array([azimuth])
-        return float(outer.radius(rim_directions(at))[0] - outline.radius(at)[0])
+        return float(seat(at)[0] - outline.radius(at)[0])
 
     return above
 

@@ -61,6 +61,16 @@ class Solid:
         BRepGProp.VolumeProperties_s(self.shape.wrapped, properties, _VOLUME_PRECISION)
         return float(properties.Mass())
 
+    @property
+    def genus(self) -> int:
+        """Handles of the boundary, by Euler and Poincaré: ``V - E + F - (L - F) = 2 (S - G)``, L: loops, S: shells."""
+        from OCP.BRep import BRep_Tool
+
+        faces, shape = self.shape.Faces(), self.shape
+        edges = sum(not BRep_Tool.Degenerated_s(edge.wrapped) for edge in shape.Edges())
+        loops = sum(len(face.Wires()) for face in faces)
+        return len(shape.Shells()) - (len(shape.Vertices()) - edges + 2 * len(faces) - loops) // 2
+
 
 def build_solid(plan: Plan) -> Solid:
     """Build the closed solid that the plan lays out."""
@@ -116,10 +126,10 @@ def _assembled(faces: list[tuple[str, Any]]) -> Solid:
     shell.Closed(True)
     builder.MakeSolid(solid)
     builder.Add(solid, shell)
-    return Solid(cq.Solid(solid), _named(faces))
+    return Solid(cq.Solid(solid), uniquely_named(faces))
 
 
-def _named(faces: list[tuple[str, Any]]) -> dict[str, Any]:
+def uniquely_named(faces: list[tuple[str, Any]]) -> dict[str, Any]:
     """Names made unique: a number is added where several faces share one."""
     total, seen = Counter(name for name, _ in faces), Counter[str]()
     named = {}

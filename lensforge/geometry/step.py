@@ -26,8 +26,11 @@ _UNCERTAINTY_MM = 1e-5
 _NO_TIME = "1970-01-01T00:00:00"
 
 
+_EXPORT_FIRST, _EXPORT_AGAIN = "run `lensforge export` first", "run `lensforge export` again"
+
+
 @dataclass(frozen=True)
-class _Part:
+class Part:
     """A product of the file: its ``cadquery.Shape``, and the faces of it that have names."""
 
     name: str
@@ -62,19 +65,20 @@ def _write(parts: dict[str, Any], faces: dict[str, Any], path: Path, product: st
 
 def read_step(path: Path) -> Solid:
     """Read the one solid of a STEP file and its named faces. Raises :class:`InputError` for anything else."""
-    parts = _read(path)
+    parts = read_parts(path)
     solids = [solid for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
-        raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; run `lensforge export` again")
+        raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; {_EXPORT_AGAIN}")
     return Solid(solids[0], parts[0].faces)
 
 
 def read_surfaces(path: Path) -> dict[str, Any]:
     """The loose faces of a STEP file (``cadquery.Face``) by name."""
-    return {part.name: part.shape.Faces()[0] for part in _read(path) if len(part.shape.Faces()) == 1}
+    return {part.name: part.shape.Faces()[0] for part in read_parts(path) if len(part.shape.Faces()) == 1}
 
 
-def _read(path: Path) -> list[_Part]:
+def read_parts(path: Path, missing: str = _EXPORT_FIRST, damaged: str = _EXPORT_AGAIN) -> list[Part]:
+    """All products of a STEP file, in mm whatever its unit; the remedies go into the :class:`InputError`."""
     import cadquery as cq
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Reader
@@ -82,17 +86,17 @@ def _read(path: Path) -> list[_Part]:
     from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
     if not Path(path).is_file():
-        raise InputError(f"{path}: no such file; run `lensforge export` first")
+        raise InputError(f"{path}: no such file; {missing}")
     reader, document, parts = STEPCAFControl_Reader(), _new_document(), TDF_LabelSequence()
     _configure("", "AP214")
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
-        raise InputError(f"{path}: not readable as STEP; run `lensforge export` again")
+        raise InputError(f"{path}: not readable as STEP; {damaged}")
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
     labels = [parts.Value(k + 1) for k in range(parts.Length())]
     # All at once: a label is nothing without its document, which goes with the last reference to it.
     return [
-        _Part(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label)) for label in labels
+        Part(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label)) for label in labels
     ]
 
 

@@ -1,7 +1,8 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm."""
 
+from lensforge.spec.base import BaseSection
 from lensforge.spec.design import Spec, load_spec, parse_spec
-from lensforge.spec.part import BaseSection, ConstraintsSection, LensSection, ManufactureSection, Tool
+from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection, Tool
 from lensforge.spec.search import Accuracy, EvaluateSection, OptimiseSection
 from lensforge.spec.target import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 

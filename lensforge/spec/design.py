@@ -10,7 +10,8 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.spec.part import BaseSection, ConstraintsSection, LensSection, ManufactureSection
+from lensforge.spec.base import BaseSection
+from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection
 from lensforge.spec.search import EvaluateSection, OptimiseSection
 from lensforge.spec.section import Section
 from lensforge.spec.source import Source
@@ -70,7 +71,7 @@ def load_spec(path: Path) -> Spec:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not readable as TOML ({error})") from None
     content.setdefault("name", path.stem)
-    for section in ("source", "target"):
+    for section in ("source", "target", "base"):
         _resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

@@ -1,4 +1,4 @@
-"""The part: the starting lens, what bounds it, its base, and the shop that makes it."""
+"""The part: the starting lens, what bounds it, and the shop that makes it."""
 
 from typing import Annotated, Literal
 
@@ -132,47 +132,6 @@ class ConstraintsSection(Section):
     def tolerance_mm(self) -> float:
         """A length that is this much outside of its limit counts as feasible: a micrometre for a lens of 14 mm."""
         return 7e-5 * self.max_radius_mm
-
-
-class BaseSection(Section):
-    """The clamping base below z = 0: the paper's one-inch cylinder, a square, or none; ``height_mm`` is all of it.
-
-    ``relief_step_mm``: how far the base's top lies below the rim, so that a cutter reaches the rim. ``flat_mm``:
-    distance of a clocking flat, across +x, from the axis. ``pocket_*``: a wider bore from below for the LED.
-    ``flange_*``: a wider ring at the bottom.
-    """
-
-    kind: Literal["cylinder", "square", "none"] = "cylinder"
-    diameter_mm: Millimetres = 25.4
-    side_mm: Millimetres = 25.4
-    height_mm: Millimetres = 2.0
-    relief_step_mm: MillimetresOrZero = 0.0
-    flat_mm: Millimetres | None = None
-    pocket_diameter_mm: Millimetres | None = None
-    pocket_depth_mm: Millimetres = 1.0
-    flange_diameter_mm: Millimetres | None = None
-    flange_height_mm: Millimetres = 0.5
-
-    @model_validator(mode="after")
-    def _heights_fit(self) -> "BaseSection":
-        flange = 0.0 if self.flange_diameter_mm is None else self.flange_height_mm
-        pocket = 0.0 if self.pocket_diameter_mm is None else self.pocket_depth_mm
-        if self.kind == "none":
-            return self
-        if self.relief_step_mm + flange >= self.height_mm:
-            raise ValueError(f"relief_step_mm and flange_height_mm must leave some of height_mm = {self.height_mm:g}")
-        if pocket >= self.height_mm:
-            raise ValueError(f"pocket_depth_mm = {pocket:g} must be below height_mm = {self.height_mm:g}")
-        if self.flat_mm is not None and not (self.kind == "cylinder" and self.flat_mm < self.diameter_mm / 2.0):
-            raise ValueError(f"flat_mm = {self.flat_mm:g}: a flat is cut from a cylinder, below diameter_mm / 2")
-        if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
-            raise ValueError(f"flange_diameter_mm must exceed the width of the base, {self.widest_mm:g}")
-        return self
-
-    @property
-    def widest_mm(self) -> float:
-        """Diameter of the smallest cylinder about the axis that holds the base, its flange apart."""
-        return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
 
 
 class Tool(Section):

@@ -45,9 +45,7 @@ class WithFormError:
         return self.surface.radius(directions) + self.error.radius(directions) - self.error.offset_mm
 
 
-def with_form_error(
-    surface: Surface, functions: int, sigma_c: float, rms_mm: float, seed: int
-) -> WithFormError:
+def with_form_error(surface: Surface, functions: int, sigma_c: float, rms_mm: float, seed: int) -> WithFormError:
     """A random error of as many functions as one level has; ``rms_mm`` is along the normal, even over solid angle."""
     basis = SrbfBasis((functions,), sigma_c)
     weights = np.random.default_rng(seed).normal(size=basis.size)

@@ -75,20 +75,44 @@ def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief, tm
     assert {n.rstrip("_1234") for n in solid.faces} - {"CLOCKING_FLAT"} == set(fine.names)
 
 
+@pytest.mark.parametrize("width", [25.4, 15.0])
+def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width, tmp_path):
+    inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
+    base = BaseSection(diameter_mm=width, relief_step_mm=0.7, relief_setback_mm=0.3)
+    plan = plan_of(inner, outer, base)
+    rim = outer.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 720)))
+    wall = plan.ring.radius(np.array([0.0, 1.0]))
+    assert wall == pytest.approx(rim.min() - 0.3, abs=1e-5)
+    opening = np.pi * np.mean(inner.radius(rim_directions(np.linspace(0.0, 2.0 * np.pi, 512, endpoint=False))) ** 2)
+    below = 0.7 * np.pi * wall[0] ** 2 + 1.3 * np.pi * width**2 / 4.0 - 2.0 * opening
+    volume = exact_volume(inner, outer, BaseSection(kind="none")) + below
+    solid = build_solid(plan)
+    assert solid.valid
+    assert solid.volume_mm3 == pytest.approx(volume, rel=2e-9)
+    assert {"RIM", "BASE_RELIEF"} < {name.rstrip("_12") for name in solid.faces}
+    write_step(solid, tmp_path / "lens.step", "ring")
+    assert read_step(tmp_path / "lens.step").volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-9)
+    coarse, fine = (build_mesh(plan, rings) for rings in (24, 48))
+    closure = check_closed(fine.vertices, fine.triangles)
+    assert (closure.watertight, closure.genus) == (True, 0)
+    assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
+
+
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     outer=st.floats(8.0, 13.7),
     kind=st.sampled_from(["cylinder", "square"]),
     width=st.floats(16.5, 30.0),
-    extras=st.sets(st.sampled_from(["flat", "flange", "pocket", "relief"])),
+    extras=st.sets(st.sampled_from(["flat", "flange", "pocket", "relief", "setback"])),
 )
 def test_random_lenses_on_random_bases_are_valid_and_closed(seed, outer, kind, width, extras):
     content = {"kind": kind, "diameter_mm": width, "side_mm": width}
     content |= {"flat_mm": 0.45 * width} if "flat" in extras and kind == "cylinder" else {}
     content |= {"flange_diameter_mm": 1.6 * width} if "flange" in extras else {}
     content |= {"pocket_diameter_mm": 14.0} if "pocket" in extras else {}
-    content |= {"relief_step_mm": 0.6} if "relief" in extras else {}
+    content |= {"relief_step_mm": 0.6} if extras & {"relief", "setback"} else {}
+    content |= {"relief_setback_mm": 0.2} if "setback" in extras else {}
     try:
         plan = plan_of(random_surface(5.5, 0.02, seed), random_surface(outer, 0.02, seed + 1), BaseSection(**content))
     except InputError:  # a step below a rim that crosses the outline: tested below
@@ -107,6 +131,7 @@ def test_random_lenses_on_random_bases_are_valid_and_closed(seed, outer, kind, w
     [
         ({"kind": "square", "side_mm": 11.0}, r"base\.side_mm = 11: the cavity opens"),
         ({"flat_mm": 5.0}, r"base\.flat_mm = 5: the cavity opens.*at least 6\.01"),
+        ({"relief_step_mm": 0.5, "relief_setback_mm": 4.0}, r"base\.relief_setback_mm = 4: .* at most 3\.99"),
         ({"pocket_diameter_mm": 11.0}, r"base\.pocket_diameter_mm = 11: from 12\.02"),
         ({"pocket_diameter_mm": 26.0}, r"base\.pocket_diameter_mm = 26: .* to 25\.38"),
     ],
@@ -117,7 +142,7 @@ def test_a_base_that_does_not_fit_is_refused_by_its_field(keys, word):
 
 
 def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
-    with pytest.raises(InputError, match=r"base\.relief_step_mm = 0\.5: the lens's rim, .* crosses"):
+    with pytest.raises(InputError, match=r"base\.relief_step_mm = 0\.5: the wall of the step, .* meets"):
         plan_of(random_surface(6.0, 0.0, 0), random_surface(12.7, 0.02, 51), BaseSection(relief_step_mm=0.5))
 
 
@@ -125,6 +150,10 @@ def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
     "keys",
     [
         {"relief_step_mm": 2.0},
+        {"relief_setback_mm": 0.1},
+        {"kind": "step"},
+        {"kind": "cylinder", "file": "clamp.step"},
+        {"kind": "step", "file": "clamp.step", "relief_step_mm": 0.5},
         {"pocket_diameter_mm": 20.0, "pocket_depth_mm": 2.0},
         {"flat_mm": 13.0},
         {"kind": "square", "flat_mm": 10.0},
@@ -132,5 +161,5 @@ def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
     ],
 )
 def test_heights_and_widths_that_contradict_each_other_are_refused(keys):
-    with pytest.raises(ValueError, match=r"must|flat"):
+    with pytest.raises(ValueError, match=r"must|flat|needs|go"):
         BaseSection(**keys)

@@ -1,0 +1,65 @@
+"""The base: what holds the lens, below z = 0."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import model_validator
+
+from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
+
+
+class BaseSection(Section):
+    """The clamping base: the paper's one-inch cylinder, a square, a STEP ``file`` of one's own, or none.
+
+    ``height_mm`` is all of it. ``relief_step_mm``: how far the base's top lies below the rim, so that a cutter reaches
+    the rim; ``relief_setback_mm`` makes the step's wall a circle that stands back from the rim at least that far,
+    without it the wall is drawn down from the rim. ``flat_mm``: distance of a clocking flat, across +x, from the axis.
+    ``pocket_*``: a wider bore from below for the LED. ``flange_*``: a wider ring at the bottom. A STEP file has all of
+    these itself: one solid in the lens's coordinates, its top in z = 0.
+    """
+
+    kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
+    file: Path | None = None
+    diameter_mm: Millimetres = 25.4
+    side_mm: Millimetres = 25.4
+    height_mm: Millimetres = 2.0
+    relief_step_mm: MillimetresOrZero = 0.0
+    relief_setback_mm: MillimetresOrZero = 0.0
+    flat_mm: Millimetres | None = None
+    pocket_diameter_mm: Millimetres | None = None
+    pocket_depth_mm: Millimetres = 1.0
+    flange_diameter_mm: Millimetres | None = None
+    flange_height_mm: Millimetres = 0.5
+
+    @model_validator(mode="after")
+    def _file_is_the_whole_base(self) -> "BaseSection":
+        if (self.kind == "step") != (self.file is not None):
+            raise ValueError('kind = "step" and file go together: give both, or neither')
+        shapes = ("relief_step_mm", "relief_setback_mm", "flat_mm", "pocket_diameter_mm", "flange_diameter_mm")
+        given = [name for name in shapes if getattr(self, name)]
+        if self.kind == "step" and given:
+            raise ValueError(f"{given[0]} does not go with kind = 'step': the file holds the whole base")
+        return self
+
+    @model_validator(mode="after")
+    def _heights_fit(self) -> "BaseSection":
+        flange = 0.0 if self.flange_diameter_mm is None else self.flange_height_mm
+        pocket = 0.0 if self.pocket_diameter_mm is None else self.pocket_depth_mm
+        if self.kind in ("none", "step"):
+            return self
+        if self.relief_setback_mm > 0.0 and self.relief_step_mm == 0.0:
+            raise ValueError(f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0")
+        if self.relief_step_mm + flange >= self.height_mm:
+            raise ValueError(f"relief_step_mm and flange_height_mm must leave some of height_mm = {self.height_mm:g}")
+        if pocket >= self.height_mm:
+            raise ValueError(f"pocket_depth_mm = {pocket:g} must be below height_mm = {self.height_mm:g}")
+        if self.flat_mm is not None and not (self.kind == "cylinder" and self.flat_mm < self.diameter_mm / 2.0):
+            raise ValueError(f"flat_mm = {self.flat_mm:g}: a flat is cut from a cylinder, below diameter_mm / 2")
+        if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
+            raise ValueError(f"flange_diameter_mm must exceed the width of the base, {self.widest_mm:g}")
+        return self
+
+    @property
+    def widest_mm(self) -> float:
+        """Diameter of the smallest cylinder about the axis that holds the base, its flange apart."""
+        return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
