@@ -15,7 +15,7 @@ from lensforge.sources.radiance_file import read_radiance, write_radiance
 from lensforge.sources.radiance_table import RadianceTable
 
 AREA_M2 = 6e-6
-X, Y = np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])  # 3 mm x 2 mm in four unequal places
+X, Y = np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])  # 3 mm x 2 mm in four cells
 
 
 def table(values, c_deg=(0.0,), gamma_deg=(0.0, 90.0), x=X, y=Y):
@@ -84,14 +84,14 @@ def test_every_bin_of_place_and_direction_gets_its_flux():
     c, gamma = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])
     values = random.uniform(0.0, 1.0, (2, 2, 4, 4)) * (random.random((2, 2, 4, 4)) > 0.2)
     values[:, :, 3] = values[:, :, 0]
-    emitter = RadianceEmitter(table(values, c, gamma), 1.0)
-    rays = emitter.sample(2**17, 4)
+    x, y = np.array([-1.0, 0.0, 2.0]), np.array([0.0, 1.5, 2.0])
+    rays = RadianceEmitter(table(values, c, gamma, x, y), 1.0).sample(2**17, 4)
     turn = np.rad2deg(np.arctan2(rays.directions[:, 1], rays.directions[:, 0])) % 360.0
     square = 1.0 - rays.directions[:, 2] ** 2
     nodes = np.sin(np.deg2rad(gamma)) ** 2
     sample = np.column_stack([rays.origins[:, 1], rays.origins[:, 0], turn, square])
-    found = np.histogramdd(sample, (Y, X, c, nodes))[0] / len(rays)
-    sides = np.diff(c)[:, None] * np.diff(nodes)
+    found = np.histogramdd(sample, (y, x, c, nodes))[0] / len(rays)
+    sides = np.diff(y)[:, None, None, None] * np.diff(x)[:, None, None] * np.diff(c)[:, None] * np.diff(nodes)
     corners = values[:, :, 1:] + values[:, :, :-1]
     expected = 0.25 * (corners[..., 1:] + corners[..., :-1]) * sides
     np.testing.assert_allclose(found, expected / expected.sum(), atol=4e-4)
