@@ -47,6 +47,7 @@ CASES = {
     "lighttools_binary": [rays(), rays(unit="lm"), rays(wavelengths="each"), rays(unit="lm", wavelengths="each")],
     "lighttools_text": [rays(), rays(unit="lm"), rays(wavelengths="each"), rays(unit="lm", wavelengths="each")],
     "speos": [rays(wavelengths="each")],
+    "speos_text": [rays(wavelengths="each")],
     "asap": [rays()],
     "csv": [rays(), rays(unit="lm"), rays(wavelengths="each"), rays(unit="lm", wavelengths="each")],
 }

@@ -211,7 +211,7 @@ def test_speos_weights_are_scaled_by_the_header():
     rows = struct.pack("<16f", *ROW[:6], 550.0, 1.0, *ROW[:6], 450.0, 3.0)
     rayfile = decode(image(struct.pack("<7f", 8.0, *(2.0,) * 5, 100.0) + rows))
     assert (rayfile.unit, rayfile.total_flux(), rayfile.header_flux_lm) == ("W", 8.0, 100.0)
-    np.testing.assert_allclose(rayfile.flux_adding_up_to(8.0), [2.0, 6.0])
+    np.testing.assert_allclose(next(rayfile.blocks_adding_up_to(8.0)).flux, [2.0, 6.0])
 
 
 def test_csv_names_its_columns_in_any_order():
@@ -246,3 +246,15 @@ def test_asap():
     for content in (asap(rays=2), asap(rays=-1), asap(words=8)):
         with pytest.raises(InputError):
             decode(image(content))
+
+
+def test_speos_text_by_hand():
+    content = b"2\r\n1 0 1 2 0 0 1 450 0.5\r\n2 3 4 5 0 1 0 0.6 1.5\r\n"
+    rayfile = decode(image(content))
+    assert rayfile.positions.tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
+    assert rayfile.directions.tolist() == [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    assert (rayfile.wavelengths.tolist(), rayfile.flux.tolist()) == ([450.0, 0.6], [0.5, 1.5])
+    polarised = decode(image(b"1\n1 0 1 2 0 0 1 450 0.5 1 2 3 4 5\n"))
+    assert any("columns 10 to 14" in warning for warning in polarised.warnings)
+    with pytest.raises(InputError, match="promises 3 rays, the file holds 2"):
+        decode(image(content.replace(b"2\r", b"3\r", 1)))

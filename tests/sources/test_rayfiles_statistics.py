@@ -87,7 +87,7 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     """The streamed sums do not depend on the size of the parts."""
     rayfile = rays(1000, wavelengths="each")
     whole = describe(rayfile)
-    monkeypatch.setattr("lensforge.sources.rayfiles.cleaning.CHUNK_ROWS", 64)
+    monkeypatch.setattr("lensforge.sources.rayfiles.record.CHUNK_ROWS", 64)
     parts = describe(rayfile)
     np.testing.assert_allclose(parts["virtual_focus_mm"], whole["virtual_focus_mm"], rtol=1e-12)
     assert parts["flux"]["ray_sum"] == pytest.approx(whole["flux"]["ray_sum"], rel=1e-12)

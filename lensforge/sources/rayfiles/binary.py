@@ -1,7 +1,6 @@
 """Bytes of a ray file: mapped and bounds-checked on the way in, rows of little-endian float32 on the way out."""
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
+from lensforge.sources.rayfiles.mapped import give_back
 from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE
 
 _SMALLEST_KNOWN = 1e-30  # 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
@@ -84,17 +84,19 @@ def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, 
     """``values`` times ``factor`` in float64; the view itself, still mapped, where the factor is 1."""
     if factor == 1.0:
         return values
+    result = np.empty(values.shape)
     with np.errstate(invalid="ignore", over="ignore"):
-        return values.astype(np.float64) * factor
+        for start in range(0, len(values), CHUNK_ROWS):
+            some = slice(start, start + CHUNK_ROWS)
+            np.multiply(values[some], factor, out=result[some], dtype=np.float64)
+            give_back(values)
+    return result
 
 
-def float_rows(*columns: Float[np.ndarray, "n ..."]) -> Iterator[bytes]:
-    """The columns side by side as rows of little-endian float32, some rays at a time."""
-    width = sum(1 if column.ndim == 1 else column.shape[1] for column in columns)
-    count = len(columns[0])
-    for start in range(0, count, CHUNK_ROWS):
-        part = [column[start : start + CHUNK_ROWS] for column in columns]
-        rows = np.empty((len(part[0]), width), dtype="<f4")
-        with np.errstate(invalid="ignore", over="ignore"):
-            np.concatenate([c if c.ndim == 2 else c[:, None] for c in part], axis=1, out=rows, casting="same_kind")
-        yield rows.tobytes()
+def float_rows(*columns: Float[np.ndarray, "n ..."] | None) -> bytes:
+    """The columns that there are, side by side as rows of little-endian float32."""
+    blocks = [column if column.ndim == 2 else column[:, None] for column in columns if column is not None]
+    rows = np.empty((len(blocks[0]), sum(block.shape[1] for block in blocks)), dtype="<f4")
+    with np.errstate(invalid="ignore", over="ignore"):
+        np.concatenate(blocks, axis=1, out=rows, casting="same_kind")
+    return rows.tobytes()

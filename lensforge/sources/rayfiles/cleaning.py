@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE, RayFile, as_float64
+from lensforge.sources.rayfiles.record import HUGE, RayFile, as_float64
 
 _NO_DIRECTION = 1e-12  # |k| below which a direction is no direction
 
@@ -27,16 +27,14 @@ class ValidRays:
         return len(self.flux)
 
 
-def valid_rays(rayfile: RayFile, start: int = 0, stop: int | None = None) -> ValidRays:
-    """The usable rays among ``start`` to ``stop``, directions normalised.
+def valid_rays(rayfile: RayFile) -> ValidRays:
+    """The usable rays, directions normalised.
 
     Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
     ``no_flux`` (zero or negative).
     """
-    part = slice(start, stop)
-    positions = as_float64(rayfile.positions[part])
-    directions = as_float64(rayfile.directions[part])
-    flux = as_float64(rayfile.flux[part])
+    positions, directions = as_float64(rayfile.positions), as_float64(rayfile.directions)
+    flux = as_float64(rayfile.flux)
     finite = _finite(positions).all(axis=1) & _finite(directions).all(axis=1) & _finite(flux)
     directions[~finite] = 0.0
     length = np.linalg.norm(directions, axis=1)
@@ -48,8 +46,8 @@ def valid_rays(rayfile: RayFile, start: int = 0, stop: int | None = None) -> Val
         positions=positions[keep],
         directions=directions[keep] / length[keep, None],
         flux=flux[keep],
-        wavelengths=None if rayfile.wavelengths is None else as_float64(rayfile.wavelengths[part][keep]),
-        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[part][keep]),
+        wavelengths=None if rayfile.wavelengths is None else as_float64(rayfile.wavelengths[keep]),
+        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[keep]),
         dropped={
             "not_finite": int(np.count_nonzero(~finite)),
             "zero_direction": int(np.count_nonzero(finite & ~directed)),
@@ -60,8 +58,8 @@ def valid_rays(rayfile: RayFile, start: int = 0, stop: int | None = None) -> Val
 
 def valid_chunks(rayfile: RayFile) -> Iterator[ValidRays]:
     """The usable rays, some at a time, so that a file of any size needs little memory."""
-    for start in range(0, len(rayfile), CHUNK_ROWS):
-        yield valid_rays(rayfile, start, start + CHUNK_ROWS)
+    for block in rayfile.blocks():
+        yield valid_rays(block)
 
 
 def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:

@@ -1,10 +1,12 @@
 """Ray files in and out: the format is told by the content, never by the name."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import UInt8
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
@@ -12,6 +14,7 @@ from lensforge.sources.rayfiles.binary import FileImage, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.formats.zemax_binary import NM_PER_MICRON
+from lensforge.sources.rayfiles.mapped import give_back
 from lensforge.sources.rayfiles.record import RayFile
 
 # Suffixes of formats whose layout is not public, and the programs that write them.
@@ -25,6 +28,7 @@ _PRIVATE = {
     ".raydat": "Photopia",
 }
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
+_COPIED = 2**24  # bytes copied at a time
 _SAMPLE = 1000  # wavelengths looked at to tell µm from nm
 
 
@@ -54,10 +58,16 @@ def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Fo
     chosen = _format_named(format) if format else _format_for(Path(path))
     with replacing(Path(path)) as temporary, temporary.open("wb") as stream:
         if rayfile.verbatim is not None and rayfile.format == chosen.name:
-            stream.write(rayfile.verbatim.data)
+            stream.writelines(_bytes(rayfile.verbatim))
         else:
             stream.writelines(chosen.encode(rayfile))
     return chosen
+
+
+def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
+    for start in range(0, len(content), _COPIED):
+        yield content[start : start + _COPIED].data
+        give_back(content)
 
 
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> dict[str, Any]:

@@ -1,11 +1,13 @@
 """What a ray file says, whatever its format: rays in mm, their flux, and the header in plain words."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
+
+from lensforge.sources.rayfiles.mapped import give_back
 
 Unit = Literal["W", "lm"]
 HeaderRole = Literal["total", "scale", "ignored"]
@@ -61,25 +63,42 @@ class RayFile:
         """The header's total where it outranks the sum over the rays; None where that sum is the truth."""
         return None if self.header_role == "ignored" else self.header_flux
 
+    def blocks(self) -> Iterator["RayFile"]:
+        """The rays some at a time, each block's pages of a mapped file given back once the next one is asked for."""
+        for start in range(0, len(self), CHUNK_ROWS):
+            some = slice(start, start + CHUNK_ROWS)
+            yield replace(
+                self,
+                positions=self.positions[some],
+                directions=self.directions[some],
+                flux=self.flux[some],
+                wavelengths=None if self.wavelengths is None else self.wavelengths[some],
+                spectrum_numbers=None if self.spectrum_numbers is None else self.spectrum_numbers[some],
+            )
+            give_back(self.positions, self.directions, self.flux, self.wavelengths, self.spectrum_numbers)
+
     def ray_sum(self) -> float:
         """Sum of the usable ray fluxes, as stored."""
         total = 0.0
-        for start in range(0, len(self), CHUNK_ROWS):
-            part = as_float64(self.flux[start : start + CHUNK_ROWS])
-            total += float(part[(part > 0.0) & (part < HUGE)].sum())
+        for block in self.blocks():
+            flux = as_float64(block.flux)
+            total += float(flux[(flux > 0.0) & (flux < HUGE)].sum())
         return total
 
     def total_flux(self) -> float:
         """The flux of the source in ``unit``: the stated total, or what the rays add up to."""
         return self.stated_flux or self.ray_sum()
 
-    def flux_adding_up_to(self, total: float) -> Float[np.ndarray, " n"]:
-        """Ray fluxes scaled to ``total``; the stored numbers, bit by bit, where they add up to it already."""
+    def blocks_adding_up_to(self, total: float) -> Iterator["RayFile"]:
+        """The blocks, fluxes scaled to ``total``; the stored numbers, bit by bit, where they add up to it already."""
         stored = self.ray_sum()
         if stored == 0.0 or abs(total / stored - 1.0) < SAME_FLUX:
-            return self.flux
-        with np.errstate(invalid="ignore", over="ignore"):
-            return (as_float64(self.flux) * (total / stored)).astype(self.flux.dtype)
+            yield from self.blocks()
+            return
+        for block in self.blocks():
+            with np.errstate(invalid="ignore", over="ignore"):
+                flux = (as_float64(block.flux) * (total / stored)).astype(self.flux.dtype)
+            yield replace(block, flux=flux)
 
     @property
     def single_wavelength(self) -> float | None:

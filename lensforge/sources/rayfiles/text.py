@@ -1,30 +1,80 @@
 """Rows of numbers as text: parsed by NumPy, and written with digits enough to come back as the same numbers."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from tempfile import TemporaryFile, gettempdir
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.sources.rayfiles.binary import FileImage
-from lensforge.sources.rayfiles.record import CHUNK_ROWS, as_float64
+from lensforge.sources.rayfiles.mapped import give_back
+from lensforge.sources.rayfiles.record import as_float64
+
+_BLOCK = 2**24  # bytes of text parsed at a time
+_IN_MEMORY = 2**27  # bytes of text whose numbers stay in memory
 
 
 def parse_rows(
-    image: FileImage, body: bytes, first_line: int, delimiter: str | None = None
+    image: FileImage, begin: int, end: int, first_line: int, delimiter: str | None = None
 ) -> Float[np.ndarray, "n columns"]:
-    """The numbers of ``body`` in float64, every row of the same length; ``first_line`` is its number in the file."""
-    if not body.strip():
+    """The numbers between two bytes in float64, every row of the same length; ``first_line`` is its number in the file.
+
+    Block by block; what would fill the memory goes to a temporary file, and is mapped like a binary one.
+    """
+    blocks = _parsed(image, begin, end, first_line, delimiter)
+    first = next(blocks, None)
+    if first is None:
         raise image.refuse("holds no rays below its header; export it again")
-    try:
-        rows = np.loadtxt(io.BytesIO(body), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1")
-    except ValueError as error:
-        problem = " ".join(str(error).split("\n")[0].split())[:160]
-        raise image.refuse(
-            f"rows from line {first_line} on cannot be read as numbers ({_printable(problem)})"
-        ) from None
+    every = chain([first], blocks)
+    rows = np.concatenate(list(every)) if end - begin <= _IN_MEMORY else _spooled(image, every, first.shape[1])
     rows.flags.writeable = False
     return rows
+
+
+def _parsed(
+    image: FileImage, begin: int, end: int, line: int, delimiter: str | None
+) -> Iterator[Float[np.ndarray, "n columns"]]:
+    width = 0
+    while begin < end:
+        body = image.part(begin, min(begin + _BLOCK, end))
+        if begin + len(body) < end:
+            body = body[: body.rfind(b"\n") + 1]
+        if not body:
+            raise image.refuse(f"line {line} has more than {_BLOCK} bytes: no rays; export it again")
+        if body.strip():
+            rows = _numbers(image, body, line, delimiter)
+            if width not in (0, rows.shape[1]):
+                raise image.refuse(f"line {line}: {rows.shape[1]} numbers, the lines above have {width}")
+            width = rows.shape[1]
+            yield rows
+        begin, line = begin + len(body), line + body.count(b"\n")
+        give_back(image.data)
+
+
+def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) -> Float[np.ndarray, "n columns"]:
+    try:
+        rows: Float[np.ndarray, "n columns"] = np.loadtxt(
+            io.BytesIO(body), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1"
+        )
+    except ValueError as error:
+        problem = " ".join(str(error).split("\n")[0].split())[:160]
+        raise image.refuse(f"rows from line {line} on cannot be read as numbers ({_printable(problem)})") from None
+    return rows
+
+
+def _spooled(
+    image: FileImage, blocks: Iterable[Float[np.ndarray, "n columns"]], width: int
+) -> Float[np.ndarray, "n columns"]:
+    try:
+        with TemporaryFile() as spool:
+            for block in blocks:
+                spool.write(block.tobytes())
+            spool.flush()
+            return np.asarray(np.memmap(spool, dtype=np.float64, mode="r")).reshape(-1, width)
+    except OSError as error:
+        raise image.refuse(f"no room for its numbers in {gettempdir()} ({error.strerror}); set TMPDIR") from error
 
 
 def cut_warnings(image: FileImage) -> tuple[str, ...]:
@@ -34,14 +84,13 @@ def cut_warnings(image: FileImage) -> tuple[str, ...]:
     return ("its last line has no line end: if the file was cut there, its last number is wrong",)
 
 
-def print_rows(*columns: Float[np.ndarray, "n ..."], delimiter: str = " ", line_end: str = "\n") -> Iterator[bytes]:
-    """The columns side by side, 9 digits for float32 and 17 for float64, some rays at a time."""
-    style = "%.9g" if all(column.dtype == np.float32 for column in columns) else "%.17g"
-    for start in range(0, len(columns[0]), CHUNK_ROWS):
-        part = [as_float64(column[start : start + CHUNK_ROWS]) for column in columns]
-        rows = np.concatenate([c if c.ndim == 2 else c[:, None] for c in part], axis=1)
-        line = delimiter.join([style] * rows.shape[1]) + line_end
-        yield "".join(line % tuple(row) for row in rows.tolist()).encode("ascii")
+def print_rows(*columns: Float[np.ndarray, "n ..."] | None, delimiter: str = " ") -> bytes:
+    """The columns that there are, side by side: 9 digits for float32, 17 for float64."""
+    blocks = [column if column.ndim == 2 else column[:, None] for column in columns if column is not None]
+    styles = ["%.9g" if block.dtype == np.float32 else "%.17g" for block in blocks for _ in block.T]
+    rows = np.concatenate([as_float64(block) for block in blocks], axis=1)
+    line = delimiter.join(styles) + "\n"
+    return "".join(line % tuple(row) for row in rows.tolist()).encode("ascii")
 
 
 def numbers(line: str) -> list[float] | None:

@@ -44,7 +44,8 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         raise InputError(f"{FORMAT.title} files count to {2**31 - 1} rays, these are {len(rayfile)}; convert to tm25")
     title = str(rayfile.header.get("name") or rayfile.header.get("description") or "")
     yield _HEADER.pack(_MARK, title.encode("latin-1", "replace")[:24].ljust(24), -len(rayfile))
-    yield from float_rows(rayfile.positions, rayfile.directions, rayfile.flux_adding_up_to(rayfile.total_flux()))
+    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+        yield float_rows(block.positions, block.directions, block.flux)
 
 
 FORMAT = Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode)

@@ -38,7 +38,7 @@ def _decode(image: FileImage) -> RayFile:
     if len(flux_names) != 1 or len(set(names)) != len(names):
         raise image.refuse(f"columns {','.join(names)[:120]!r}: exactly one of flux_w and flux_lm, and no name twice")
     begin = sum(len(line) for line in head.splitlines(keepends=True)[:header_lines])
-    rows = parse_rows(image, image.part(begin, image.size), header_lines + 1, delimiter=",")
+    rows = parse_rows(image, begin, image.size, header_lines + 1, delimiter=",")
     if rows.shape[1] != len(names):
         raise image.refuse(f"rows of {rows.shape[1]} numbers under {len(names)} column names")
     column = {name: index for index, name in enumerate(names)}
@@ -56,11 +56,10 @@ def _decode(image: FileImage) -> RayFile:
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     flux_name = next(name for name, unit in _FLUX.items() if unit == rayfile.unit)
-    waves = [] if rayfile.wavelengths is None else [rayfile.wavelengths]
-    names = [*_POSITION, *_DIRECTION, flux_name, *([_WAVELENGTH] if waves else [])]
+    names = [*_POSITION, *_DIRECTION, flux_name, *([] if rayfile.wavelengths is None else [_WAVELENGTH])]
     yield (",".join(names) + "\n").encode("ascii")
-    flux = rayfile.flux_adding_up_to(rayfile.total_flux())
-    yield from print_rows(rayfile.positions, rayfile.directions, flux, *waves, delimiter=",")
+    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+        yield print_rows(block.positions, block.directions, block.flux, block.wavelengths, delimiter=",")
 
 
 FORMAT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)

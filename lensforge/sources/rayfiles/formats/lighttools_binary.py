@@ -74,9 +74,8 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     colour = _NO_COLOUR if rayfile.wavelengths is None else _WAVELENGTH
     total = rayfile.total_flux()
     yield _HEADER.pack(_MAGIC, 2, 0, int(rayfile.unit == "lm"), 0, colour, _MILLIMETRES, 0.0, 0.0, 0.0, total)
-    flux = rayfile.flux_adding_up_to(total * len(rayfile))
-    columns = [rayfile.positions, rayfile.directions, flux]
-    yield from float_rows(*columns, *([] if rayfile.wavelengths is None else [rayfile.wavelengths]))
+    for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
+        yield float_rows(block.positions, block.directions, block.flux, block.wavelengths)
     yield _END
 
 

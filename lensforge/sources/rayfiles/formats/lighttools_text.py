@@ -37,7 +37,7 @@ def _decode(image: FileImage) -> RayFile:
     unit, far_field, coloured, mm_per_unit = (_choice(image, header, key) for key in _CHOICES)
     begin = len(head) + len(_START)
     end = image.size - len(ending[2]) - len(_END)
-    rows = parse_rows(image, image.part(begin, end), first_line=head.count(b"\n") + 2)
+    rows = parse_rows(image, begin, end, first_line=head.count(b"\n") + 2)
     expected = 7 - 3 * far_field + coloured
     if rows.shape[1] != expected:
         raise image.refuse(f"rows of {rows.shape[1]} numbers, its header announces {expected}; export it again")
@@ -92,9 +92,8 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     }
     lines = [f"{key}: {value}" for key, value in header.items()]
     yield "\n".join([*lines, "lt_startofdata", ""]).encode("ascii", "replace")
-    flux = rayfile.flux_adding_up_to(total * len(rayfile))
-    columns = [rayfile.positions, rayfile.directions, flux]
-    yield from print_rows(*columns, *([] if rayfile.wavelengths is None else [rayfile.wavelengths]))
+    for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
+        yield print_rows(block.positions, block.directions, block.flux, block.wavelengths)
     yield _END + b"\n"
 
 

@@ -7,8 +7,6 @@ ray is its share of the header's W. The header has no count: a file cut between 
 import struct
 from collections.abc import Iterator
 
-import numpy as np
-
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known
 from lensforge.sources.rayfiles.format import Format
@@ -48,9 +46,8 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         )
     total = rayfile.total_flux()
     yield _HEADER.pack(total, *(2.0,) * 5, rayfile.header_flux_lm or 0.0)
-    yield from float_rows(
-        rayfile.positions, rayfile.directions, np.asarray(rayfile.wavelengths), rayfile.flux_adding_up_to(total)
-    )
+    for block in rayfile.blocks_adding_up_to(total):
+        yield float_rows(block.positions, block.directions, block.wavelengths, block.flux)
 
 
 FORMAT = Format("speos", "SPEOS binary", (".ray",), _matches, _decode, _encode)

@@ -189,9 +189,8 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         yield _padded_text(str(header.get(name, "")))
     block = b"".join(_table_bytes(table) for table in tables)
     yield block.ljust(_padded(_TABLES_START + len(block)) - _TABLES_START, b"\0")
-    flux = rayfile.flux_adding_up_to(total)
-    columns = [rayfile.positions, rayfile.directions, flux]
-    yield from float_rows(*columns, *([rayfile.wavelengths] if per_ray and rayfile.wavelengths is not None else []))
+    for rays in rayfile.blocks_adding_up_to(total):
+        yield float_rows(rays.positions, rays.directions, rays.flux, rays.wavelengths if per_ray else None)
 
 
 def _without_shared_wavelength(rayfile: RayFile) -> RayFile:

@@ -81,10 +81,9 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         *(0.0,) * 6, *(1.0,) * 3, *(0.0,) * 4,
         _SPECTRAL if spectral else _FLUX_ONLY, int(rayfile.unit == "lm"), 0, 0,
     )  # fmt: skip
-    columns = [rayfile.positions, rayfile.directions, rayfile.flux_adding_up_to(total)]
-    if spectral and rayfile.wavelengths is not None:
-        columns.append(scaled(rayfile.wavelengths, 1.0 / NM_PER_MICRON))
-    yield from float_rows(*columns)
+    for block in rayfile.blocks_adding_up_to(total):
+        waves = scaled(block.wavelengths, 1.0 / NM_PER_MICRON) if spectral and block.wavelengths is not None else None
+        yield float_rows(block.positions, block.directions, block.flux, waves)
 
 
 FORMAT = Format("zemax_binary", "Zemax binary", (".dat", ".sdf"), _matches, _decode, _encode)

@@ -37,7 +37,7 @@ def _decode(image: FileImage) -> RayFile:
         raise image.refuse(f"line 1: length unit {unit_code:g}: 0 m, 1 in, 2 cm, 3 ft, 4 mm; correct it")
     if flux_type not in (0.0, 1.0):
         raise image.refuse(f"line 1: flux type {flux_type:g}: 0 (W) or 1 (lm); correct it")
-    rows = parse_rows(image, image.part(len(first) + 1, image.size), first_line=2)
+    rows = parse_rows(image, len(first) + 1, image.size, first_line=2)
     if rows.shape[1] not in (7, 8):
         raise image.refuse(f"line 2: {rows.shape[1]} numbers; 7, or 8 with a wavelength")
     if len(rows) != rays:
@@ -61,10 +61,9 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(rayfile, FORMAT.title)
     spectral = rayfile.wavelengths is not None
     yield f"{len(rayfile)} {_MILLIMETRES} {2 if spectral else 0} {int(rayfile.unit == 'lm')}\n".encode("ascii")
-    columns = [rayfile.positions, rayfile.directions, rayfile.flux_adding_up_to(rayfile.total_flux())]
-    if rayfile.wavelengths is not None:
-        columns.append(scaled(rayfile.wavelengths, 1.0 / NM_PER_MICRON))
-    yield from print_rows(*columns)
+    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+        waves = None if block.wavelengths is None else scaled(block.wavelengths, 1.0 / NM_PER_MICRON)
+        yield print_rows(block.positions, block.directions, block.flux, waves)
 
 
 FORMAT = Format("zemax_text", "Zemax text", (".txt",), _matches, _decode, _encode)
