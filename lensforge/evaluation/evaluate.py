@@ -1,7 +1,7 @@
 """``evaluate.json`` and ``evaluate.npz``: the finished lens under the paper's protocol."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import Simulation, TracedLens, simulate
 from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
@@ -48,10 +49,15 @@ class Evaluation:
 def evaluate_lens(
     lens: Lens, source: Source, preset: Preset, *, rays: int | None = None, pixels: int | None = None
 ) -> Evaluation:
-    """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise."""
+    """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
+
+    What the preset's tables leave on this scene is measured as well: ``preset_error`` of the report.
+    """
     traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
-    return evaluate_traced(traced, lens.spec, source, count, lens.seed, pixels)
+    result = evaluate_traced(traced, lens.spec, source, count, lens.seed, pixels)
+    tables = {"design": TracedLens.of(lens, preset.nodes_per_sigma), "evaluation": traced}
+    return replace(result, report=result.report | {"preset_error": measure_preset(lens, source, tables)})
 
 
 def evaluate_traced(

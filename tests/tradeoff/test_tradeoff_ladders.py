@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import torch
 from scenes import random_surface, small_spec, table_of
 
 from lensforge.evaluation.simulate import TracedLens
@@ -8,8 +7,6 @@ from lensforge.lens import Lens
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import TableGrid, tabulate
 from lensforge.tracing.fused import Scene
-from lensforge.tracing.reference import ExactSurface, trace_exact
-from lensforge.tradeoff.exact import trace_exact_sum
 from lensforge.tradeoff.ladder import order_of
 from lensforge.tradeoff.pixels import bias, filter_ladder, pixel_ladder
 from lensforge.tradeoff.rays import PLAIN, QMC, ray_ladder
@@ -89,21 +86,6 @@ def test_the_table_converges_to_the_exact_sum_with_the_fourth_power_and_its_norm
     assert orders["hit_99_percent"].value < -2.4
     (exact,) = (rung for rung in by_nodes.rungs if rung.reference)
     assert {estimate.value for estimate in exact.errors.values()} == {0.0}
-
-
-def test_the_exact_trace_agrees_with_the_readable_reference(lens, source):
-    rays = source.sample(512, 3)
-    tables = {name: tabulate(GRID, getattr(lens, name)) for name in ("inner", "outer")}
-    ours = trace_exact_sum(lens, GRID, tables, rays)
-    surfaces = [
-        ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
-        for s in (lens.inner, lens.outer)
-    ]
-    theirs = trace_exact(*surfaces, lens.refractive_index, lens.spec.target.distance_mm, rays)
-    assert np.array_equal(ours.arrived, theirs.arrived.numpy())
-    assert ours.arrived.mean() > 0.6
-    assert np.abs(ours.hits - theirs.hits.numpy())[ours.arrived].max() < 1e-8
-    assert np.abs(ours.flux - theirs.flux.numpy()).max() < 1e-14
 
 
 def test_normals_of_a_table_by_differences_are_those_of_the_sum(lens):

@@ -1,4 +1,4 @@
-"""Rays through the exact SRBF sum, quickly: the table only says where to begin, Newton's steps end on the sum itself.
+"""Rays through the exact surfaces, quickly: the table says where to begin, a Newton step ends on the surface itself.
 
 It takes nothing from the fused kernels: the search runs on the table by plain NumPy, refraction is that of
 :mod:`lensforge.optics`.
@@ -8,16 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from lensforge.lens import Lens
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, evaluate_table
 from lensforge.surfaces.surface import Surface
+from lensforge.tracing.trace_kernel import LEAST_RISE
 
-_SCAN_STEPS, _BISECTIONS = 48, 40
-_NEWTON_STEPS = 2  # from some nm: the first leaves the square of that, the second rounding
+_SCAN_STEPS, _BISECTIONS = 48, 30
+_PROBE = 1e-6  # of the path length: the central difference that gives the table's slope along a ray
+_LONGEST_STEP = 1e-3  # of the distance from the origin
 
 
 @dataclass(frozen=True)
@@ -38,14 +40,16 @@ def trace_exact_sum(
 ) -> ExactHits:
     """Trace ``rays`` through the exact surfaces; ``tables`` of both, by name, bracket the first crossings."""
     origins, directions, carried = rays.origins.copy(), rays.directions.copy(), rays.weights.copy()
-    alive = np.flatnonzero((directions[:, 2] > 0.0) & (origins[:, 2] >= 0.0))
+    alive = _enter(grid, tables["inner"], origins, directions)
     own = rays.refractive_indices
     index = np.full(len(rays), lens.refractive_index) if own is None else own
     for name, ratios in (("inner", 1.0 / index), ("outer", index)):
         surface: Surface = getattr(lens, name)
         lengths, found = _search(grid, tables[name], origins[alive], directions[alive])
         alive, lengths = alive[found], lengths[found]
-        points, normals = _polish(surface, origins[alive], directions[alive], lengths)
+        lengths = _polish(surface, grid, tables[name], origins[alive], directions[alive], lengths)
+        points = origins[alive] + lengths[:, None] * directions[alive]
+        normals = surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         cosine = np.sum(directions[alive] * normals, axis=1)
         ratio = torch.from_numpy(ratios[alive])
         behind_squared = transmitted_cosine_squared(torch.from_numpy(cosine), ratio).numpy()
@@ -55,12 +59,40 @@ def trace_exact_sum(
         origins[alive] = points
         directions[alive] = refract(torch.from_numpy(directions[alive]), torch.from_numpy(normals), ratio).numpy()
         carried[alive] *= fresnel_transmittance(torch.from_numpy(cosine), ratio).numpy()
-    alive = alive[directions[alive, 2] > 0.0]
+    alive = alive[directions[alive, 2] > LEAST_RISE]
     way = (lens.spec.target.distance_mm - origins[alive, 2]) / directions[alive, 2]
     hits, flux = np.zeros((len(rays), 2)), np.zeros(len(rays))
     hits[alive] = (origins[alive] + way[:, None] * directions[alive])[:, :2]
     flux[alive] = carried[alive]
     return ExactHits(hits, flux)
+
+
+def _enter(
+    grid: TableGrid,
+    table: Float[np.ndarray, "side side"],
+    origins: Float[np.ndarray, "n 3"],
+    directions: Float[np.ndarray, "n 3"],
+) -> Int[np.ndarray, " k"]:
+    """Rays that come to be inside the cavity; those from below z = 0 are moved to its opening, in ``origins``."""
+    rows = np.flatnonzero(directions[:, 2] > 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):  # far below, nearly level: it enters nowhere
+        points = origins[rows] + np.maximum(-origins[rows, 2:] / directions[rows, 2:], 0.0) * directions[rows]
+        points[:, 2] = np.maximum(points[:, 2], 0.0)
+        near = np.linalg.norm(points, axis=1) < 2.0 * table.max()
+    rows, points = rows[near], points[near]
+    origins[rows] = points
+    return rows[_inside(grid, table, points)]
+
+
+def _inside(
+    grid: TableGrid, table: Float[np.ndarray, "side side"], points: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, " n"]:
+    """Whether the points are nearer to the origin than the table's surface."""
+    distance = np.linalg.norm(points, axis=1)
+    rising = np.array(points)
+    rising[distance == 0.0] = [0.0, 0.0, 1.0]
+    rising[:, 2] = np.maximum(rising[:, 2], -0.2 * distance)  # the chart's table ends a little below the horizon
+    return evaluate_table(grid, table, rising) > distance
 
 
 def _search(
@@ -72,11 +104,7 @@ def _search(
     """Path length to the first crossing of the table above z = 0, and whether there is one."""
 
     def inside(lengths: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        points = origins + lengths[:, None] * directions
-        distance = np.maximum(np.linalg.norm(points, axis=1), 1e-300)
-        rising = points / distance[:, None]
-        rising[:, 2] = np.maximum(rising[:, 2], -0.2)  # the chart's table ends a little below the horizon
-        return evaluate_table(grid, table, rising) > distance
+        return _inside(grid, table, origins + lengths[:, None] * directions)
 
     reach = 2.5 * float(table.max())
     low, high = np.zeros(len(origins)), np.full(len(origins), reach)
@@ -96,18 +124,26 @@ def _search(
 
 def _polish(
     surface: Surface,
+    grid: TableGrid,
+    table: Float[np.ndarray, "side side"],
     origins: Float[np.ndarray, "n 3"],
     directions: Float[np.ndarray, "n 3"],
     lengths: Float[np.ndarray, " n"],
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Points on the exact surface and their unit normals, from lengths that are nearly right."""
-    normals = np.empty_like(origins)
-    for step in range(_NEWTON_STEPS + 1):
-        points = origins + lengths[:, None] * directions
+) -> Float[np.ndarray, " n"]:
+    """Path lengths to the exact surface from those to its table.
+
+    The step is the table's error, some nm, and its slope that of the table: what is left is a product of two errors.
+    """
+
+    def split(at: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+        points = origins + at[:, None] * directions
         distance = np.linalg.norm(points, axis=1)
-        u = points / distance[:, None]
-        normals = u - surface.gradient(u) / distance[:, None]  # of |p| - rho(p/|p|), not yet of length 1
-        if step < _NEWTON_STEPS:
-            gap = surface.radius(u) - distance
-            lengths = lengths + gap / np.sum(normals * directions, axis=1)
-    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        return points / distance[:, None], distance
+
+    u, distance = split(lengths)
+    probe = _PROBE * distance
+    (ahead, far), (behind, near) = split(lengths + probe), split(lengths - probe)
+    rise = evaluate_table(grid, table, ahead) - evaluate_table(grid, table, behind) - (far - near)
+    gap = surface.radius(u) - distance
+    leaving = 2.0 * probe * np.abs(gap) < -rise * _LONGEST_STEP * distance  # not where the ray is tangent
+    return lengths - np.where(leaving, gap * 2.0 * probe / np.where(leaving, rise, 1.0), 0.0)

@@ -1,0 +1,111 @@
+"""The exact trace behind the stated errors, and the errors that a preset is said to have on a scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scenes import random_surface, small_spec, table_of
+
+from lensforge.accuracy import PRESETS
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.evaluation.exact import trace_exact_sum
+from lensforge.evaluation.preset_error import measure_preset
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.lens import Lens
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.fused import Scene
+from lensforge.tracing.reference import ExactSurface, trace_exact
+
+GRID = TableGrid(100)
+
+
+@pytest.fixture(scope="module")
+def lens():
+    inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
+    return Lens(inner, outer, small_spec(), 0, "draft")
+
+
+@pytest.fixture(scope="module")
+def source(lens):
+    return build_source(lens.spec.source)
+
+
+def _tables(lens, grid):
+    return {name: table_of(getattr(lens, name), grid).numpy() for name in ("inner", "outer")}
+
+
+def _traced(lens, grid, **moved):
+    tables = {name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()}
+    return TracedLens(
+        Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), **tables, table_error_nm={"": 0.0}
+    )
+
+
+def test_the_exact_trace_agrees_with_the_readable_reference(lens, source):
+    rays = source.sample(512, 3)
+    ours = trace_exact_sum(lens, GRID, _tables(lens, GRID), rays)
+    surfaces = [
+        ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
+        for s in (lens.inner, lens.outer)
+    ]
+    theirs = trace_exact(*surfaces, lens.refractive_index, lens.spec.target.distance_mm, rays)
+    assert np.array_equal(ours.arrived, theirs.arrived.numpy())
+    assert ours.arrived.mean() > 0.6
+    assert np.abs(ours.hits - theirs.hits.numpy())[ours.arrived].max() < 1e-8
+    assert np.abs(ours.flux - theirs.flux.numpy()).max() < 1e-14
+
+
+def test_rays_from_below_enter_as_the_fused_tracer_lets_them(lens, source):
+    rays = source.sample(512, 3)
+    low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.weights)
+    low.directions[:7] = [1.0, 0.0, 1e-310]  # enters nowhere
+    ours = trace_exact_sum(lens, GRID, _tables(lens, GRID), low)
+    fused = _traced(lens, GRID).trace(low)
+    assert np.array_equal(ours.arrived, fused.arrived.numpy())
+    assert 0.3 < ours.arrived.mean() < 0.99
+    assert np.abs(ours.hits - fused.hits.numpy()).max() < 0.05
+
+
+def test_the_stated_error_is_that_of_the_tables(lens, source):
+    """A surface that is wrong on purpose, by far more than a table: the error is what moving it does to every ray."""
+    fine = TableGrid(160)
+    moved = 1e-2
+    found = measure_preset(lens, source, {"wrong": _traced(lens, fine, outer=moved), "right": _traced(lens, fine)})
+    rays = source.sample(4096, 9)
+    right, wrong = (_traced(lens, fine, outer=o).trace(rays) for o in (0.0, moved))
+    on = (right.arrived & wrong.arrived).numpy() & (right.hits.abs() <= 100.0).all(dim=1).numpy()
+    away = np.linalg.norm((right.hits - wrong.hits).numpy()[on], axis=1)
+    assert found["wrong"]["hit_mm"] == pytest.approx(
+        np.sqrt(np.mean(away**2)), abs=5.0 * found["wrong"]["hit_mm_standard_error"] + 2.0 * found["right"]["hit_mm"]
+    )
+    assert found["right"]["hit_mm"] < 0.2 * found["wrong"]["hit_mm"]
+    assert found["wrong"]["hit_mm"] < found["wrong"]["hit_max_mm"]
+
+
+def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
+    grid = TableGrid(40)
+    found = [
+        measure_preset(replace(lens, seed=seed), source, {"design": _traced(lens, grid)})["design"]
+        for seed in range(12)
+    ]
+    for name in ("hit_mm", "irradiance_nmse"):
+        scatter = np.std([one[name] for one in found], ddof=1)
+        stated = np.mean([one[f"{name}_standard_error"] for one in found])
+        assert 0.4 < stated / scatter < 2.5
+
+
+def test_every_evaluation_says_what_its_preset_leaves(lens, source):
+    report = evaluate_lens(lens, source, PRESETS["draft"], rays=2**14).report
+    design, evaluation = (report["preset_error"][stage] for stage in ("design", "evaluation"))
+    assert 0.0 < evaluation["irradiance_nmse"] < 0.05 * design["irradiance_nmse"] < 1e-3
+    assert evaluation["irradiance_nmse"] < 0.01 * report["nmse_of_noise"]
+    assert evaluation["table_error_nm"] == max(report["table_error_nm"].values())
+
+
+def test_one_replicate_has_no_standard_error(lens, source):
+    report = evaluate_lens(lens, source, PRESETS["draft"], rays=1).report
+    assert report["efficiency_standard_error"] is None
+    assert report["nmse_of_noise"] is None
