@@ -24,7 +24,6 @@ _SOFTNESS = 7
 _PROFILE = 301  # directions, 0.4 degrees apart
 _MOST_NEWTON_STEPS = 30
 _LEAST_COSINE = 0.05  # between the normal and the ray from the origin
-_SIGHT = 64  # points at which the way from the origin is seen to be free
 _WIDEST_DETAIL_RAD = 0.5
 
 
@@ -106,33 +105,22 @@ class Asphere(Surface):
         rho = self.vertex_mm
         for k, height in enumerate(heights):
             radii[k] = rho = self._follow(rho, height)
-        self._require_free_sight(heights, radii)
         return heights, radii
 
     def _follow(self, rho: float, height: float) -> float:
         """The root at ``height`` that continues ``rho``, the root at the height before."""
-        at = np.array(height)
+        root, at = np.array([rho]), np.array([height])
         for _ in range(_MOST_NEWTON_STEPS):
-            value, by_radius, by_height = self._implicit(np.array(rho), at)
-            sine = np.sqrt(1.0 - height**2)
-            outward = float(-by_radius)
-            cosine = outward / float(np.hypot(outward, sine * by_height / rho))
-            if not (cosine > _LEAST_COSINE and rho > 0.0):
+            with np.errstate(over="ignore", invalid="ignore"):  # a polynomial that runs away: the cosine is then NaN
+                value, by_radius, by_height = self._implicit(root, at)
+                cosine = -by_radius / np.hypot(by_radius, np.sqrt(1.0 - at**2) * by_height / root)
+            if not (cosine > _LEAST_COSINE and root > 0.0):
                 break
-            change = float(value / by_radius)
-            rho -= change
-            if abs(change) < 1e-14 * rho:
-                return rho
-        else:
-            if abs(change) < 1e-11 * rho:  # rounding keeps the last digits moving
-                return rho
+            change = value / by_radius
+            root = root - change
+            if abs(change) < 1e-12 * root:
+                return float(root[0])
         raise self._not_star_shaped(height)
-
-    def _require_free_sight(self, heights: Float[np.ndarray, " k"], radii: Float[np.ndarray, " k"]) -> None:
-        share = np.linspace(0.0, 1.0, _SIGHT, endpoint=False)[:, None]
-        hidden = (self._implicit(share * radii, np.broadcast_to(heights, (_SIGHT, len(heights))))[0] <= 0.0).any(axis=0)
-        if hidden.any():
-            raise self._not_star_shaped(float(heights[np.argmax(hidden)]))
 
     def _not_star_shaped(self, height: float) -> InputError:
         polar = np.degrees(np.arccos(height))

@@ -1,0 +1,102 @@
+"""What every kind of surface must be; a new kind without a case here fails."""
+
+import numpy as np
+import pytest
+from scenes import hemisphere_directions, random_surface, small_spec
+from scenes import sphere as freeform_sphere
+
+from lensforge.geometry.form import chart_samples, fit_to_form, form_error
+from lensforge.lens import Lens, load_lens
+from lensforge.surfaces import chart
+from lensforge.surfaces.conic import Asphere, sphere
+from lensforge.surfaces.spline import grid_for, table_error, tabulate
+from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
+
+CASES = {
+    "freeform": random_surface(1, 6.0, levels=(9, 81)),
+    "mirrored freeform": random_surface(2, 6.0, levels=(9, 81), symmetry="square"),
+    "centred sphere": sphere(6.0),
+    "sphere, undercut at the rim": sphere(6.0, 3.0),
+    "sphere below": sphere(6.0, -4.0),
+    "prolate dome": Asphere(13.5, -11.0, -0.4, (-2e-5, 1e-8)),
+    "hyperbolic dome": Asphere(6.0, -3.0, -2.0),
+    "dented dome": Asphere(5.0, 30.0, 0.0, (-4e-3,)),
+}
+
+
+def test_every_kind_of_surface_has_a_case() -> None:
+    assert {type(surface) for surface in CASES.values()} == set(Surface.__subclasses__())
+
+
+@pytest.fixture(params=CASES, scope="module")
+def surface(request: pytest.FixtureRequest) -> Surface:
+    return CASES[request.param]
+
+
+def _everywhere(count: int) -> np.ndarray:
+    """Directions down to 28 degrees below the horizon."""
+    u = np.concatenate([hemisphere_directions(count), hemisphere_directions(count, 1) * (1.0, 1.0, -0.5)])
+    return u / np.linalg.norm(u, axis=1, keepdims=True)
+
+
+def test_the_gradient_is_the_derivative_along_great_circles(surface: Surface) -> None:
+    u = _everywhere(300)
+    along = np.cross(u, np.random.default_rng(2).normal(size=u.shape))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    step = 1e-5
+    ahead, behind = (surface.radius(np.cos(step) * u + s * np.sin(step) * along) for s in (1, -1))
+    assert np.allclose((ahead - behind) / (2 * step), np.sum(surface.gradient(u) * along, axis=1), atol=2e-8)
+    assert np.abs(np.sum(surface.gradient(u) * u, axis=1)).max() < 1e-12
+
+
+def test_normals_are_of_unit_length_outward_and_across_the_surface(surface: Surface) -> None:
+    u = hemisphere_directions(300)
+    normal = surface.normal(u)
+    assert np.allclose(np.linalg.norm(normal, axis=1), 1.0, atol=1e-14)
+    assert (np.sum(normal * u, axis=1) > 0.0).all()
+    turned = np.stack([u[:, 0] * np.cos(1e-6) - u[:, 1] * np.sin(1e-6), u[:, 0] * np.sin(1e-6) + u[:, 1], u[:, 2]], 1)
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    chord = turned * surface.radius(turned)[:, None] - u * surface.radius(u)[:, None]
+    assert np.abs(np.sum(chord * normal, axis=1)).max() < 1e-9  # of 1e-6 rad and some mm
+
+
+def test_the_grid_has_the_radius_of_its_directions(surface: Surface) -> None:
+    directions = chart.to_sphere(chart.grid(21))
+    expected = surface.radius(directions.reshape(-1, 3)).reshape(21, 21)
+    assert np.allclose(surface.radius_on_grid(directions), expected, rtol=1e-13)
+
+
+def test_its_table_converges_in_fourth_order_down_to_the_rim(surface: Surface) -> None:
+    detail = min(surface.detail_rad, 0.25)
+    errors = []
+    for nodes in (4.0, 8.0):
+        grid = grid_for(detail, nodes)
+        errors.append(table_error(grid, tabulate(grid, surface), surface))
+    assert errors[1] < max(errors[0] / 10.0, 1e-11)
+
+
+def test_its_spline_reaches_the_form_of_an_export(surface: Surface) -> None:
+    patch = fit_to_form(surface)
+    samples = chart_samples(1024, seed=5)
+    error = form_error(surface, patch.points(samples), patch.normals(samples))
+    assert error.form_max_nm < 1.0 and error.normal_max_mrad < 0.02
+
+
+def test_a_lens_file_gives_the_same_surface_back(surface: Surface, tmp_path) -> None:
+    lens = Lens(surface, freeform_sphere(20.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    again = load_lens(tmp_path / "lens.json").inner
+    u = _everywhere(100)
+    assert type(again) is type(surface)
+    assert np.array_equal(again.radius(u), surface.radius(u))
+    again_saved = Lens(again, freeform_sphere(20.0), small_spec(), 0, "draft")
+    again_saved.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "lens.json").read_bytes()
+
+
+def test_a_lens_file_of_before_there_were_kinds_is_a_freeform(tmp_path) -> None:
+    path = tmp_path / "lens.json"
+    Lens(CASES["freeform"], freeform_sphere(20.0), small_spec(), 0, "draft").save(path)
+    path.write_text(path.read_text(encoding="utf-8").replace('"kind": "srbf",', ""), encoding="utf-8")
+    assert isinstance(load_lens(path).inner, SrbfSurface)
