@@ -7,22 +7,32 @@ from pathlib import Path
 import click
 
 from lensforge.commands.printing import print_table
+from lensforge.errors import InputError
 
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
+@click.option("--header", "only_header", is_flag=True, help="Only what the header says: at once, whatever the size.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
 @click.option("--format", "format_name", help="Format of --to, where a suffix stands for several.")
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Draw where rays start and which way they go; PNG or SVG."
 )
-def rays(file: Path, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None) -> None:
+def rays(
+    file: Path, only_header: bool, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None
+) -> None:
     """Say what is in a ray file, draw it, or convert it."""
+    if format_name and not to:
+        raise InputError(f"--format {format_name}: it goes with --to FILE")
     rayfiles = import_module("lensforge.sources.rayfiles")
     if plot:
         import_module("lensforge.sources.rayfiles.picture").draw(rayfiles.read_rayfile(file), plot)
-    content = rayfiles.convert(file, to, format_name) if to else rayfiles.describe(rayfiles.read_rayfile(file))
+    if to:
+        content = rayfiles.convert(file, to, format_name)
+    else:
+        say = rayfiles.outline if only_header else rayfiles.describe
+        content = say(rayfiles.read_rayfile(file))
     if as_json:
         click.echo(json.dumps(content, indent=2, allow_nan=False))
         return

@@ -234,6 +234,8 @@ def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
     assert converted.exit_code == 0
     again = runner.invoke(cli, ["rays", str(tmp_path / "led.csv"), "--json"])
     assert json.loads(again.stdout)["format"] == "csv"
+    header = runner.invoke(cli, ["rays", str(examples / "led.tm25ray"), "--json", "--header"])
+    assert json.loads(header.stdout)["flux"]["header_w"] == 1.0
 
 
 def test_help_is_quick_to_ask_for() -> None:

@@ -49,6 +49,18 @@ def test_a_file_read_is_rewritten_byte_for_byte_whatever_its_name(name, index, t
     assert (tmp_path / "again").read_bytes() == content
 
 
+@pytest.mark.parametrize("name", BINARY)
+def test_payloads_of_nan_survive_a_rewrite(name, tmp_path):
+    """Signalling and quiet NaNs with bits of their own, in a ray: no copy of the numbers may touch them."""
+    content = bytearray(encoded(name, CASES[name][0]))
+    for offset, bits in ((40, 0x7F800001), (68, 0xFFC12345), (72, 0x7FA00000)):
+        place = len(content) - 7 * (name == "lighttools_binary") - offset
+        content[place : place + 4] = bits.to_bytes(4, "little")
+    (tmp_path / "in").write_bytes(content)
+    write_rayfile(tmp_path / "out", read_rayfile(tmp_path / "in"), name)
+    assert (tmp_path / "out").read_bytes() == content
+
+
 @pytest.mark.parametrize(("name", "index"), [case for case in NAMED_CASES if case[0] in BINARY])
 def test_reading_what_was_written_and_encoding_it_anew_is_a_fixed_point(name, index):
     content = encoded(name, CASES[name][index])

@@ -9,7 +9,7 @@ from rayfile_samples import rays
 from scipy.optimize import minimize
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import RayFile, describe
+from lensforge.sources.rayfiles import RayFile, describe, outline
 from lensforge.sources.rayfiles.cleaning import valid_rays
 from lensforge.sources.rayfiles.photopic import luminous_efficacy
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
@@ -81,6 +81,24 @@ def test_numbers_of_a_small_file():
     assert summary["bounding_box_mm"] == {"min": [0.0] * 3, "max": [1.0] * 3}
     assert summary["wavelengths_nm"] == {"min": 400.0, "max": 600.0, "mean": 475.0}
     json.dumps(summary, allow_nan=False)
+
+
+def test_the_outline_is_what_the_description_says_without_the_rays():
+    table = {"wavelength_nm": [400.0, 500.0, 600.0], "weight": [0.0, 1.0, 0.0]}
+    for rayfile, waves in (
+        (rays(wavelengths="one"), {"min": 450.0, "max": 450.0, "mean": 450.0}),
+        (replace(rays(), header={"spectral_tables": [table]}), {"min": 400.0, "max": 600.0, "mean": 500.0}),
+        (replace(rays(), header={"spectral_tables": [table, table]}), {"min": 400.0, "max": 600.0}),
+        (rays(), None),
+    ):
+        header, whole = outline(rayfile), describe(rayfile)
+        assert header["wavelengths_nm"] == waves
+        assert header["units"] == {"length": "mm", "length_in_file_mm": 1.0, "flux": "W"}
+        for name in ("format", "rays", "units", "wavelengths_nm", "header"):
+            assert header[name] == whole[name]
+        json.dumps(header, allow_nan=False)
+        unread = outline(replace(rayfile, flux=np.full(12, np.nan)))
+        assert unread == header
 
 
 def test_parts_add_up_to_the_whole(monkeypatch):

@@ -3,6 +3,6 @@
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.reading import convert, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.record import RayFile
-from lensforge.sources.rayfiles.statistics import describe
+from lensforge.sources.rayfiles.statistics import describe, outline
 
-__all__ = ["FORMATS", "RayFile", "convert", "describe", "read_rayfile", "write_rayfile"]
+__all__ = ["FORMATS", "RayFile", "convert", "describe", "outline", "read_rayfile", "write_rayfile"]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.sources.rayfiles.cleaning import no_usable_ray, valid_chunks
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.record import RayFile, as_float64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,8 @@ class _Histograms:
 
         Raises :class:`InputError` if no ray is usable.
         """
-        starts = rayfile.positions[:: max(len(rayfile) // _SAMPLE, 1)].astype(np.float64)
+        step = max(len(rayfile) // _SAMPLE, 1)
+        starts = np.concatenate([as_float64(block.positions[::step]) for block in rayfile.blocks()])
         starts = starts[np.isfinite(starts).all(axis=1)]
         if len(starts) == 0:
             raise no_usable_ray(rayfile, {"not_finite": len(rayfile)})

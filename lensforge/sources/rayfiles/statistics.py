@@ -58,6 +58,20 @@ class _Sums:
         self.wavelength_flux += float(flux[usable] @ wavelengths[usable])
 
 
+def outline(rayfile: RayFile) -> dict[str, Any]:
+    """What the header says, ready for JSON, without a look at the rays: at once, whatever the size of the file."""
+    return {
+        "format": rayfile.format,
+        "title": FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
+        "rays": len(rayfile),
+        "units": {"length": "mm", "length_in_file_mm": rayfile.header.get("mm_per_unit", 1.0), "flux": rayfile.unit},
+        "flux": {"unit": rayfile.unit, "header_w": rayfile.header_flux_w, "header_lm": rayfile.header_flux_lm},
+        "wavelengths_nm": _header_wavelengths(rayfile),
+        "header": dict(rayfile.header),
+        "warnings": list(rayfile.warnings),
+    }
+
+
 def describe(rayfile: RayFile) -> dict[str, Any]:
     """Numbers about the usable rays, ready for JSON: lengths in mm, flux in the file's unit, wavelengths in nm.
 
@@ -70,10 +84,9 @@ def describe(rayfile: RayFile) -> dict[str, Any]:
         raise no_usable_ray(rayfile, sums.dropped)
     focus = sums.focus.point()
     total = rayfile.stated_flux or sums.flux
+    header = outline(rayfile)
     return {
-        "format": rayfile.format,
-        "title": FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
-        "rays": len(rayfile),
+        **{name: header[name] for name in ("format", "title", "rays", "units")},
         "rays_used": sums.rays,
         "rays_dropped": sums.dropped,
         "effective_rays": sums.flux**2 / sums.flux_squared,
@@ -90,8 +103,8 @@ def describe(rayfile: RayFile) -> dict[str, Any]:
         "bounding_box_mm": {"min": sums.low.tolist(), "max": sums.high.tolist()},
         "virtual_focus_mm": None if focus is None else focus.tolist(),
         "mean_direction": (sums.direction / sums.flux).tolist(),
-        "wavelengths_nm": _wavelengths(sums),
-        "header": dict(rayfile.header),
+        "wavelengths_nm": _wavelengths(sums) or header["wavelengths_nm"],
+        "header": header["header"],
         "warnings": [*rayfile.warnings, *_warnings(rayfile, sums)],
     }
 
@@ -101,6 +114,23 @@ def _wavelengths(sums: _Sums) -> dict[str, float] | None:
         return None
     mean = sums.wavelength_flux / sums.flux
     return {"min": sums.wavelength_low, "max": sums.wavelength_high, "mean": mean}
+
+
+def _header_wavelengths(rayfile: RayFile) -> dict[str, float] | None:
+    """Of the wavelength that all rays share, or of the spectral tables together; the mean where there is one table."""
+    shared = rayfile.single_wavelength
+    if shared is not None:
+        return {"min": shared, "max": shared, "mean": shared}
+    tables = rayfile.header.get("spectral_tables", [])
+    waves = [wave for table in tables for wave in table["wavelength_nm"]]
+    if not waves:
+        return None
+    ends = {"min": min(waves), "max": max(waves)}
+    power = np.trapezoid(tables[0]["weight"], tables[0]["wavelength_nm"])
+    if len(tables) > 1 or not power > 0.0:
+        return ends
+    nanometres, weights = np.array(tables[0]["wavelength_nm"]), np.array(tables[0]["weight"])
+    return ends | {"mean": float(np.trapezoid(weights * nanometres, nanometres) / power)}
 
 
 def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:

@@ -52,7 +52,7 @@ def _decode(image: FileImage) -> RayFile:
         format=FORMAT.name,
         header_flux_w=flux if unit == "W" else None,
         header_flux_lm=flux if unit == "lm" else None,
-        header=header,
+        header={**header, "mm_per_unit": mm_per_unit},
         warnings=("far-field data: all rays start at the file's data origin",) if far_field else (),
     )
 
