@@ -30,7 +30,8 @@ class AugmentedLagrangian:
         """For the spec's constraints, watched on ``grid``."""
         constraints = constraints_of(spec)
         derivatives = any(constraint.derivatives for constraint in constraints)
-        return AugmentedLagrangian(constraints, Watch.of(grid, watched_points(grid), derivatives), stringency)
+        points = watched_points(grid, spec.lens.symmetry)
+        return AugmentedLagrangian(constraints, Watch.of(grid, points, derivatives), stringency)
 
     def __post_init__(self) -> None:
         area = self.watch.points.scale**2
@@ -43,6 +44,10 @@ class AugmentedLagrangian:
             )
         )
         self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
+
+    def fresh(self, stringency: float) -> "AugmentedLagrangian":
+        """The same constraints with multipliers of 0."""
+        return AugmentedLagrangian(self.constraints, self.watch, stringency)
 
     def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
         """The constraints at the watched points of two tables, each times its share."""
@@ -58,6 +63,10 @@ class AugmentedLagrangian:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
         push = self._push(fields)
         return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
+
+    def hold(self, fields: Float[Tensor, "c k"], margins: float) -> bool:
+        """Whether every field keeps so much of its margin everywhere."""
+        return bool((fields >= margins * self._margin).all())
 
     def update(self, fields: Float[Tensor, "c k"]) -> None:
         """First-order multiplier update; call it between rounds of minimisation."""

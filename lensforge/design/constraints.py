@@ -17,7 +17,6 @@ from torch import Tensor
 from lensforge.design.surface_shape import least_curvature, pull_cosine
 from lensforge.design.watch import ChartPoints, RadiusJet
 from lensforge.spec import Spec
-from lensforge.surfaces.srbf import level_sigma
 
 # The search aims this far inside of the limits, relative to the largest radius, to the cutter's curvature, and in
 # degrees: its last steps still move by that much, and no set of points sees the very peak.
@@ -92,7 +91,7 @@ def _of_paper(spec: Spec) -> list[Constraint]:
 
 
 def _of_cutter(spec: Spec) -> list[Constraint]:
-    sigma = _narrowest_rad(spec)
+    sigma = spec.lens.basis.detail_rad
     found = []
     for surface, limit_mm in (
         ("inner", spec.constraints.inner_concave_radius_mm),
@@ -118,7 +117,7 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
 
 
 def _of_mould(spec: Spec) -> list[Constraint]:
-    sigma = _narrowest_rad(spec)
+    sigma = spec.lens.basis.detail_rad
     return [
         Constraint(
             f"g5_{surface}_deg",
@@ -151,7 +150,3 @@ def _draft_to_spare(
     """Draft (deg) beyond the limit."""
     sine = torch.clamp(pull_cosine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg
-
-
-def _narrowest_rad(spec: Spec) -> float:
-    return level_sigma(max(spec.lens.levels), spec.lens.sigma_c)

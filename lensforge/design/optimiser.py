@@ -17,6 +17,7 @@ from lensforge.design.checkpoint import fingerprint, load_checkpoint, save_check
 from lensforge.design.feasibility import constraint_gates, measure_constraints
 from lensforge.design.objective import Evaluated, Objective
 from lensforge.design.parameters import Parametrisation
+from lensforge.design.polish import nearest_feasible
 from lensforge.design.schedule import Stage, plan
 from lensforge.gates import Gate
 from lensforge.lens import Lens
@@ -114,7 +115,8 @@ def design(
     search = _Search(source, objective, constraints, stages, seed, accuracy, observer, state)
     search.run(checkpoint, key)
     state = search.state
-    lens = parametrisation.lens(state.weights, state.offsets, spec, seed, accuracy)
+    weights, offsets = nearest_feasible(parametrisation, constraints, state.weights, state.offsets)
+    lens = parametrisation.lens(weights, offsets, spec, seed, accuracy)
     measured = measure_constraints(lens)
     return Design(lens, state.history, measured, constraint_gates(spec, measured), state.seconds, stages[-1].rays)
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix, vstack
 from torch import Tensor
 
 from lensforge.design.sparse import SparseMatrix
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid
+from lensforge.surfaces.symmetry import group
 
 _VALUE = ((0, 0),)
 _JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -73,14 +74,27 @@ class Watch:
         return [RadiusJet(each[0], each[1:]) for each in values]
 
 
-def watched_points(grid: TableGrid) -> Float[np.ndarray, "k 2"]:
-    """Chart points of the nodes and cell centres within the hemisphere, and of the rim at the nodes' spacing."""
+def watched_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"]:
+    """Chart points of the nodes and cell centres within the hemisphere, and of the rim at the nodes' spacing.
+
+    Of mirror images under the group ``symmetry`` only one is watched.
+    """
     nodes = chart.grid(grid.nodes)
     centres = nodes[:-1, :-1] + 0.5 * grid.step
     both = np.concatenate([nodes.reshape(-1, 2), centres.reshape(-1, 2)])
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-    return np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
+    points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
+    return points[_foremost(points, symmetry)]
+
+
+def _foremost(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarray, " k"]:
+    """Which points come first among their mirror images, by X, then by Y."""
+    first, tie = np.ones(len(points), dtype=bool), 1e-9
+    for image in group(symmetry):
+        ahead = points - points @ image[:2, :2]
+        first &= (ahead[:, 0] > tie) | ((ahead[:, 0] > -tie) & (ahead[:, 1] > -tie))
+    return first
 
 
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:

@@ -1,0 +1,51 @@
+"""The last touch of a search: the nearest lens that is feasible.
+
+A search of a few hundred noisy steps ends close to its limits, on either side of them: its multipliers still swing by
+some micrometres. Where a limit is missed, the parameters are moved to the nearest that keep it, which the light does
+not notice. A search that ended inside of its limits is left as it is, to the bit.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.design.augmented_lagrangian import AugmentedLagrangian
+from lensforge.design.parameters import Parametrisation
+
+_ROUNDS, _ITERATIONS, _STRINGENCY = 20, 40, 1e6
+_INSIDE = 0.3  # of the margin: what the watched points must keep, since the peak between them may be a little higher
+
+
+def nearest_feasible(
+    parametrisation: Parametrisation,
+    constraints: AugmentedLagrangian,
+    weights: Float[Tensor, "m 2"],
+    offsets: Float[Tensor, "2"],
+) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
+    """``weights`` and ``offsets`` moved by as little as makes the watched points feasible, with some of the margin.
+
+    Least squares in the relative parameters, by augmented Lagrangian. What is too far off for that stays infeasible.
+    """
+    constraints = constraints.fresh(_STRINGENCY)
+    moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
+
+    def fields() -> Float[Tensor, "c k"]:
+        return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
+
+    for _ in range(_ROUNDS):
+        with torch.no_grad():
+            if constraints.hold(fields(), _INSIDE):
+                break
+        optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
+
+        def closure(optimiser: torch.optim.LBFGS = optimiser) -> Tensor:
+            optimiser.zero_grad()
+            loss = 0.5 * torch.sum(moved**2) + constraints.term(fields())
+            loss.backward()
+            return loss
+
+        optimiser.step(closure)
+        with torch.no_grad():
+            constraints.update(fields())
+    moved = moved.detach()
+    return weights + moved[1:], offsets + moved[0]
