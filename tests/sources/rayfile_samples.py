@@ -57,5 +57,16 @@ def encoded(name: str, rayfile: RayFile) -> bytes:
     return b"".join(FORMATS[name].encode(rayfile))
 
 
+def with_spectrum_numbers(numbers):
+    """A TM-25 file of two tables whose rays say by a number which is theirs (spectral identifier 4)."""
+    tables = [{"wavelength_nm": [c - 1.0, c, c + 1.0], "weight": [0.0, 1.0, 0.0]} for c in (450.0, 600.0)]
+    content = bytearray(encoded("tm25", replace(rays(len(numbers)), header={"spectral_tables": tables})))
+    content[60:64] = (4).to_bytes(4, "little")
+    content[256 + 28 : 256 + 32] = (1).to_bytes(4, "little")
+    start = len(content) - len(numbers) * 28
+    rows = np.frombuffer(bytes(content[start:]), "<f4").reshape(-1, 7)
+    return bytes(content[:start]) + np.column_stack([rows, np.array(numbers, dtype="<f4")]).astype("<f4").tobytes()
+
+
 def image(content: bytes, name: str = "rays.bin") -> FileImage:
     return FileImage(Path(name), np.frombuffer(content, dtype=np.uint8))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rayfile_samples import encoded, image, rays, with_tables
+from rayfile_samples import image, rays, with_spectrum_numbers, with_tables
 from scenes import small_spec
 
 from lensforge.errors import InputError
@@ -72,17 +72,6 @@ def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_
     )
     account = account_of(emitter, spec.source)
     assert 430.0 < account["wavelengths_nm"][0] < account["wavelengths_nm"][1] < 470.0
-
-
-def with_spectrum_numbers(numbers):
-    """A TM-25 file of two tables whose rays say by a number which is theirs (spectral identifier 4)."""
-    tables = [{"wavelength_nm": [c - 1.0, c, c + 1.0], "weight": [0.0, 1.0, 0.0]} for c in (450.0, 600.0)]
-    content = bytearray(encoded("tm25", replace(rays(len(numbers)), header={"spectral_tables": tables})))
-    content[60:64] = (4).to_bytes(4, "little")
-    content[256 + 28 : 256 + 32] = (1).to_bytes(4, "little")
-    start = len(content) - len(numbers) * 28
-    rows = np.frombuffer(bytes(content[start:]), "<f4").reshape(-1, 7)
-    return bytes(content[:start]) + np.column_stack([rows, np.array(numbers, dtype="<f4")]).astype("<f4").tobytes()
 
 
 def test_rays_that_name_their_table_are_drawn_from_it(tmp_path):

@@ -9,11 +9,13 @@ import sys
 import warnings
 
 import numpy as np
-from rayfile_samples import CASES, SHARED, encoded, image
+from rayfile_samples import CASES, SHARED, encoded, image, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import FORMATS, describe
+from lensforge.sources.rayfiles.cleaning import valid_rays
 from lensforge.sources.rayfiles.reading import decode
+from lensforge.sources.rayfiles.wavelengths import wavelengths_of
 
 SPECIAL_WORDS = [
     struct.pack("<i", value) for value in (0, 1, 2, 3, 7, -1, 2**31 - 1, -(2**31), 2013, 1010, 0x7F800001)
@@ -33,13 +35,16 @@ SPECIAL_TEXT = [
     b"\0",
     b"\xff",
 ]
+SMALL = 2000  # bytes
 HEADER_BYTES = 300  # where most fields are: mutated more often than the rest
 
 
 def seeds():
     """One file of each conformance case, and the small real ones where they are."""
     ours = [encoded(name, case) for name, cases in CASES.items() for case in cases]
-    return ours + [path.read_bytes() for path in sorted((SHARED / "tiny").glob("*"))]
+    small = [path for path in sorted(SHARED.glob("*/*")) if path.parent.name in ("tiny", "pairs")]
+    real = [path.read_bytes() for path in small if path.stat().st_size < SMALL]
+    return [*ours, with_spectrum_numbers([1, 2, 1]), *real]
 
 
 def mutate(content, random):
@@ -72,6 +77,7 @@ def survive(content, random):
     try:
         rayfile = decode(image(content))
         json.dumps(describe(rayfile), allow_nan=False)
+        wavelengths_of(rayfile, valid_rays(rayfile), None)
         encoded(list(FORMATS)[random.integers(len(FORMATS))], rayfile)
     except InputError as error:
         line = str(error)
