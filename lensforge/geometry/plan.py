@@ -19,6 +19,7 @@ from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
 from lensforge.geometry.patch import Patch
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
+from lensforge.surfaces.surface import Surface
 
 Relation = Literal["bare", "ledge", "overhang", "flush"]
 Radius = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]  # distance (mm) from the axis over azimuths
@@ -115,7 +116,7 @@ def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
         return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
     outline = outline_of(base)
     _require_opening_inside(inner, base, outline)
-    ring = _ring(inner, outer, base)
+    ring = relief_ring(inner, outer, base)
     seat = _rim_radius(outer) if ring is None else ring.radius
     arcs = _arcs(seat, outline)
     if base.relief_step_mm > 0.0 and (len(arcs) > 1 or (ring is not None and arcs[0].relation == "flush")):
@@ -131,7 +132,7 @@ def _rim_radius(patch: Patch) -> Radius:
     return lambda azimuths: patch.radius(rim_directions(azimuths))
 
 
-def _ring(inner: Patch, outer: Patch, base: BaseSection) -> Outline | None:
+def relief_ring(inner: Patch | Surface, outer: Patch | Surface, base: BaseSection) -> Outline | None:
     """The wall of a step that stands back from the outer rim; None where it is drawn down from the rim itself."""
     if base.relief_setback_mm == 0.0:
         return None

@@ -1,9 +1,13 @@
 """The sizes that a drawing states, measured on the exact surfaces."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from lensforge.geometry.mesh_union import tessellated
+from lensforge.geometry.plan import relief_ring
+from lensforge.geometry.step_base import read_base
 from lensforge.lens import Lens
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -41,6 +45,9 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
     base = lens.spec.base
     if base.kind == "none":
         return []
+    if base.file is not None:
+        return _box_of_file(base.file)
+    ring = relief_ring(lens.inner, lens.outer, base)
     square = base.kind == "square"
     found = [
         Dimension(
@@ -50,6 +57,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
     ]
     for name, value in (
         ("relief step below A", base.relief_step_mm or None),
+        ("diameter of the step's wall", None if ring is None else 2.0 * float(ring.radius(np.zeros(1))[0])),
         ("clocking flat, across +x, from the axis", base.flat_mm),
         ("diameter of the pocket", base.pocket_diameter_mm),
         ("depth of the pocket", base.pocket_depth_mm if base.pocket_diameter_mm else None),
@@ -59,3 +67,11 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
         if value is not None:
             found.append(Dimension(name, value))
     return found
+
+
+def _box_of_file(path: Path) -> list[Dimension]:
+    """The box that holds a base from a STEP file, to a hundredth of a millimetre of its round faces."""
+    vertices, _ = tessellated(read_base(path).solid, 1e-2)
+    sizes = np.ptp(vertices, axis=0).tolist()
+    names = ("width along x", "width along y", "height below A")
+    return [Dimension(f"base of {path.name}, {name}", size) for name, size in zip(names, sizes, strict=True)]

@@ -1,85 +1,124 @@
 """The dimensioned section: the body cut open in the plane of x and z, to scale, with its datum."""
 
+from collections.abc import Callable
+
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from lensforge.geometry.outline import outline_of
+from lensforge.geometry.plan import relief_ring
+from lensforge.geometry.section import Curve, body_outlines, profile
 from lensforge.lens import Lens
 from lensforge.report.drawing import BLUE, GREY, INK, WIDE, in_house_style, new_figure
-from lensforge.report.section_figures import profile
+from lensforge.spec import BaseSection
 
 _X = np.array([1.0, 0.0, 0.0])
+_FAINT = {"color": INK, "linewidth": 0.4, "alpha": 0.5}
+_BOX = {"boxstyle": "square", "facecolor": "white"}
+_CLEAR = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+_WIDTH, _TALLEST = 1.5 * WIDE, 6.5  # inches
+
+Span = tuple[float, float]
 
 
 @in_house_style
 def dimensioned_section(lens: Lens) -> Figure:
-    """Both halves of the section at y = 0; datum A is the plane z = 0, datum B the axis."""
-    figure, axes = new_figure(WIDE, 4.4)
-    inner, outer = profile(lens.inner, _X), profile(lens.outer, _X)
-    for side in (1.0, -1.0):
-        axes.add_patch(Polygon(half_section(lens, side), facecolor=BLUE, alpha=0.2, linewidth=0.0))
-        axes.plot(*half_section(lens, side)[1:-1].T, color=INK, linewidth=1.0)
-    low, high = (-lens.spec.base.height_mm if lens.spec.base.kind != "none" else 0.0), float(outer[:, 1].max())
-    wide = max(np.abs(half_section(lens, side)[:, 0]).max() for side in (1.0, -1.0))
-    step = 0.09 * (high - low + wide)
-    axes.axvline(0.0, color=GREY, linewidth=0.7, linestyle="dashdot")
-    axes.axhline(0.0, color=GREY, linewidth=0.7, linestyle="dashed")
-    axes.text(-wide - 3.6 * step, 0.0, "A", bbox={"boxstyle": "square", "facecolor": "white"}, va="center")
-    axes.text(0.0, high + 1.2 * step, "B", bbox={"boxstyle": "square", "facecolor": "white"}, ha="center")
-    right = wide + 0.9 * step
-    middle = len(outer) // 2
-    _vertical(axes, right, 0.0, outer[middle, 1])
-    _vertical(axes, right + 1.6 * step, 0.0, inner[middle, 1])
-    if low < 0.0:
-        _vertical(axes, right, low, 0.0)
-    for row, curve in enumerate((inner, outer), start=1):
-        _horizontal(axes, low - row * step, curve[0, 0], curve[-1, 0])
-    if low < 0.0:
-        _horizontal(axes, low - 3.0 * step, -half_width(lens, -1.0), half_width(lens, 1.0))
-    axes.set(xlim=(-wide - 4.5 * step, wide + 5.0 * step), ylim=(low - 4.0 * step, high + 2.2 * step), aspect="equal")
-    axes.set(xlabel="x (mm)", ylabel="z (mm)")
+    """The section at y = 0; datum A is the plane z = 0, datum B the axis.
+
+    Heights of the lens are to the right, those of its base to the left, all widths below.
+    """
+    outlines = body_outlines(lens, 0.0)
+    low, high, wide = _extent(outlines)
+    above, below = heights(lens, low)
+    rows = widths(lens, outlines)
+    step = 0.075 * (high - low + wide)
+    left, right = -wide - (1.2 + 2.2 * len(below)) * step, wide + (0.8 + 2.2 * len(above)) * step
+    bottom, top = low - (1.1 * len(rows) + 0.4) * step, high + 2.0 * step
+    figure, axes = new_figure(_WIDTH, min(_WIDTH * (top - bottom) / (right - left) + 0.5, _TALLEST))
+    for outline in outlines:
+        axes.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.2, linewidth=0.0))
+        axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, linewidth=1.0, joinstyle="miter"))
+    for k, span in enumerate(above):
+        _vertical(axes, wide + (0.7 + 2.2 * k) * step, span, 0.0, step)
+    for k, span in enumerate(below):
+        _vertical(axes, -wide - (0.7 + 2.2 * k) * step, span, -wide, -step)
+    for k, span in enumerate(rows, start=1):
+        _horizontal(axes, low - 1.1 * k * step, span, low, step)
+    axes.plot([left, right], [0.0, 0.0], color=GREY, linewidth=0.7, linestyle="dashed")
+    axes.plot([0.0, 0.0], [low - 0.3 * step, high + step], color=GREY, linewidth=0.7, linestyle="dashdot")
+    axes.text(left, 0.0, "A", bbox=_BOX, va="center", ha="right")
+    axes.text(0.0, high + step, "B", bbox=_BOX, ha="center")
+    axes.set(xlim=(left - step, right), ylim=(bottom, top), aspect="equal", xlabel="x (mm)", ylabel="z (mm)")
     return figure
 
 
-def half_width(lens: Lens, side: float) -> float:
-    """Distance (mm) from the axis to the base's outline along +x or -x, its flange apart."""
+def _extent(outlines: list[Curve]) -> tuple[float, float, float]:
+    """Lowest and highest z, and the largest distance from the axis."""
+    points = np.concatenate(outlines)
+    return float(points[:, 1].min()), float(points[:, 1].max()), float(np.abs(points[:, 0]).max())
+
+
+def heights(lens: Lens, lowest_mm: float) -> tuple[list[Span], list[Span]]:
+    """Heights (z from, z to) of the lens and of its base, smallest first."""
+    apexes = [float(surface.radius(np.array([[0.0, 0.0, 1.0]]))[0]) for surface in (lens.inner, lens.outer)]
+    base, found = lens.spec.base, [(lowest_mm, 0.0)]
+    if base.kind in ("cylinder", "square"):
+        found += [(-base.relief_step_mm, 0.0)] if base.relief_step_mm > 0.0 else []
+        found += [(lowest_mm, lowest_mm + base.pocket_depth_mm)] if base.pocket_diameter_mm is not None else []
+        found += [(lowest_mm, lowest_mm + base.flange_height_mm)] if base.flange_diameter_mm is not None else []
+    return [(0.0, apex) for apex in apexes], _by_size(found) if lowest_mm < 0.0 else []
+
+
+def widths(lens: Lens, outlines: list[Curve]) -> list[Span]:
+    """Widths (x from, x to) in the section, smallest first: rims, wall of the step, pocket, base, flange."""
+    rims = [profile(surface, _X)[[0, -1], 0] for surface in (lens.inner, lens.outer)]
+    found = [(float(first), float(last)) for first, last in rims]
     base = lens.spec.base
-    if base.kind == "square":
-        return base.side_mm / 2.0
-    return base.flat_mm if base.flat_mm is not None and side > 0.0 else base.diameter_mm / 2.0
+    if base.kind in ("cylinder", "square"):
+        right, left = (_side(base, turn) for turn in (0.0, np.pi))
+        ring = relief_ring(lens.inner, lens.outer, base)
+        round_ones = [base.pocket_diameter_mm, base.flange_diameter_mm]
+        round_ones.append(None if ring is None else 2.0 * float(ring.radius(np.zeros(1))[0]))
+        found += [(-left, right), *((-width / 2.0, width / 2.0) for width in round_ones if width is not None)]
+    elif base.kind == "step":
+        across = np.concatenate(outlines)[:, 0]
+        found.append((float(across.min()), float(across.max())))
+    return _by_size(found)
 
 
-def half_section(lens: Lens, side: float) -> Float[np.ndarray, "n 2"]:
-    """The closed outline (x, z) in mm of the half on the side of +x (1) or -x (-1): from the outer apex around."""
-    inner, outer = (profile(surface, side * _X) for surface in (lens.inner, lens.outer))
-    middle = len(outer) // 2
-    dome, cavity = outer[middle:], inner[middle:][::-1]
-    base = lens.spec.base
-    corners: list[tuple[float, float]] = []
-    if base.kind != "none":
-        edge, bottom = half_width(lens, side), -base.height_mm
-        corners = [(dome[-1, 0], -base.relief_step_mm), (edge, -base.relief_step_mm)]
-        if base.flange_diameter_mm is not None:
-            shoulder, flange = bottom + base.flange_height_mm, base.flange_diameter_mm / 2.0
-            corners += [(edge, shoulder), (flange, shoulder), (flange, bottom)]
-        else:
-            corners.append((edge, bottom))
-        if base.pocket_diameter_mm is not None:
-            pocket, ceiling = base.pocket_diameter_mm / 2.0, bottom + base.pocket_depth_mm
-            corners += [(pocket, bottom), (pocket, ceiling), (cavity[0, 0], ceiling)]
-        else:
-            corners.append((cavity[0, 0], bottom))
-    around = np.concatenate([dome, np.array(corners).reshape(-1, 2), cavity, dome[:1]])
-    return around * np.array([side, 1.0])
+def _side(base: BaseSection, azimuth: float) -> float:
+    return float(outline_of(base).radius(np.array([azimuth]))[0])
 
 
-def _vertical(axes: Axes, x: float, low: float, high: float) -> None:
-    axes.annotate("", (x, low), (x, high), arrowprops={"arrowstyle": "<->", "linewidth": 0.7, "color": INK})
-    axes.text(x, 0.5 * (low + high), f" {abs(high - low):.3f}", ha="left", va="center")
+def _by_size(spans: list[Span]) -> list[Span]:
+    return sorted(spans, key=lambda span: span[1] - span[0])
 
 
-def _horizontal(axes: Axes, z: float, low: float, high: float) -> None:
-    axes.annotate("", (low, z), (high, z), arrowprops={"arrowstyle": "<->", "linewidth": 0.7, "color": INK})
-    axes.text(0.5 * (low + high), z, f"{high - low:.3f}", ha="center", va="bottom")
+def _vertical(axes: Axes, x: float, span: Span, body: float, step: float) -> None:
+    """A height at ``x``, its lines drawn from ``body``; the number stands away from the body, where ``step`` points."""
+    for z in span:
+        axes.plot([body, x + 0.15 * step], [z, z], **_FAINT)
+    _arrows(axes, span, abs(step), lambda z: (x, z))
+    side = "left" if step > 0.0 else "right"
+    axes.text(x + 0.15 * step, sum(span) / 2.0, f"{span[1] - span[0]:.3f}", ha=side, va="center", bbox=_CLEAR)
+
+
+def _horizontal(axes: Axes, z: float, span: Span, body: float, step: float) -> None:
+    """A width at height ``z``, its lines drawn from ``body``."""
+    for x in span:
+        axes.plot([x, x], [body, z - 0.15 * step], **_FAINT)
+    _arrows(axes, span, step, lambda x: (x, z))
+    axes.text(sum(span) / 2.0, z + 0.1 * step, f"{span[1] - span[0]:.3f}", ha="center", va="bottom", bbox=_CLEAR)
+
+
+def _arrows(axes: Axes, span: Span, step: float, at: Callable[[float], Span]) -> None:
+    """Between the ends of ``span``, or, where that is too narrow for two heads, from outside towards both."""
+    low, high = span
+    style = {"linewidth": 0.7, "color": INK, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 8.0}
+    if high - low > step:
+        axes.annotate("", at(low), at(high), arrowprops={"arrowstyle": "<->", **style})
+        return
+    for end, start in ((low, low - 0.6 * step), (high, high + 0.6 * step)):
+        axes.annotate("", at(end), at(start), arrowprops={"arrowstyle": "->", **style})

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
@@ -13,18 +12,19 @@ from lensforge.lens import Lens
 from lensforge.manufacturing.draft import draft_rad, largest_tilt_rad, undercut_fraction
 from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_json
-from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
+from lensforge.manufacturing.own_base import OwnBase, read_own_base
+from lensforge.manufacturing.relief_check import check_relief, relief_verdicts
 from lensforge.manufacturing.scallop import scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
 from lensforge.manufacturing.tooling import check_tools, tool_verdicts
 from lensforge.manufacturing.verdicts import (
     Verdict,
     cutter_verdict,
     draft_verdict,
-    relief_verdict,
     tilt_verdict,
     wall_verdict,
 )
 from lensforge.manufacturing.wall import ThinnestWall, normal_wall_mm, radial_wall_mm, thinnest
+from lensforge.spec import BaseSection
 
 
 def check_lens(lens: Lens, directory: Path) -> dict[str, Any]:
@@ -41,8 +41,10 @@ def check_lens(lens: Lens, directory: Path) -> dict[str, Any]:
     outer = check_face("outer", tabulate_face(lens.outer, outside, nodes_for(lens.outer)), cutter_mm)
     radial, normal = _walls(inner, outer)
     thinner = min(radial, normal, key=lambda wall: wall.thickness_mm)  # at a rim the radial one may win
-    relief = _relief_json(lens, inner, outer)
-    tools = _tools_json(lens, inner, outer)
+    base = lens.spec.base if _is_part(lens) else None  # a mould insert has none
+    own = None if base is None or base.file is None else read_own_base(base.file)
+    relief = check_relief(base, own, cutter_mm, inner, outer)
+    tools = _tools_json(lens, inner, outer, base, own)
     content: dict[str, Any] = {
         "make": lens.spec.manufacture.make,
         "inner": face_json(inner),
@@ -66,10 +68,11 @@ def _is_part(lens: Lens) -> bool:
     return lens.spec.manufacture.make == "part"
 
 
-def _tools_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> list[dict[str, Any]]:
+def _tools_json(
+    lens: Lens, inner: FaceCheck, outer: FaceCheck, base: BaseSection | None, own: OwnBase | None
+) -> list[dict[str, Any]]:
     manufacture = lens.spec.manufacture
-    base = lens.spec.base if _is_part(lens) else None
-    return check_tools(manufacture.tools, (inner, outer), base, float(np.deg2rad(manufacture.max_tilt_deg)))
+    return check_tools(manufacture.tools, (inner, outer), base, own, float(np.deg2rad(manufacture.max_tilt_deg)))
 
 
 def _walls(inner: FaceCheck, outer: FaceCheck) -> tuple[ThinnestWall, ThinnestWall]:
@@ -100,37 +103,6 @@ def _radial_gate(lens: Lens, radial: ThinnestWall) -> Gate:
     )
 
 
-def _relief_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
-    """How far the base must retreat for the cutter, over the part of each face that the face itself lets it reach."""
-    base, cutter_mm = lens.spec.base, lens.spec.manufacture.cutter_radius_mm
-    if base.kind == "none" or not _is_part(lens):
-        note = "there is no base" if base.kind == "none" else "a mould insert has no base"
-        return {"note": note, "outer": None, "inner": None}
-    step = relief_step_mm(outer.samples, cutter_mm, base.widest_mm) - base.relief_step_mm
-    if base.flange_diameter_mm is not None:
-        shoulder = base.height_mm - base.flange_height_mm
-        step = np.maximum(step, relief_step_mm(outer.samples, cutter_mm, base.flange_diameter_mm) - shoulder)
-    step = np.where(step > 0.0, step + base.relief_step_mm, 0.0)
-    setback = step_clearance_mm(outer.samples, cutter_mm)
-    clearance = bore_clearance_mm(inner.samples, cutter_mm)
-    return {
-        "outer": {
-            "smallest_step_mm": _largest_reached(outer, step),
-            "step_clearance_mm": _largest_reached(outer, setback),
-            "flush_fraction": _clear(outer, np.maximum(step, setback)),
-        },
-        "inner": {"bore_clearance_mm": _largest_reached(inner, clearance), "flush_fraction": _clear(inner, clearance)},
-    }
-
-
-def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float | None:
-    return float(retreat[face.reached].max()) if face.reached.any() else None
-
-
-def _clear(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float:
-    return face.samples.fraction(face.reached & (retreat == 0.0))
-
-
 def _scallop_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, Any]:
     """Cusps where the face is most convex: there they are highest and steepest."""
     manufacture = lens.spec.manufacture
@@ -157,7 +129,7 @@ def _verdicts(
     least_deg = {face.name: float(np.degrees(draft_rad(face.samples).min())) for face in faces}
     return [
         *(cutter_verdict(face.name, cutter_mm, face.reachable_fraction, face.largest_cutter_mm) for face in faces),
-        *_relief_verdicts(relief),
+        *relief_verdicts(relief),
         *(
             tilt_verdict(
                 face.name, float(np.degrees(largest_tilt_rad(face.samples))), lens.spec.manufacture.max_tilt_deg
@@ -166,16 +138,6 @@ def _verdicts(
         ),
         wall_verdict(wall.thickness_mm, lens.spec.constraints.min_thickness_mm),
         *(draft_verdict(face.name, least_deg[face.name], undercut_fraction(face.samples)) for face in faces),
-    ]
-
-
-def _relief_verdicts(relief: dict[str, Any]) -> list[Verdict]:
-    outer, inner = relief["outer"], relief["inner"]
-    if outer is None or inner is None:
-        return []
-    return [
-        relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"], outer["step_clearance_mm"]),
-        relief_verdict("inner", inner["bore_clearance_mm"], inner["flush_fraction"]),
     ]
 
 

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide
 from lensforge.manufacturing.face_check import FaceCheck
+from lensforge.manufacturing.own_base import OwnBase
 from lensforge.manufacturing.sampling import sample_face
 from lensforge.manufacturing.tool import tool_reach
 from lensforge.manufacturing.verdicts import Verdict
@@ -19,14 +20,21 @@ _AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0
 
 
 def check_tools(
-    tools: tuple[Tool, ...], faces: tuple[FaceCheck, FaceCheck], base: BaseSection | None, max_tilt_rad: float
+    tools: tuple[Tool, ...],
+    faces: tuple[FaceCheck, FaceCheck],
+    base: BaseSection | None,
+    own: OwnBase | None,
+    max_tilt_rad: float,
 ) -> list[dict[str, Any]]:
-    """Each tool with what it reaches of each face; ``base`` is None where it is not in the way: a mould insert."""
+    """Each tool with what it reaches of each face.
+
+    ``base`` is None where it is not in the way: a mould insert; ``own`` is the base from a STEP file.
+    """
     content: list[dict[str, Any]] = [tool.model_dump(mode="json") for tool in tools]
     for face in faces if tools else ():
         contacts = sample_face(face.samples.face, _CONTACT_NODES)
         ball = largest_ball_mm(contacts, face.samples.points)
-        obstacles = _obstacles(face, base)
+        obstacles = _obstacles(face, base, own)
         largest = face.largest_cutter_mm
         for tool, entry in zip(tools, content, strict=True):
             away = _AWAY[face.samples.face.air]
@@ -58,11 +66,13 @@ def tool_verdicts(entries: list[dict[str, Any]]) -> list[Verdict]:
     return verdicts
 
 
-def _obstacles(face: FaceCheck, base: BaseSection | None) -> Float[np.ndarray, "m 3"]:
+def _obstacles(face: FaceCheck, base: BaseSection | None, own: OwnBase | None) -> Float[np.ndarray, "m 3"]:
     """Points of the face itself, and of the base near it: the bore below the cavity, the top around the dome."""
-    own = sample_face(face.samples.face, _OBSTACLE_NODES).points
+    on_face = sample_face(face.samples.face, _OBSTACLE_NODES).points
     if base is None or base.kind == "none":
-        return own
+        return on_face
+    if own is not None:
+        return np.concatenate([on_face, own.points()])
     turn = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rim = face.samples.face.radius(circle)
@@ -73,4 +83,4 @@ def _obstacles(face: FaceCheck, base: BaseSection | None) -> Float[np.ndarray, "
         else:
             radius, depth = rim + part * np.maximum(base.widest_mm / 2.0 - rim, 0.0), base.relief_step_mm
         rings.append(np.column_stack([radius[:, None] * circle, np.full(len(turn), -depth)]))
-    return np.concatenate([own, *rings])
+    return np.concatenate([on_face, *rings])

@@ -1,6 +1,7 @@
 """What the shop can and cannot do with this lens: statements with a reason, which judge the tool, not the design."""
 
 from dataclasses import asdict, dataclass
+from math import ceil
 from typing import Any, Literal
 
 GOOD_DRAFT_DEG = 2.0
@@ -51,11 +52,29 @@ def relief_verdict(
     if surface == "inner":
         remedy = f"a bore {retreat_mm:.4g} mm wider all around than the cavity keeps the base out of its way"
     elif setback <= 0.0:
-        remedy = f"a relief step of {retreat_mm:.4g} mm below z = 0 keeps the base out of its way"
+        remedy = f"base.relief_step_mm = {_up(retreat_mm)} keeps the base out of its way"
     else:
-        step = f"a relief step of {retreat_mm:.4g} mm, " if retreat_mm > 0.0 else "a step "
-        remedy = f"the rim is undercut: it takes {step}whose wall stands {setback:.4g} mm back from the rim"
+        step = f"base.relief_step_mm = {_up(retreat_mm)} and " if retreat_mm > 0.0 else ""
+        remedy = f"the rim is undercut: it takes {step}base.relief_setback_mm = {_up(setback)}"
     return Verdict("relief", surface, False, f"{clear}; {remedy}")
+
+
+def _up(length_mm: float) -> str:
+    """A length to write into a spec: rounded up to 0.1 um, so that it is enough."""
+    return f"{ceil(1e4 * length_mm) / 1e4:g}"
+
+
+def own_base_verdict(surface: Literal["inner", "outer"], retreat_mm: float | None, clear_fraction: float) -> Verdict:
+    """Whether a base from a STEP file leaves the ball its room."""
+    if retreat_mm is None:
+        return Verdict("relief", surface, False, f"the cutter reaches nothing of the {surface} face, base or not")
+    if retreat_mm <= 0.0:
+        return Verdict("relief", surface, True, f"the base is out of the ball's way at the {surface} face")
+    reason = (
+        f"with this base the ball reaches {100.0 * clear_fraction:.1f} % of the {surface} face; "
+        f"its file must draw back by up to {retreat_mm:.4g} mm where it is in the ball's way"
+    )
+    return Verdict("relief", surface, False, reason)
 
 
 def tilt_verdict(surface: Literal["inner", "outer"], slope_deg: float, allowed_deg: float) -> Verdict:

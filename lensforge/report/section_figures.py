@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from lensforge.geometry.section import body_outlines
 from lensforge.lens import Lens
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.ray_fan import trace_fan
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _MARGIN = 1.3  # the drawing's reach in largest radii
@@ -41,15 +41,15 @@ def draw_section(
     Drawn beside the body: the paraboloid that must fit into the cavity, and the largest radius allowed.
     """
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
-    inner, outer = profile(lens.inner, across), profile(lens.outer, across)
+    outlines = body_outlines(lens, azimuth_deg)
     reach = reach or reach_mm(lens)
-    _draw_body(axes, lens, inner, outer)
+    _draw_body(axes, outlines)
     _draw_fan(axes, lens, across, outline_mm, reach)
     _draw_constraints(axes, lens)
     if outline_mm is not None:
         _draw_source(axes, outline_mm @ across)
-    depth = lens.spec.base.height_mm if lens.spec.base.kind == "cylinder" else 0.0
-    axes.set(xlim=(-reach, reach), ylim=(-depth - 0.08 * reach, reach), aspect="equal", anchor="N")
+    lowest = min(float(outline[:, 1].min()) for outline in outlines)
+    axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
     axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
 
 
@@ -59,36 +59,15 @@ def reach_mm(lens: Lens) -> float:
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
 
 
-def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Float[np.ndarray, "n 2"]:
-    """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
-    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
-    polar = np.column_stack([np.sin(theta), np.cos(theta)])
-    polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
-    directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
-    return surface.radius(directions)[:, None] * polar
-
-
 def _axis_name(azimuth_deg: float) -> str:
     return {0.0: "x", 90.0: "y"}.get(azimuth_deg, f"across, at {azimuth_deg:g}°")
 
 
-def _draw_body(axes: Axes, lens: Lens, inner: Float[np.ndarray, "n 2"], outer: Float[np.ndarray, "n 2"]) -> None:
-    axes.add_patch(_glass(np.concatenate([outer, inner[::-1]]), "lens"))
-    base = lens.spec.base
-    if base.kind == "cylinder":
-        for rim, side in ((inner[0, 0], -1.0), (inner[-1, 0], 1.0)):
-            edge = side * base.diameter_mm / 2.0
-            corners = np.array([[rim, 0.0], [edge, 0.0], [edge, -base.height_mm], [rim, -base.height_mm]])
-            axes.add_patch(_glass(corners))
-            axes.plot(*corners[1:].T, color=INK, linewidth=0.8)
-            axes.plot(*corners[[3, 0]].T, color=INK, linewidth=0.8)
-    for curve in (inner, outer):
-        axes.plot(*curve.T, color=INK, linewidth=1.2)
-    axes.plot([outer[0, 0], outer[-1, 0]], [0.0, 0.0], color=INK, linewidth=0.4, alpha=0.5)
-
-
-def _glass(corners: Float[np.ndarray, "n 2"], label: str | None = None) -> Polygon:
-    return Polygon(corners, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label)
+def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
+    for number, outline in enumerate(outlines):
+        label = "lens" if number == 0 else None
+        axes.add_patch(Polygon(outline, facecolor=BLUE, alpha=0.2, linewidth=0.0, label=label))
+        axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, linewidth=1.0, joinstyle="miter"))
 
 
 def _draw_fan(

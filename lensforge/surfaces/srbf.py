@@ -151,7 +151,7 @@ class SrbfSurface(Surface):
         )
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
-        """``rho`` (mm) on a square chart grid centred on the axis: mirror images are a permutation of one evaluation."""
+        """``rho`` (mm) on a square chart grid centred on the axis: mirror images permute one evaluation."""
         plain = replace(self, basis=replace(self.basis, symmetry="none"))
         block = plain.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
         return grid_images(block, self.basis.symmetry)

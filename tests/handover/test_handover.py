@@ -2,6 +2,7 @@ import csv
 import hashlib
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import pytest
 from lensforge.errors import InputError
 from lensforge.geometry import export_lens
 from lensforge.handover.build import build_handover
-from lensforge.handover.section import half_section
+from lensforge.handover.dimensions import dimensions
+from lensforge.handover.section import dimensioned_section
 from lensforge.lens import Lens
 from lensforge.manufacturing.check import check_lens
-from lensforge.spec import BaseSection, parse_spec
+from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
@@ -123,15 +125,14 @@ def test_a_file_changed_since_the_export_is_refused(handed, tmp_path):
         build_handover(tmp_path)
 
 
-def test_the_section_is_that_of_the_body():
-    # The area of a plain shell on a cylinder, cut through the axis, is known.
-    basis = SrbfBasis((9,), 1.75)
-    lens = small_lens({"diameter_mm": 16.0})
-    shell = Lens(SrbfSurface(basis, np.zeros(9), 3.0), SrbfSurface(basis, np.zeros(9), 6.0), lens.spec, 0, "draft")
-    x, z = half_section(shell, 1.0).T
-    area = 0.5 * abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1)))
-    assert area == pytest.approx(np.pi * (36.0 - 9.0) / 4.0 + 2.0 * (8.0 - 3.0), rel=1e-4)
-    flat = shell.spec.model_copy(update={"base": BaseSection(diameter_mm=16.0, flat_mm=7.0)})
-    cut = Lens(shell.inner, shell.outer, flat, 0, "draft")
-    assert half_section(cut, 1.0)[:, 0].max() == 7.0
-    assert half_section(cut, -1.0)[:, 0].min() == -8.0
+def test_the_drawing_states_every_size_of_the_base(handed):
+    lens, _, _ = handed
+    base = lens.spec.base.model_copy(update={"relief_setback_mm": 0.25})
+    lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
+    axes = dimensioned_section(lens).axes[0]
+    stated = {text.get_text() for text in axes.texts}
+    ring = next(d.value_mm for d in dimensions(lens) if "step's wall" in d.name)
+    assert {"A", "B", "16.000", "2.000", "0.400", "20.000", "0.500", "7.000", "1.000", f"{ring:.3f}"} <= stated
+    for surface in (lens.inner, lens.outer):
+        assert f"{surface.radius(np.array([[0.0, 0.0, 1.0]]))[0]:.3f}" in stated
+        assert f"{surface.radius(np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).sum():.3f}" in stated

@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -9,6 +10,7 @@ from lensforge.report import flux_figures, history_figures, irradiance_figures, 
 from lensforge.report.drawing import INK, to_svg
 from lensforge.report.light import WATTS, LightUnit
 from lensforge.report.records import Level
+from lensforge.spec import BaseSection
 
 SIDE = 200.0
 
@@ -179,14 +181,14 @@ def test_the_section_is_to_scale(azimuth):
     assert axes.get_aspect() == 1.0
 
 
-def test_the_profile_is_the_surface_itself():
-    surface = small_lens().outer
-    across = np.array([np.cos(0.7), np.sin(0.7), 0.0])
-    profile = section_figures.profile(surface, across)
-    points = profile[:, :1] * across + profile[:, 1:] * np.array([0.0, 0.0, 1.0])
-    radius = np.linalg.norm(points, axis=1)
-    assert surface.radius(points / radius[:, None]) == pytest.approx(radius, abs=1e-9)
-    assert profile[[0, -1], 1].tolist() == [0.0, 0.0]
+def test_the_section_shows_the_base_as_it_is():
+    lens = small_lens()
+    base = BaseSection(diameter_mm=30.0, flat_mm=13.0, relief_step_mm=0.5, flange_diameter_mm=34.0)
+    lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
+    axes = section_figures.lens_section(lens, 0.0, None).axes[0]
+    corners = {tuple(point) for point in np.round(labelled(axes)["lens"].get_xy(), 9)}
+    assert {(13.0, -0.5), (-15.0, -0.5), (17.0, -1.5), (-17.0, -2.0)} <= corners
+    assert axes.get_ylim()[0] < -2.0
 
 
 def test_svg_is_well_formed_and_takes_the_colour_of_the_page():

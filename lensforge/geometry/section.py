@@ -1,0 +1,88 @@
+"""The body cut open along its axis: closed outlines of its material, in (distance across the axis, z), mm.
+
+Lens and shipped bases are cut in closed form, a base from a STEP file by its mesh.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.geometry.mesh_union import tessellated
+from lensforge.geometry.outline import Outline, circle, outline_of
+from lensforge.geometry.plan import FLUSH_MM, relief_ring, rim_directions
+from lensforge.geometry.step_base import read_base
+from lensforge.lens import Lens
+from lensforge.spec import BaseSection
+from lensforge.surfaces.surface import Surface
+
+Curve = Float[np.ndarray, "n 2"]
+
+_CHORD_MM = 1e-2  # of a base's round faces: finer than the line that draws it
+
+
+def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
+    """What the plane through the axis at ``azimuth_deg`` cuts of the body; positive positions are on that side.
+
+    Raises :class:`InputError` where a base's file is missing or is no base.
+    """
+    azimuth = np.radians(azimuth_deg)
+    across = rim_directions(np.array([azimuth]))[0]
+    inner, outer = profile(lens.inner, across), profile(lens.outer, across)
+    base = lens.spec.base
+    if base.file is not None:
+        return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
+    right, left = (_base_corners(lens, azimuth + turn) for turn in (0.0, np.pi))
+    return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+
+
+def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:
+    """The surface's curve in the section through the axis and ``across``, rim to rim: (position across, z) in mm."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count)
+    polar = np.column_stack([np.sin(theta), np.cos(theta)])
+    polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
+    directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
+    return surface.radius(directions)[:, None] * polar
+
+
+def _base_corners(lens: Lens, azimuth: float) -> Curve:
+    """Corners of the base on one side, from the outer rim around to the foot of the bore; none without a base."""
+    base = lens.spec.base
+    if base.kind == "none":
+        return np.empty((0, 2))
+    at = np.array([azimuth])
+    rim, bore = (float(surface.radius(rim_directions(at))[0]) for surface in (lens.outer, lens.inner))
+    side, bottom = _at(outline_of(base), at), -base.height_mm
+    corners = _seat(relief_ring(lens.inner, lens.outer, base), base, rim, side)
+    if base.flange_diameter_mm is not None:
+        flange, shoulder = _at(circle(base.flange_diameter_mm / 2.0), at), bottom + base.flange_height_mm
+        corners += [(side, shoulder), (flange, shoulder), (flange, bottom)]
+    else:
+        corners.append((side, bottom))
+    if base.pocket_diameter_mm is not None:
+        pocket, ceiling = base.pocket_diameter_mm / 2.0, bottom + base.pocket_depth_mm
+        corners += [(pocket, bottom), (pocket, ceiling), (bore, ceiling)]
+    else:
+        corners.append((bore, bottom))
+    return np.array(corners)
+
+
+def _seat(ring: Outline | None, base: BaseSection, rim: float, side: float) -> list[tuple[float, float]]:
+    """From the rim down the step, if there is one, and across to the base's side."""
+    top = -base.relief_step_mm
+    if ring is not None:
+        wall = _at(ring, np.zeros(1))
+        return [(wall, 0.0), (wall, top), (side, top)]
+    return [] if abs(rim - side) <= FLUSH_MM else [(rim, top), (side, top)]
+
+
+def _at(outline: Outline, azimuth: Float[np.ndarray, "1"]) -> float:
+    return float(outline.radius(azimuth)[0])
+
+
+def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Curve]:
+    import trimesh
+
+    assert base.file is not None
+    vertices, triangles = tessellated(read_base(base.file).solid, _CHORD_MM)
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    cut = mesh.section(plane_origin=np.zeros(3), plane_normal=np.cross([0.0, 0.0, 1.0], across))
+    return [] if cut is None else [np.column_stack([line @ across, line[:, 2]]) for line in cut.discrete]
