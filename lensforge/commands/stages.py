@@ -73,10 +73,14 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     """Build report.html from the files in DIR, or one page that lays several designs side by side."""
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
+    page = directories[0] / "report.html" if len(directories) == 1 else out or Path("compare.html")
+    stale = page.with_suffix(".pdf").exists()
     if len(directories) == 1:
-        page = pipeline().run_report(directories[0])
+        pipeline().run_report(directories[0])
     else:
-        page = import_module("lensforge.report.compare").build_comparison(directories, out or Path("compare.html"))
+        import_module("lensforge.report.compare").build_comparison(directories, page)
     click.echo(f"report\t{page}")
+    if stale and not pdf:
+        click.echo(f"{page.with_suffix('.pdf')} showed the page before and is removed; --pdf writes it anew", err=True)
     if pdf:
         click.echo(f"pdf\t{import_module('lensforge.report.pdf').write_pdf(page)}")

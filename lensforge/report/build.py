@@ -11,9 +11,14 @@ from typing import Any
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.report import headline, pictures, proof
+from lensforge.report.cards import cards
+from lensforge.report.measured_pictures import measured
 from lensforge.report.numerals import size
 from lensforge.report.page import template
-from lensforge.report.results import STAGES, Results, load_results
+from lensforge.report.pdf import drop_stale
+from lensforge.report.proof_pictures import gap_pictures, stray_pictures, stray_sentence, verification_pictures
+from lensforge.report.referees import referee_rows
+from lensforge.report.results import EXTRAS, STAGES, Results, load_results
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
@@ -44,8 +49,8 @@ class FileRow:
 def build_report(directory: Path) -> Path:
     """Write ``report.html`` into ``directory`` from what the stages left there, and return its path.
 
-    A stage that has not run is named as such in its section. Raises :class:`InputError` when lens.json is missing or
-    any file is damaged.
+    A stage that has not run is named as such in its section; a PDF of an earlier page goes. Raises
+    :class:`InputError` when lens.json is missing or any file is damaged.
     """
     directory = Path(directory)
     results = load_results(directory)
@@ -61,6 +66,7 @@ def build_report(directory: Path) -> Path:
     path = directory / FILE_NAME
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
+    drop_stale(path)
     return path
 
 
@@ -75,7 +81,7 @@ def _context(results: Results) -> dict[str, Any]:
         "lens": lens,
         "subtitle": task(lens.spec),
         "verdict": headline.verdict(results),
-        "cards": headline.cards(results),
+        "cards": cards(results),
         "gates": headline.gate_rows(results),
         "failed": headline.failed_rows(results),
         "remarks": {stage: remark for stage, remark in _REMARKS.items() if stage in results.missing},
@@ -91,8 +97,13 @@ def _context(results: Results) -> dict[str, Any]:
             "snapshots": pictures.snapshot_pictures(results),
             "sections": pictures.section_pictures(results),
             "surfaces": pictures.surface_pictures(results),
-            "verification": pictures.verification_pictures(results),
+            "verification": verification_pictures(results),
+            "gaps": gap_pictures(results),
+            "stray": stray_pictures(results),
         },
+        "referees": referee_rows(results),
+        "stray_sentence": stray_sentence(results),
+        "measured": measured(results),
         "outline_known": pictures.source_outline(results) is not None,
         "files": _files(results.directory),
         "spec": _spec_tables(results),
@@ -136,7 +147,7 @@ def _spec_tables(results: Results) -> dict[str, list[Row]]:
 def _number_tables(results: Results) -> dict[str, list[Row]]:
     """File -> all of its values; gates and the spec have tables of their own."""
     tables = {}
-    for stage in ("lens", *STAGES):
+    for stage in ("lens", *STAGES, *EXTRAS):
         if stage in results.content:
             tables[f"{stage}.json"] = rows(results.content[stage], without=("gates", "verdicts", "spec"))
     return tables

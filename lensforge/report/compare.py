@@ -7,8 +7,10 @@ from pathlib import Path
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.report import headline
+from lensforge.report.cards import cards
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.page import template
+from lensforge.report.pdf import drop_stale
 from lensforge.report.results import Results, load_results
 from lensforge.report.tables import rows
 from lensforge.report.task import task
@@ -62,6 +64,7 @@ def build_comparison(directories: Sequence[Path], path: Path) -> Path:
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
+    drop_stale(path)
     return path
 
 
@@ -73,10 +76,10 @@ def names_of(designs: Sequence[Results]) -> list[str]:
 
 def number_lines(designs: Sequence[Results]) -> list[Line]:
     """The headline numbers; the best of a kind is marked where better has a meaning and they differ."""
-    found = [{card.label: card for card in headline.cards(design)} for design in designs]
+    found = [{card.label: card for card in cards(design)} for design in designs]
     lines = []
-    for label in dict.fromkeys(label for cards in found for label in cards):
-        cells = [cards.get(label) for cards in found]
+    for label in dict.fromkeys(label for labelled in found for label in labelled):
+        cells = [labelled.get(label) for labelled in found]
         texts = [f"{card.value} {card.unit}".strip() if card else _ABSENT for card in cells]
         best = _best(label, designs) if len(set(texts)) > 1 else None
         mark = None if best is None else texts[best]  # whoever reads the same is as good

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
 from lensforge.report.light import WATTS, LightUnit, light_unit
+from lensforge.report.measured_pictures import RELATIVE
+from lensforge.report.numerals import number
 from lensforge.report.pictures import Picture, picture, source_outline
 from lensforge.report.results import Results
 from lensforge.report.section_figures import lens_section, reach_mm
@@ -57,6 +59,20 @@ class ComparedPictures:
             picture("up", self._lines((0.0, 1.0)), "Along x = 0"),
             picture("circles", self._circles(), "Encircled energy", "Share of each receiver's flux."),
         ]
+
+    @cached_property
+    def photographs(self) -> list[Picture]:
+        """Photographs of the machined parts' light, each scaled to a mean of 1, on one scale."""
+        taken = [(name, design) for name, design in self._designs if design.photo and design.photo_images]
+        images = [design.photo_images["measured"] for _, design in taken if design.photo_images]
+        top = float(max((image.max() for image in images), default=1.0)) or 1.0
+        pictures = []
+        for index, ((name, design), image) in enumerate(zip(taken, images, strict=True)):
+            assert design.photo is not None
+            figure = irradiance_map(image, design.lens.spec.target.receiver_mm, top, unit=RELATIVE)
+            alike = f"SSIM to the simulation {number(design.photo.ssim, 3)}, NMSE {number(design.photo.nmse, 3)}."
+            pictures.append(picture(f"photo{index}", figure, name, alike))
+        return pictures
 
     @cached_property
     def sections(self) -> list[Picture]:

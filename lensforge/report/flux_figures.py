@@ -1,6 +1,6 @@
 """Where the light went: what is emitted, less each loss, is what arrives."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -39,18 +39,29 @@ def losses(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> l
     return [(_WORDS.get(name, name.replace("_", " ")), share) for name, share in shares.items() if share > 0.0]
 
 
-@in_house_style
 def flux_account(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> Figure:
     """A waterfall from the emitted flux through each loss to the detected flux; shares of the emitted flux."""
-    lost = losses(flux, missed_by_cause)
-    figure, axes = new_figure(NARROW, max(2.75, 0.55 + 0.4 * (len(lost) + 2)))
+    return waterfall(losses(flux, missed_by_cause), [(_WORDS["detected"], flux.get("detected", 0.0))])
+
+
+@in_house_style
+def waterfall(lost: Sequence[tuple[str, float]], kept: Sequence[tuple[str, float]]) -> Figure:
+    """From all of the emitted flux through what is ``lost``, step by step, to what is ``kept``, side by side from 0.
+
+    Both as (what it is, share of the emitted flux).
+    """
+    count = len(lost) + len(kept)
+    figure, axes = new_figure(NARROW, max(2.75, 0.55 + 0.4 * (count + 1)))
     left = 1.0
     _bar(axes, 0, "emitted", 0.0, 1.0, BLUE)
     for row, (label, share) in enumerate(lost, start=1):
         left -= share
         _bar(axes, row, label, left, share, ORANGE)
-    _bar(axes, len(lost) + 1, _WORDS["detected"], 0.0, flux.get("detected", 0.0), GREEN)
-    axes.set(xlim=(0.0, 1.0), ylim=(len(lost) + 1.45, -0.75), yticks=[], xlabel="share of the emitted flux")
+    left = 0.0
+    for row, (label, share) in enumerate(kept, start=len(lost) + 1):
+        _bar(axes, row, label, left, share, GREEN)
+        left += share
+    axes.set(xlim=(0.0, 1.0), ylim=(count + 0.45, -0.75), yticks=[], xlabel="share of the emitted flux")
     axes.spines["left"].set_visible(False)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
     axes.grid(True, axis="x")

@@ -13,25 +13,31 @@ from lensforge.report.records import Level
 
 _HEIGHT = 2.5
 _CONSTRAINTS = {"g1_mm": ("cavity", GREEN), "g2_mm": ("thickness", BLUE), "g3_mm": ("radius", ORANGE)}
+_COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
 _LINEAR_MM = 0.01  # the scale is linear within, so that 0 has a place on it
 
 
 @in_house_style
-def history(levels: Sequence[Level], quantity: Literal["nmse", "efficiency"]) -> Figure:
+def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficiency"]) -> Figure:
     """``quantity`` over the steps of all ``levels``; a band for each level with its number of free functions."""
     figure, axes = new_figure(NARROW, _HEIGHT)
     for start, level in _draw_levels(axes, levels):
         values = np.array(getattr(level, quantity), dtype=np.float64)
-        axes.plot(_steps(start, values), values, color=BLUE if quantity == "nmse" else GREEN)
-    if quantity == "nmse":
-        axes.set(yscale="log", ylabel="NMSE")
+        axes.plot(_steps(start, values), values, color=_COLOURS[quantity])
+    axes.set_ylabel({"nmse": "NMSE"}.get(quantity, quantity))
+    if quantity != "efficiency" and _positive(levels, quantity):
+        axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    else:
-        axes.set(ylabel="efficiency")
+    elif quantity == "efficiency":
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
     return figure
+
+
+def _positive(levels: Sequence[Level], quantity: str) -> bool:
+    """Whether a logarithmic scale holds it: a penalty with multipliers may turn the whole loss negative."""
+    return all(value is None or value > 0.0 for level in levels for value in getattr(level, quantity))
 
 
 @in_house_style

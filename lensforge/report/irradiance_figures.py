@@ -94,14 +94,18 @@ def line_comparison(
     reached: Image,
     receiver_mm: float,
     unit: LightUnit = WATTS,
+    names: tuple[str, str] = ("target", "simulated"),
 ) -> Figure:
-    """Light along the straight ``line`` from one point (x, y in mm) of the receiver to another."""
+    """Light along the straight ``line`` from one point (x, y in mm) of the receiver to another.
+
+    ``names``: what ``wanted`` and ``reached`` are.
+    """
     figure, axes = new_figure(NARROW, _LINE_HEIGHT)
     start, end = line
     position = np.linspace(-0.5, 0.5, 2 * len(wanted)) * float(np.linalg.norm(end - start))
     for image, name, style in (
-        (wanted, "target", {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}),
-        (reached, "simulated", {"color": BLUE}),
+        (wanted, names[0], {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}),
+        (reached, names[1], {"color": BLUE}),
     ):
         axes.plot(position, unit.per_w_m2 * along(image, start, end, receiver_mm), label=name, **style)
     axes.set(xlabel="position on the line (mm)", ylabel=unit.label, xlim=(position[0], position[-1]))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from lensforge.lens import Lens
 from lensforge.report import headline
+from lensforge.report.cards import cards
 from lensforge.report.pictures import first_picture, section_pictures
 from lensforge.report.results import Results, load_results
 
@@ -33,7 +34,7 @@ class ResultFolder:
         rows = "".join(
             f"<tr><th>{escape(card.label)}</th><td>{escape(f'{card.value} {card.unit}'.strip())}</td>"
             f"<td>{_MARKS[card.state]}</td><td>{escape(card.note)}</td></tr>"
-            for card in headline.cards(self.results)
+            for card in cards(self.results)
         )
         first = first_picture(self.results)
         shown = [*([first] if first else []), section_pictures(self.results)[0]]

@@ -45,6 +45,11 @@ def write_pdf(page: Path) -> Path:
     return path
 
 
+def drop_stale(page: Path) -> None:
+    """Remove the PDF of an earlier ``page``: nobody shall send one that shows other numbers."""
+    page.with_suffix(".pdf").unlink(missing_ok=True)
+
+
 def _sandbox() -> tuple[str, ...]:
     """Chromium refuses its own sandbox to root, as in containers; the page is ours."""
     return ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()

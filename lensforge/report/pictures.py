@@ -109,9 +109,12 @@ def history_pictures(results: Results) -> list[Picture]:
     levels = results.design.history
     caption = "Numbers above: functions of each surface that are free to move."
     pictures = [
-        picture("loss", history_figures.history(levels, "nmse"), "Loss by level", caption),
+        picture("error", history_figures.history(levels, "nmse"), "Pattern error by level", caption),
         picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level"),
     ]
+    if all(len(level.loss) == len(level.nmse) for level in levels):
+        total = "All that the optimiser lessens: the pattern's error and what constraints and bounds add to it."
+        pictures.insert(0, picture("loss", history_figures.history(levels, "loss"), "Loss by level", total))
     if all(level.g1_mm and level.g2_mm and level.g3_mm for level in levels):
         margins = history_figures.constraint_history(levels)
         caption = "Least of g1, g2, g3 over the lens. Below 0 (red) the lens is not allowed."
@@ -191,20 +194,3 @@ def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray
         title = f"{name.capitalize()} face: left by the mill"
         pictures.append(picture(f"uncut-{name}", surface_figures.uncut_map(left), title, caption))
     return pictures
-
-
-def verification_pictures(results: Results) -> list[Picture]:
-    """The design's picture, the part's, and their difference."""
-    if results.verify is None or results.verified is None:
-        return []
-    side, unit = results.lens.spec.target.receiver_mm, light_unit(results.lens.spec)
-    design, part = results.verified["design_irradiance"], results.verified["irradiance"]
-    top = float(max(design.max(), part.max())) or 1.0
-    rays = f"{number(results.verify.rays)} rays cast through the exported mesh."
-    noise = "What is left where the two agree is the noise of the rays."
-    draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
-    return [
-        picture("design", draw(design, side, top, unit=unit), "Design"),
-        picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
-        picture("part-less-design", difference, "Part less design", noise),
-    ]

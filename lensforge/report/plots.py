@@ -55,7 +55,7 @@ def plot_section(lens: Lens | Folder, azimuth_deg: float = 0.0, axes: Axes | Non
 
 def plot_history(
     directory: Folder,
-    quantity: Literal["nmse", "efficiency", "g1_mm", "g2_mm", "g3_mm"] = "nmse",
+    quantity: Literal["nmse", "loss", "efficiency", "g1_mm", "g2_mm", "g3_mm"] = "nmse",
     axes: Axes | None = None,
 ) -> Axes:
     """``quantity`` at every step of the search, one line for each level."""

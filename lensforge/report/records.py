@@ -1,15 +1,17 @@
 """What the report needs of each stage's JSON file, validated as it is read; everything else passes by unseen."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 
-class _Record(BaseModel):
+class Record(BaseModel):
+    """Frozen; what it does not know passes by."""
+
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
-class GateRecord(_Record):
+class GateRecord(Record):
     """A gate as the stages write it."""
 
     name: str
@@ -21,24 +23,27 @@ class GateRecord(_Record):
     passed: bool
 
 
-class _Stage(_Record):
+class Stage(Record):
+    """What every stage writes."""
+
     gates: tuple[GateRecord, ...] = ()
     seconds: float | None = None
 
 
-class Level(_Record):
-    """One level's turn in the search: a value for each step; a design of an earlier version has no constraints."""
+class Level(Record):
+    """One level's turn in the search: a value for each step; designs of earlier versions lack constraints or loss."""
 
     level: int
     functions: int
     nmse: tuple[float | None, ...]
     efficiency: tuple[float | None, ...]
+    loss: tuple[float | None, ...] = ()
     g1_mm: tuple[float, ...] = ()
     g2_mm: tuple[float, ...] = ()
     g3_mm: tuple[float, ...] = ()
 
 
-class DesignRecord(_Stage):
+class DesignRecord(Stage):
     """``design.json``."""
 
     steps: int
@@ -49,7 +54,22 @@ class DesignRecord(_Stage):
     source_outline_mm: tuple[tuple[float, float, float], ...] | None = None
 
 
-class EvaluateRecord(_Stage):
+class TablesError(Record):
+    """What the tables of a stage leave against the exact surfaces."""
+
+    hit_mm: float
+    irradiance_nmse: float
+    irradiance_nmse_standard_error: float | None = None
+
+
+class PresetErrorRecord(Record):
+    """What the accuracy preset was measured to leave on this scene."""
+
+    design: TablesError
+    evaluation: TablesError
+
+
+class EvaluateRecord(Stage):
     """``evaluate.json``; metrics that have no meaning for a design are None."""
 
     nmse: float | None
@@ -62,6 +82,8 @@ class EvaluateRecord(_Stage):
     rsd_standard_error: float | None = None
     flux: dict[str, float]
     missed_by_cause: dict[str, float] = {}
+    preset_error: PresetErrorRecord | None = None
+    nmse_of_noise: float | None = None
     rays: int
     pixels: int
     filter: str = ""
@@ -69,14 +91,14 @@ class EvaluateRecord(_Stage):
     window_mm: PositiveFloat
 
 
-class Extremes(_Record):
+class Extremes(Record):
     """The size of a quantity over a surface or over rays."""
 
     max: float
     rms: float
 
 
-class ExportRecord(_Stage):
+class ExportRecord(Stage):
     """``export.json``."""
 
     form_error_nm: Extremes
@@ -86,7 +108,7 @@ class ExportRecord(_Stage):
     genus: int
 
 
-class SphereRecord(_Record):
+class SphereRecord(Record):
     """The best-fit sphere of a face."""
 
     radius_mm: float
@@ -94,7 +116,7 @@ class SphereRecord(_Record):
     rms_mm: float
 
 
-class CutterRecord(_Record):
+class CutterRecord(Record):
     """How a ball cutter fares on a face; an unbounded number is None."""
 
     radius_mm: PositiveFloat
@@ -103,14 +125,14 @@ class CutterRecord(_Record):
     residual_mm: float | None
 
 
-class FaceRecord(_Record):
+class FaceRecord(Record):
     """One face in ``check.json``."""
 
     best_fit_sphere: SphereRecord
     cutter: CutterRecord
 
 
-class VerdictRecord(_Record):
+class VerdictRecord(Record):
     """What the shop can or cannot do."""
 
     name: str
@@ -119,7 +141,7 @@ class VerdictRecord(_Record):
     reason: str
 
 
-class CheckRecord(_Stage):
+class CheckRecord(Stage):
     """``check.json``."""
 
     inner: FaceRecord
@@ -128,7 +150,50 @@ class CheckRecord(_Stage):
     verdicts: tuple[VerdictRecord, ...] = ()
 
 
-class VerifyRecord(_Stage):
+class DeviationRecord(Extremes):
+    """How far from the design rays land."""
+
+    p99: float | None = None
+
+
+class AgreementRecord(Record):
+    """How far from the design rays land (mm), how much their flux differs, and how many have another fate."""
+
+    compared: int
+    rms: float
+    p99: float
+    max: float
+    flux: float
+    fates: int
+
+
+class RefereeRecord(Record):
+    """trimesh's plain path against the quick cast."""
+
+    rays: int
+    casts: int
+    disagreements: int
+
+
+class BrepRecord(Record):
+    """The STEP under rays."""
+
+    rays: int
+    against_design: AgreementRecord
+    against_mesh: AgreementRecord
+
+
+class MitsubaRecord(Record):
+    """The mesh under Mitsuba."""
+
+    version: str
+    rays: int
+    nmse_vs_design: float
+    noise_floor_nmse: float
+    against_design: AgreementRecord
+
+
+class VerifyRecord(Stage):
     """``verify.json``."""
 
     rays: int
@@ -136,7 +201,11 @@ class VerifyRecord(_Stage):
     noise_floor_nmse: float | None
     nmse_same_rays: float | None = None
     efficiency: float | None
-    deviation_mm: Extremes
+    deviation_mm: DeviationRecord
     flux: dict[str, float] = {}
     missed_by_cause: dict[str, float] = {}
-    referee: dict[str, Any] | None = None
+    flux_deviation: float | None = None
+    fate_disagreements: int | None = None
+    referee: RefereeRecord | None = None
+    brep: BrepRecord | None = None
+    mitsuba: MitsubaRecord | None = None

@@ -1,19 +1,15 @@
 """A result folder as the report sees it: what each stage left, or that it left nothing."""
 
-import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
-from jaxtyping import Float
-from pydantic import BaseModel, ValidationError
+from typing import Any
 
 from lensforge.errors import InputError
 from lensforge.files import read_json
 from lensforge.lens import Lens, load_lens
+from lensforge.report.part_records import PhotoRecord, StrayRecord, SurfaceRecord
+from lensforge.report.reading import Arrays, load_arrays, load_pictures, parse, read_content
 from lensforge.report.records import (
     CheckRecord,
     DesignRecord,
@@ -24,16 +20,31 @@ from lensforge.report.records import (
 )
 
 STAGES = ("design", "evaluate", "export", "check", "verify")
+SIDES = ("inner", "outer")
+# Written on request or when there is a part to measure; nobody misses them.
+EXTRAS = ("stray", "compare", *(f"compare_{side}" for side in SIDES))
 
-_Record = TypeVar("_Record", bound=BaseModel)
-_Arrays = dict[str, Float[np.ndarray, "..."]]
-_IMAGES = {"evaluate": ("irradiance", "raw", "target"), "verify": ("irradiance", "design_irradiance")}
-_MAPS = tuple(f"{face}_{name}" for face in ("inner", "outer") for name in ("sag_mm", "kappa_min", "residual_mm"))
+_LIGHT = ("irradiance", "raw", "target")
+_MAPS = tuple(f"{side}_{name}" for side in SIDES for name in ("sag_mm", "kappa_min", "residual_mm"))
+_GAPS = tuple(f"gaps_{name}_mm" for name in ("mesh", "step", "mitsuba"))
+
+
+@dataclass(frozen=True)
+class MeasuredSurface:
+    """Points measured on one surface: the record, its deviation map, and the light before and after it."""
+
+    record: SurfaceRecord
+    form: Arrays | None
+    light: Arrays | None
 
 
 @dataclass(frozen=True)
 class Results:
-    """The lens, each stage's record and arrays (None where the stage has not run), and the raw JSON by stage."""
+    """The lens, each stage's record and arrays (None where the stage has not run), and the raw JSON by stage.
+
+    ``gaps``: quantiles of the landing gaps (mm) by referee. ``photo``: the photograph of the part's light;
+    ``surfaces``: what was measured of it, by side.
+    """
 
     directory: Path
     lens: Lens
@@ -43,9 +54,15 @@ class Results:
     export: ExportRecord | None
     check: CheckRecord | None
     verify: VerifyRecord | None
-    images: _Arrays | None
-    maps: _Arrays | None
-    verified: _Arrays | None
+    stray: StrayRecord | None
+    photo: PhotoRecord | None
+    surfaces: dict[str, MeasuredSurface]
+    images: Arrays | None
+    maps: Arrays | None
+    verified: Arrays | None
+    gaps: Arrays | None
+    stray_images: Arrays | None
+    photo_images: Arrays | None
 
     @property
     def missing(self) -> list[str]:
@@ -53,9 +70,11 @@ class Results:
         return [stage for stage in STAGES if stage not in self.content]
 
     def gates(self) -> Iterator[tuple[str, GateRecord]]:
-        """(stage, gate) of all stages that have run."""
-        for stage in STAGES:
-            record = getattr(self, stage)
+        """(stage, gate) of all that has run."""
+        records = {stage: getattr(self, stage) for stage in STAGES}
+        records |= {"stray light": self.stray, "photograph": self.photo}
+        records |= {f"{side} surface": surface.record for side, surface in self.surfaces.items()}
+        for stage, record in records.items():
             for gate in record.gates if record is not None else ():
                 yield stage, gate
 
@@ -64,77 +83,48 @@ def load_results(directory: Path) -> Results:
     """Read all that is in ``directory``; only lens.json must be there. Raises :class:`InputError` for a broken file."""
     directory = Path(directory)
     lens = load_lens(directory / "lens.json")
-    content = {stage: _read(directory, stage) for stage in STAGES if (directory / f"{stage}.json").exists()}
+    present = (stage for stage in (*STAGES, *EXTRAS) if (directory / f"{stage}.json").exists())
+    content = {stage: read_content(directory, stage) for stage in present}
     return Results(
         directory=directory,
         lens=lens,
         content={"lens": read_json(directory / "lens.json"), **content},
-        design=_parse(DesignRecord, directory, content, "design"),
-        evaluate=_parse(EvaluateRecord, directory, content, "evaluate"),
-        export=_parse(ExportRecord, directory, content, "export"),
-        check=_parse(CheckRecord, directory, content, "check"),
-        verify=_parse(VerifyRecord, directory, content, "verify"),
+        design=parse(DesignRecord, directory, content, "design"),
+        evaluate=parse(EvaluateRecord, directory, content, "evaluate"),
+        export=parse(ExportRecord, directory, content, "export"),
+        check=parse(CheckRecord, directory, content, "check"),
+        verify=parse(VerifyRecord, directory, content, "verify"),
+        stray=parse(StrayRecord, directory, content, "stray"),
+        photo=parse(PhotoRecord, directory, content, "compare"),
+        surfaces=_surfaces(directory, content),
         images=_evaluate_images(directory, content),
-        maps=_load_arrays(directory, content, "check", _MAPS),
-        verified=_load_arrays(directory, content, "verify", _IMAGES["verify"]),
+        maps=load_pictures(directory, content, "check", _MAPS, rim=True),
+        verified=load_pictures(directory, content, "verify", ("irradiance", "design_irradiance")),
+        gaps=load_arrays(directory, content, "verify", _GAPS, optional=True),
+        stray_images=load_pictures(directory, content, "stray", ("sequential", "direct", "stray")),
+        photo_images=load_pictures(directory, content, "compare", ("measured", "simulated")),
     )
 
 
-def _read(directory: Path, stage: str) -> dict[str, Any]:
-    path = directory / f"{stage}.json"
-    content = read_json(path)
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds a {type(content).__name__}, must be an object; run `lensforge {stage}` again")
-    return content
-
-
-def _parse(model: type[_Record], directory: Path, content: dict[str, Any], stage: str) -> _Record | None:
-    if stage not in content:
+def _evaluate_images(directory: Path, content: dict[str, Any]) -> Arrays | None:
+    images = load_pictures(directory, content, "evaluate", _LIGHT)
+    axis = load_arrays(directory, content, "evaluate", ("axis_mm",))
+    if images is None or axis is None:
         return None
-    try:
-        return model.model_validate(content[stage])
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise InputError(
-            f"{directory / f'{stage}.json'}: {field}: {first['msg']}; run `lensforge {stage}` again"
-        ) from None
-
-
-def _evaluate_images(directory: Path, content: dict[str, Any]) -> _Arrays | None:
-    images = _load_arrays(directory, content, "evaluate", (*_IMAGES["evaluate"], "axis_mm"))
-    if images is not None and images["axis_mm"].shape != images["target"].shape[:1]:
+    if axis["axis_mm"].shape != images["target"].shape[:1]:
         raise InputError(
             f"{directory / 'evaluate.npz'}: axis_mm does not fit the images; run `lensforge evaluate` again"
         )
     return images
 
 
-def _load_arrays(directory: Path, content: dict[str, Any], stage: str, names: tuple[str, ...]) -> _Arrays | None:
-    """The arrays ``names`` of a stage's npz; None where the stage or its npz is absent."""
-    path = directory / f"{stage}.npz"
-    if stage not in content or not path.exists():
-        return None
-    again = f"run `lensforge {stage}` again"
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: np.asarray(file[name], dtype=np.float64) for name in names}
-    except KeyError as error:
-        raise InputError(f"{path}: {error.args[0]}; {again}") from None
-    except (OSError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {again}") from None
-    _require_sound(path, arrays, stage)
-    return arrays
-
-
-def _require_sound(path: Path, arrays: _Arrays, stage: str) -> None:
-    """Pictures are square, of one size, and finite; maps have gaps outside the rim, and something inside."""
-    again = f"run `lensforge {stage}` again"
-    pictures = [array for name, array in arrays.items() if name != "axis_mm"]
-    first = pictures[0].shape
-    if len(first) != 2 or first[0] != first[1] or first[0] < 2 or any(picture.shape != first for picture in pictures):
-        raise InputError(f"{path}: its arrays must be square and of one size; {again}")
-    for name, array in arrays.items():
-        known = np.isfinite(array)
-        if np.isinf(array).any() or not (known.all() if stage != "check" else known.any() or "residual" in name):
-            raise InputError(f"{path}: {name} holds numbers that are not finite; {again}")
+def _surfaces(directory: Path, content: dict[str, Any]) -> dict[str, MeasuredSurface]:
+    found = {}
+    for side in SIDES:
+        stage = f"compare_{side}"
+        record = parse(SurfaceRecord, directory, content, stage)
+        if record is not None:
+            form = load_pictures(directory, content, stage, ("deviation_um",), rim=True)
+            light = load_pictures(directory, content, stage, ("irradiance_design", "irradiance_measured"))
+            found[side] = MeasuredSurface(record, form, light)
+    return found

@@ -34,6 +34,15 @@ def sag_map(sag_mm: ChartMap) -> Figure:
 
 
 @in_house_style
+def form_map(deviation_um: ChartMap) -> Figure:
+    """Deviation (µm) of a measured surface from the design along its normal; positive: away from the origin."""
+    figure, axes, bar = new_map(**_PLACE)
+    reach = float(np.nanmax(np.abs(deviation_um))) or 1.0
+    add_colour_bar(bar, _show(axes, deviation_um, "RdBu_r", -reach, reach), "deviation from the design (µm)")
+    return figure
+
+
+@in_house_style
 def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
     """Smaller principal curvature (1/mm, hollow is negative), with the line where a ball of the mill just fits."""
     figure, axes, bar = new_map(**_PLACE)

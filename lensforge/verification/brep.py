@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Leg
-from lensforge.verification.comparison import Agreement, Expected, compare, drawn
+from lensforge.verification.comparison import Agreement, Expected, compare, drawn, gap_quantiles
 from lensforge.verification.passage import Crossing, Fate, Passage, indices_of, land, outside_leg, refract
 from lensforge.verification.step_body import FaceHits, StepBody
 
@@ -35,6 +35,7 @@ class BrepVerdict:
     seconds: float
     design: Agreement
     mesh: Agreement
+    gaps_mm: Float[np.ndarray, " q"]  # quantiles, against the design
 
     def to_json(self) -> dict[str, Any]:
         """For the key ``brep`` of verify.json; lengths in mm."""
@@ -80,6 +81,7 @@ def judge_brep(
         rays=len(rows),
         design=compare(some, passage, design, receiver_mm),
         mesh=compare(some, passage, by_mesh, receiver_mm),
+        gaps_mm=gap_quantiles(passage, design, receiver_mm),
         seconds=perf_counter() - start,
     )
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.passage import Fate, Passage
@@ -59,13 +59,12 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
 
 def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: float) -> Agreement:
     """Compare landing and flux of every ray; those that both put outside of the receiver do not count."""
-    here, there = within(passage.landings, receiver_mm), within(expected.hits, receiver_mm)
+    here, there, apart = landing_gaps(passage, expected, receiver_mm)
     lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.hits[:, 0])
     differs = (here & lost_there) | (there & lost_here)
     both = here & there
-    apart, change = np.array([np.sqrt(2.0) * receiver_mm]), 1.0
+    change = 1.0
     if both.any():
-        apart = np.linalg.norm(passage.landings[both] - expected.hits[both], axis=1)
         change = float(np.abs(passage.flux[both] - expected.weights[both]).sum() / expected.weights[both].sum())
     return Agreement(
         compared=int(both.sum()),
@@ -76,6 +75,25 @@ def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: 
         fates=int(differs.sum()),
         fates_flux=share(rays, rays.weights[differs]),
     )
+
+
+def landing_gaps(
+    passage: Passage, expected: Expected, receiver_mm: float
+) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
+    """Which rays part and design land on the receiver, and how far apart (mm) those that both do.
+
+    Where there are none of these, one gap as long as the receiver's diagonal.
+    """
+    here, there = within(passage.landings, receiver_mm), within(expected.hits, receiver_mm)
+    both = here & there
+    if not both.any():
+        return here, there, np.array([np.sqrt(2.0) * receiver_mm])
+    return here, there, np.linalg.norm(passage.landings[both] - expected.hits[both], axis=1)
+
+
+def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> Float[np.ndarray, " q"]:
+    """The landing gaps (mm) below which 0, 0.2 ... 100 % of the rays lie: enough to draw their distribution."""
+    return np.quantile(landing_gaps(passage, expected, receiver_mm)[2], np.linspace(0.0, 1.0, 501))
 
 
 def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[dict[str, float], dict[str, float]]:

@@ -10,11 +10,12 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.comparison import Agreement, Expected, compare, drawn, share
+from lensforge.verification.comparison import Agreement, Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.part import Part
 from lensforge.verification.passage import Fate, Passage, indices_of
 from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm
@@ -38,10 +39,12 @@ class MitsubaVerdict:
     noise_floor_nmse: float
     nmse_same_rays: float
     design: Agreement
+    gaps_mm: Float[np.ndarray, " q"]  # quantiles, against the design
 
     def to_json(self) -> dict[str, Any]:
         """For the key ``mitsuba`` of verify.json; lengths in mm."""
         content = asdict(self)
+        del content["gaps_mm"]
         content["against_design"] = content.pop("design")
         return content
 
@@ -87,6 +90,7 @@ def judge_mitsuba(
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
         nmse_same_rays=nmse(image, receiver.irradiance(design.hits, weights)),
         design=compare(some, passage, design, receiver.side_mm),
+        gaps_mm=gap_quantiles(passage, design, receiver.side_mm),
         seconds=perf_counter() - start,
     )
 

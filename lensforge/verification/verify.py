@@ -19,7 +19,7 @@ from lensforge.gates import Gate
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.brep import RAYS, judge_brep
 from lensforge.verification.casting import Grid
-from lensforge.verification.comparison import Expected, compare, flux_account, share
+from lensforge.verification.comparison import Expected, compare, flux_account, gap_quantiles, share
 from lensforge.verification.mitsuba_cast import judge_mitsuba
 from lensforge.verification.part import Part, load_part
 from lensforge.verification.passage import Passage, send_through
@@ -103,21 +103,23 @@ def verify_part(
     image = receiver.irradiance(passage.landings, passage.flux)
     figures = _part_figures(part, passage) | _picture_figures(case, passage, image) | _ray_figures(case, passage)
     figures["referee"] = asdict(judge(part, grid, rays, refractive_index, referee_rays))
-    gates = _gates(figures)
+    gates, gaps = _gates(figures), {"mesh": gap_quantiles(passage, expected, receiver_mm)}
     figures["brep"] = None
     if step is not None:
         verdict = judge_brep(step, case.rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
-        figures["brep"] = verdict.to_json()
+        figures["brep"], gaps["step"] = verdict.to_json(), verdict.gaps_mm
         gates += verdict.gates(distance_mm)
     figures["mitsuba"] = None
     if mitsuba_rays:
         asked = judge_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
-        figures["mitsuba"] = asked.to_json()
+        figures["mitsuba"], gaps["mitsuba"] = asked.to_json(), asked.gaps_mm
         gates += asked.gates(distance_mm)
     seconds = {"seconds": perf_counter() - start, "cast_seconds": cast_seconds}
     result = {"rays": len(rays), **seconds, **figures, "gates": [gate.to_json() for gate in gates]}
     with replacing(Path(directory) / "verify.npz") as temporary:
-        np.savez_compressed(temporary, irradiance=image, design_irradiance=design_irradiance)
+        images = {"irradiance": image, "design_irradiance": design_irradiance}
+        quantiles = {f"gaps_{name}_mm": values for name, values in gaps.items()}
+        np.savez_compressed(temporary, allow_pickle=False, **images, **quantiles)
     write_json(Path(directory) / "verify.json", result)
     return result
 

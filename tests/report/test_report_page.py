@@ -10,8 +10,9 @@ from PIL import Image
 from result_folders import CONTENT, STAGES, check_arrays, evaluate_arrays, gate, make_folder, small_lens
 
 from lensforge.errors import InputError
-from lensforge.report import headline, solid_view
+from lensforge.report import solid_view
 from lensforge.report.build import build_report
+from lensforge.report.cards import cards
 from lensforge.report.results import load_results
 from lensforge.report.tables import rows
 
@@ -94,7 +95,7 @@ def test_headline_numbers_say_whether_they_are_what_was_asked_for(tmp_path):
     make_folder(tmp_path, stages=("design", "check"))
     gates = [gate("constraint g1", 0.5, -0.001, ">="), gate("constraint g3", -0.25, -0.001, ">=")]
     (tmp_path / "design.json").write_text(json.dumps({**CONTENT["design"], "gates": gates}), encoding="utf-8")
-    states = {card.label: card.state for card in headline.cards(load_results(tmp_path))}
+    states = {card.label: card.state for card in cards(load_results(tmp_path))}
     assert states["Cavity room"] == "pass"
     assert states["Lens radius"] == "fail"
     assert states["Thinnest wall"] == "pass"
