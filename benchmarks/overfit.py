@@ -39,7 +39,7 @@ def main():
     given = arguments.parse_args()
     spec = load_spec(given.spec)
     load = load_rayfile if spec.source.kind == "rayfile" else load_rayfiles
-    training, holdout = load(spec.source).split(given.fraction, given.seed)
+    training, holdout = load(spec.source, spec.lens.dispersion).split(given.fraction, given.seed)
     result = design(spec, training, accuracy=given.accuracy, seed=given.seed)
     preset = PRESETS[given.accuracy]
     report = {

@@ -13,9 +13,12 @@ SOURCES = [block.split("```")[0] for block in GUIDE.split("```toml\n")[1:]]
 
 
 @pytest.mark.parametrize("text", SOURCES)
-def test_every_source_of_the_guide_is_valid(text):
-    source = tomllib.loads(text)["source"]
-    assert small_spec(source=source).source.title
+def test_every_source_and_lens_of_the_guide_is_valid(text):
+    content = tomllib.loads(text)
+    lens = {f"lens__{name}": value for name, value in content.pop("lens", {}).items()}
+    spec = small_spec(**content, **lens, constraints__max_radius_mm=14.0)
+    assert spec.source.title
+    assert (spec.lens.dispersion is not None) == bool(lens)
     assert len(SOURCES) >= 6
 
 

@@ -1,6 +1,7 @@
 """Readers against bytes that were packed here, field by field, and not by our writers."""
 
 import struct
+import warnings
 
 import numpy as np
 import pytest
@@ -53,6 +54,17 @@ def test_tm25_tables_are_padded_once_as_one_block_and_extra_columns_are_passed()
     assert rayfile.header["extra_columns"] == ["phase", "age"]
     assert rayfile.header["extra_text"] == "12345678"
     assert "extra" in rayfile.warnings[0]
+
+
+def test_tm25_table_with_a_signalling_nan_is_refused_without_a_warning():
+    content = bytearray(tm25(spectral=3, tables=[[(400.0, 1.0), (500.0, 0.5)]]))
+    content[36292:36296] = (0x7F800001).to_bytes(4, "little")
+    with (
+        warnings.catch_warnings(),
+        pytest.raises(InputError, match="spectral table 1 holds numbers that are not finite"),
+    ):
+        warnings.simplefilter("error")
+        decode(image(bytes(content)))
 
 
 def test_tm25_all_columns_in_their_order():

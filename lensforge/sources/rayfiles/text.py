@@ -1,7 +1,7 @@
 """Rows of numbers as text: parsed by NumPy, and written with digits enough to come back as the same numbers."""
 
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from tempfile import TemporaryFile, gettempdir
 
@@ -17,13 +17,22 @@ _IN_MEMORY = 2**27  # bytes of text whose numbers stay in memory
 
 
 def parse_rows(
-    image: FileImage, begin: int, end: int, first_line: int, delimiter: str | None = None
+    image: FileImage,
+    begin: int,
+    end: int,
+    first_line: int,
+    delimiter: str | None = None,
+    columns: Sequence[int] | None = None,
+    width: int | None = None,
 ) -> Float[np.ndarray, "n columns"]:
     """The numbers between two bytes in float64, every row of the same length; ``first_line`` is its number in the file.
 
-    Block by block; what would fill the memory goes to a temporary file, and is mapped like a binary one.
+    Block by block; what would fill the memory goes to a temporary file, and is mapped like a binary one. ``columns``:
+    those to keep, in their order, of ``width``.
     """
-    blocks = _parsed(image, begin, end, first_line, delimiter)
+    blocks = _parsed(image, begin, end, first_line, delimiter, width)
+    if columns is not None:
+        blocks = (block[:, columns] for block in blocks)
     first = next(blocks, None)
     if first is None:
         raise image.refuse("holds no rays below its header; export it again")
@@ -34,9 +43,8 @@ def parse_rows(
 
 
 def _parsed(
-    image: FileImage, begin: int, end: int, line: int, delimiter: str | None
+    image: FileImage, begin: int, end: int, line: int, delimiter: str | None, width: int | None
 ) -> Iterator[Float[np.ndarray, "n columns"]]:
-    width = 0
     while begin < end:
         body = image.part(begin, min(begin + _BLOCK, end))
         if begin + len(body) < end:
@@ -45,9 +53,9 @@ def _parsed(
             raise image.refuse(f"line {line} has more than {_BLOCK} bytes: no rays; export it again")
         if body.strip():
             rows = _numbers(image, body, line, delimiter)
-            if width not in (0, rows.shape[1]):
-                raise image.refuse(f"line {line}: {rows.shape[1]} numbers, the lines above have {width}")
-            width = rows.shape[1]
+            width = width or rows.shape[1]
+            if rows.shape[1] != width:
+                raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
             yield rows
         begin, line = begin + len(body), line + body.count(b"\n")
         give_back(image.data)

@@ -38,16 +38,15 @@ def _decode(image: FileImage) -> RayFile:
     if len(flux_names) != 1 or len(set(names)) != len(names):
         raise image.refuse(f"columns {','.join(names)[:120]!r}: exactly one of flux_w and flux_lm, and no name twice")
     begin = sum(len(line) for line in head.splitlines(keepends=True)[:header_lines])
-    rows = parse_rows(image, begin, image.size, header_lines + 1, delimiter=",")
-    if rows.shape[1] != len(names):
-        raise image.refuse(f"rows of {rows.shape[1]} numbers under {len(names)} column names")
-    column = {name: index for index, name in enumerate(names)}
+    kept = [*_POSITION, *_DIRECTION, *flux_names, *([_WAVELENGTH] if _WAVELENGTH in names else [])]
+    order = [names.index(name) for name in kept]
+    rows = parse_rows(image, begin, image.size, header_lines + 1, ",", order, width=len(names))
     return RayFile(
-        positions=rows[:, [column[name] for name in _POSITION]],
-        directions=rows[:, [column[name] for name in _DIRECTION]],
-        flux=rows[:, column[flux_names[0]]],
+        positions=rows[:, 0:3],
+        directions=rows[:, 3:6],
+        flux=rows[:, 6],
         unit=_FLUX[flux_names[0]],
-        wavelengths=rows[:, column[_WAVELENGTH]] if _WAVELENGTH in column else None,
+        wavelengths=rows[:, 7] if _WAVELENGTH in names else None,
         format=FORMAT.name,
         header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names]},
         warnings=cut_warnings(image),

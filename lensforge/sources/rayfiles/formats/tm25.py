@@ -14,7 +14,7 @@ import numpy as np
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, plain_text
 from lensforge.sources.rayfiles.format import Format, require_watts_with_wavelengths
-from lensforge.sources.rayfiles.record import RayFile, shared_wavelength
+from lensforge.sources.rayfiles.record import RayFile, as_float64, shared_wavelength
 
 _FIXED = struct.Struct("<4s2i2fQ28s2i3f3i168x8i")
 _COUNT = struct.Struct("<i")
@@ -123,7 +123,7 @@ def _read_tables(image: FileImage, fields: _Fields) -> tuple[list[dict[str, list
         position += _COUNT.size
         if not 0 < count <= (image.size - position) // 8:
             raise image.refuse(f"spectral table {len(tables) + 1} claims {count} pairs: more than the file can hold")
-        pairs = np.frombuffer(image.part(position, position + 8 * count), "<f4").reshape(count, 2).astype(np.float64)
+        pairs = as_float64(np.frombuffer(image.part(position, position + 8 * count), "<f4").reshape(count, 2))
         if not np.isfinite(pairs).all():
             raise image.refuse(f"spectral table {len(tables) + 1} holds numbers that are not finite; export it again")
         tables.append({"wavelength_nm": pairs[:, 0].tolist(), "weight": pairs[:, 1].tolist()})

@@ -1,0 +1,74 @@
+"""Dispersed light through a lens of two concentric spheres, against Bouguer's invariant: n r sin(i) of a ray stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec, sphere, table_of
+
+from lensforge.optics.materials import MATERIALS
+from lensforge.sources.build import build_source
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tolerancing.shifted_source import ShiftedSource
+from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.reference import ExactSurface, trace_exact
+
+INNER, OUTER, Z = 3.0, 6.0, 100.0
+SHIFT = (1.2, -0.5, 0.0)
+
+
+def dispersed_rays(material="PC", count=256):
+    """A point source off the centre, blue to red; its rays, and the wavelength-free scene index."""
+    spectrum = {"kind": "table", "wavelength_nm": [440.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
+    spec = small_spec(source={"kind": "square", "side_mm": 0.0, "spectrum": spectrum}, lens__material=material)
+    rays = ShiftedSource(build_source(spec.source, spec.lens.dispersion), SHIFT).sample(count, 1)
+    return rays.take(rays.directions[:, 2] > 0.3), spec.lens.refractive_index
+
+
+def bouguer(rays, index):
+    """Where each ray meets z = Z: its foot, seen from the centre, keeps its length h, and turns with the ray."""
+    along = np.sum(rays.origins * rays.directions, axis=1, keepdims=True)
+    foot = rays.origins - along * rays.directions
+    h = np.linalg.norm(foot, axis=1)
+    turn = np.arcsin(h / INNER) - np.arcsin(h / INNER / index) + np.arcsin(h / OUTER / index) - np.arcsin(h / OUTER)
+    cosine, sine = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    outward = foot / h[:, None]
+    direction, foot = (
+        cosine * rays.directions + sine * outward,
+        h[:, None] * (cosine * outward - sine * rays.directions),
+    )
+    return (foot + ((Z - foot[:, 2]) / direction[:, 2])[:, None] * direction)[:, :2]
+
+
+def exact(rays, index):
+    surfaces = (
+        ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
+        for s in (sphere(INNER), sphere(OUTER))
+    )
+    return trace_exact(*surfaces, index, Z, rays)
+
+
+def fused(rays, index):
+    grid = TableGrid(32)
+    return trace_tables(table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(index, Z, grid), rays)
+
+
+@pytest.mark.parametrize("trace", [exact, fused])
+def test_every_colour_lands_where_bouguer_says(trace):
+    rays, index = dispersed_rays()
+    arrivals = trace(rays, index)
+    assert arrivals.arrived.all()
+    landed = bouguer(rays, rays.refractive_indices)
+    np.testing.assert_allclose(arrivals.hits.numpy(), landed, atol=1e-8)
+    assert np.linalg.norm(landed - bouguer(rays, index), axis=1).max() > 0.05, "colours must part, or nothing is shown"
+
+
+@pytest.mark.parametrize("trace", [exact, fused])
+def test_equal_indices_for_all_rays_are_the_scene_of_that_index(trace):
+    rays, _ = dispersed_rays()
+    index = MATERIALS["PC"].index_at(450.0)
+    alike = trace(replace(rays, refractive_indices=np.full(len(rays), index)), 1.1)
+    plain = trace(replace(rays, refractive_indices=None), index)
+    np.testing.assert_allclose(alike.hits.numpy(), plain.hits.numpy(), atol=1e-10)
+    np.testing.assert_allclose(alike.carried.numpy(), plain.carried.numpy(), rtol=1e-12)
