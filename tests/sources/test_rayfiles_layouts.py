@@ -59,12 +59,10 @@ def test_tm25_tables_are_padded_once_as_one_block_and_extra_columns_are_passed()
 def test_tm25_table_with_a_signalling_nan_is_refused_without_a_warning():
     content = bytearray(tm25(spectral=3, tables=[[(400.0, 1.0), (500.0, 0.5)]]))
     content[36292:36296] = (0x7F800001).to_bytes(4, "little")
-    with (
-        warnings.catch_warnings(),
-        pytest.raises(InputError, match="spectral table 1 holds numbers that are not finite"),
-    ):
+    with warnings.catch_warnings():
         warnings.simplefilter("error")
-        decode(image(bytes(content)))
+        with pytest.raises(InputError, match="spectral table 1 holds numbers that are not finite"):
+            decode(image(bytes(content)))
 
 
 def test_tm25_all_columns_in_their_order():
