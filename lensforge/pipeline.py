@@ -64,6 +64,8 @@ def run_design(
     observer: Callable[[Progress], None] = lambda _: None,
 ) -> Lens:
     """Search for the lens; writes ``lens.json`` and ``design.json``, and a checkpoint while it runs."""
+    if spec.base.file is not None:  # a file that is no base is better known before the search than after it
+        import_module("lensforge.geometry.step_base").read_base(spec.base.file)
     source = build_source(spec.source, spec.lens.dispersion)
     result = design(
         spec,

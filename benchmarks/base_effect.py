@@ -1,0 +1,83 @@
+"""What the clamping base does to the light: the part with its base, polished or black, against the part without one.
+
+The design leaves the base out. Here all light is followed, reflections too, through the mesh of the part with its base
+and through that of the part without one, always the same rays; prints the rows of docs/results.md. NMSE is against the
+target, on 32 x 32 pixels, where ray noise is small; the change is the NMSE of the picture against the one without base.
+
+python benchmarks/base_effect.py cad_out/flat_top cad_out/pi cad_out/quickstart
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from lensforge.evaluation.metrics import nmse
+from lensforge.geometry import build_mesh, fit_patch, make_plan
+from lensforge.geometry.mesh_union import join_mesh
+from lensforge.geometry.step_base import read_base
+from lensforge.geometry.stl import write_stl
+from lensforge.lens import Lens, load_lens
+from lensforge.receiver.plane import Receiver as Plane
+from lensforge.receiver.targets import target_irradiance
+from lensforge.sources.build import build_source
+from lensforge.spec import BaseSection
+from lensforge.verification.casting import Grid
+from lensforge.verification.nonsequential import Base, Body, Cause, Limits, follow
+from lensforge.verification.part import Part, load_part
+from lensforge.verification.picture import Receiver, within
+
+RAYS, SEED, RINGS, PIXELS = 2**14, 2**42, 96, 32
+COLUMNS = ("design", "base", "flux fraction", "direct light on the base", "NMSE", "change")
+
+
+def part_of(lens: Lens, base: BaseSection) -> Part:
+    """The mesh of the lens on ``base``, as its STL holds it."""
+    mesh = build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), base), RINGS)
+    if base.file is not None:
+        mesh = join_mesh(mesh, read_base(base.file).solid, 1e-3)
+    with tempfile.TemporaryDirectory() as folder:
+        write_stl(mesh, Path(folder) / "part.stl")
+        return load_part(Path(folder) / "part.stl")
+
+
+def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
+    lens = load_lens(directory / "lens.json")
+    spec = lens.spec
+    source = build_source(spec.source, spec.lens.dispersion)
+    rays = source.sample(min(count, source.population or count), SEED)
+    emitted, side = float(rays.weights.sum()), spec.target.receiver_mm
+    receiver = Receiver(side, PIXELS, spec.evaluate.filter_variance)
+    target = target_irradiance(spec.target, Plane(side, PIXELS))
+    cases: list[tuple[str, BaseSection, Base]] = [
+        ("none", BaseSection(kind="none"), "polished"),
+        ("polished", spec.base, "polished"),
+        ("black", spec.base, "black"),
+    ]
+    found, before = [], None
+    for name, base, finish in cases:
+        part = part_of(lens, base)
+        body = Body(part, Grid(part.mesh), lens.refractive_index, spec.lens.absorption_per_mm, finish)
+        landed = follow(body, rays, spec.target.distance_mm, Limits()).landings()
+        picture = receiver.irradiance(landed.points, landed.flux)
+        inside = within(landed.points, spec.evaluate.window_mm or side)
+        touched = inside & (landed.causes == Cause.BASE)
+        before = picture if before is None else before
+        change = float(np.sum((picture - before) ** 2) / np.sum(before**2))
+        figures = (landed.flux[inside].sum() / emitted, landed.flux[touched].sum() / emitted, nmse(picture, target))
+        shown = (f"{figures[0]:.4f}", f"{100.0 * figures[1]:.3f} %", f"{figures[2]:.4f}", f"{change:.1e}")
+        found.append((directory.name, name, *shown))
+    return found
+
+
+def main() -> None:
+    print("| " + " | ".join(COLUMNS) + " |")
+    print("|" + "---|" * len(COLUMNS))
+    for name in sys.argv[1:]:
+        for row in rows(Path(name), RAYS):
+            print("| " + " | ".join(row) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
