@@ -12,12 +12,21 @@ from lensforge.commands.printing import print_table
 @click.command()
 @click.argument("spec", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--most-rays",
+    type=click.IntRange(2**12, 2**24),
+    default=2**20,
+    show_default=True,
+    help="The longest runs of the rays' ladder; 2^24 takes some minutes.",
+)
 @THREADS
-def tradeoff(spec: Path, out: Path | None, threads: int | None) -> None:
+def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) -> None:
     """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
     content = import_module("lensforge.spec").load_spec(spec)
     directory = out or Path("cad_out") / content.name
     use_threads(threads)
-    run = import_module("lensforge.tradeoff.measure").run_tradeoff
-    print_table(run(content, directory, announce=lambda line: click.echo(line, err=True))["presets"])
+    measure = import_module("lensforge.tradeoff.measure")
+    effort = measure.Effort.up_to(most_rays)
+    found = measure.run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
+    print_table(found["presets"])
     click.echo(f"page\t{directory / 'tradeoff.html'}")

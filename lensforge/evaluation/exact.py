@@ -36,9 +36,16 @@ class ExactHits:
 
 
 def trace_exact_sum(
-    lens: Lens, grid: TableGrid, tables: dict[str, Float[np.ndarray, "side side"]], rays: RayBundle
+    lens: Lens,
+    grid: TableGrid,
+    tables: dict[str, Float[np.ndarray, "side side"]],
+    rays: RayBundle,
+    steps: int = 1,
 ) -> ExactHits:
-    """Trace ``rays`` through the exact surfaces; ``tables`` of both, by name, bracket the first crossings."""
+    """Trace ``rays`` through the exact surfaces; ``tables`` of both, by name, bracket the first crossings.
+
+    ``steps`` from there: one where the table is some nm off, more where it is far.
+    """
     origins, directions, carried = rays.origins.copy(), rays.directions.copy(), rays.weights.copy()
     alive = _enter(grid, tables["inner"], origins, directions)
     own = rays.refractive_indices
@@ -47,7 +54,8 @@ def trace_exact_sum(
         surface: Surface = getattr(lens, name)
         lengths, found = _search(grid, tables[name], origins[alive], directions[alive])
         alive, lengths = alive[found], lengths[found]
-        lengths = _polish(surface, grid, tables[name], origins[alive], directions[alive], lengths)
+        for _ in range(steps):
+            lengths = _polish(surface, grid, tables[name], origins[alive], directions[alive], lengths)
         points = origins[alive] + lengths[:, None] * directions[alive]
         normals = surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         cosine = np.sum(directions[alive] * normals, axis=1)

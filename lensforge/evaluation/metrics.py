@@ -32,6 +32,12 @@ def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> floa
     return float(inside.std() / inside.mean()) if inside.mean() > 0.0 else 0.0
 
 
+def relative_square(both: Float[np.ndarray, "2 p p"]) -> float:
+    """NMSE between two pictures as they are: mean square difference over that of the second; 0 where it is dark."""
+    reference = float(np.sum(both[1] ** 2))
+    return float(np.sum((both[0] - both[1]) ** 2)) / reference if reference > 0.0 else 0.0
+
+
 def jackknife(
     replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]
 ) -> tuple[float, float | None]:

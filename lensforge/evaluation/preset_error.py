@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 
 from lensforge.evaluation.exact import ExactHits, trace_exact_sum
-from lensforge.evaluation.metrics import jackknife
+from lensforge.evaluation.metrics import jackknife, relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.receiver.bins import flux_in_square
@@ -80,14 +80,8 @@ def _stage(
     found: dict[str, Any] = {"table_error_nm": max(traced.table_error_nm.values()), "hit_max_mm": largest}
     for name, replicates, statistic in (
         ("hit_mm", squares, lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0),
-        ("irradiance_nmse", pictures, _relative_square),
+        ("irradiance_nmse", pictures, relative_square),
         ("efficiency", lost, lambda mean: float(mean[0])),
     ):
         found[name], found[f"{name}_standard_error"] = jackknife(np.array(replicates), statistic)
     return found
-
-
-def _relative_square(both: Float[np.ndarray, "2 p p"]) -> float:
-    """Mean square difference over the mean square of the second picture; 0 where that is dark."""
-    reference = float(np.sum(both[1] ** 2))
-    return float(np.sum((both[0] - both[1]) ** 2)) / reference if reference > 0.0 else 0.0

@@ -18,8 +18,19 @@ from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate
 from lensforge.tracing.trace_kernel import LEAST_RISE
 
-_SCAN_STEPS = 256
-_BISECTIONS = 60
+
+@dataclass(frozen=True)
+class Search:
+    """How a crossing is found: ``scan_steps`` over the reach bracket it, ``bisections`` close in on it.
+
+    What is left is ``reach / scan_steps / 2^bisections``; the Newton step that follows squares it.
+    """
+
+    scan_steps: int = 256
+    bisections: int = 60
+
+
+_THOROUGH = Search()
 
 
 @dataclass(frozen=True)
@@ -75,20 +86,24 @@ class ExactSurface:
 
 
 def first_crossing(
-    surface: ExactSurface, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], reach: float
+    surface: ExactSurface,
+    origins: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    reach: float,
+    search: Search = _THOROUGH,
 ) -> tuple[Float[Tensor, " n"], Bool[Tensor, " n"]]:
     """Path length to the first sign change of F within ``reach``, and whether there is one; no gradient."""
     with torch.no_grad():
         low = torch.zeros_like(origins[:, 0])
         high = torch.full_like(low, reach)
         found = torch.zeros_like(low, dtype=torch.bool)
-        for step in range(1, _SCAN_STEPS + 1):
-            here = reach * step / _SCAN_STEPS
+        for step in range(1, search.scan_steps + 1):
+            here = reach * step / search.scan_steps
             outside = surface.gap(origins + here * directions) < 0.0
             high = torch.where(outside & ~found, here, high)
             found |= outside
             low = torch.where(found, low, here)
-        for _ in range(_BISECTIONS):
+        for _ in range(search.bisections):
             middle = 0.5 * (low + high)
             inside = surface.gap(origins + middle[:, None] * directions) > 0.0
             low, high = torch.where(inside, middle, low), torch.where(inside, high, middle)
@@ -110,11 +125,17 @@ def _differentiable_hit(
 
 
 def trace_exact(
-    inner: ExactSurface, outer: ExactSurface, refractive_index: float, distance_mm: float, rays: RayBundle
+    inner: ExactSurface,
+    outer: ExactSurface,
+    refractive_index: float,
+    distance_mm: float,
+    rays: RayBundle,
+    search: Search = _THOROUGH,
 ) -> Arrivals:
     """Trace ``rays`` through the exact surfaces; differentiable in their weights and offsets.
 
-    Slow by design: every ray sees every function about 600 times. Rays start inside of the cavity at z >= 0.
+    Slow by design: every ray sees every function about 600 times. Rays start inside of the cavity at z >= 0; those
+    with an index of their own keep it.
     """
     like = inner.weights
     origins, directions, weights = (
@@ -122,13 +143,16 @@ def trace_exact(
         for array in (rays.origins, rays.directions, rays.weights)
     )
     count = len(weights)
+    own = rays.refractive_indices
+    index = torch.full_like(weights, refractive_index) if own is None else torch.as_tensor(own).to(weights)
     fates = torch.full((count,), int(Fate.ARRIVED), dtype=torch.int8, device=like.device)
     carried, sines = weights.clone(), torch.zeros_like(weights)
     hits = torch.zeros_like(origins[:, :2])
     alive = torch.arange(count, device=like.device)
-    for surface, ratio, is_outer in ((inner, 1.0 / refractive_index, False), (outer, refractive_index, True)):
+    for surface, ratios, is_outer in ((inner, 1.0 / index, False), (outer, index, True)):
+        ratio = ratios[alive]
         reach = 2.0 * float(surface.offset.detach() + surface.weights.detach().abs().sum())
-        lengths, found = first_crossing(surface, origins, directions, reach)
+        lengths, found = first_crossing(surface, origins, directions, reach, search)
         points, normals = _differentiable_hit(surface, origins, directions, lengths)
         found = found & (points[:, 2].detach() >= 0.0)
         fates[alive[~found]] = int(Fate.BASE)
@@ -138,7 +162,7 @@ def trace_exact(
             sines = sines.index_put((alive[found],), 1.0 - behind_squared[found])
         passes = found & (behind_squared.detach() > 0.0) & (cosine.detach() > 0.0)
         fates[alive[found & ~passes]] = int(Fate.TOTAL_REFLECTION)
-        alive, cosine = alive[passes], cosine[passes]
+        alive, cosine, ratio = alive[passes], cosine[passes], ratio[passes]
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
         carried = carried.index_put((alive,), carried[alive] * fresnel_transmittance(cosine, ratio))
     forward = directions[:, 2].detach() > LEAST_RISE

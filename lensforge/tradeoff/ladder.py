@@ -2,6 +2,7 @@
 
 import time
 import tracemalloc
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
@@ -32,7 +33,7 @@ class Rung:
     peak_mb: float | None
     errors: dict[str, Estimate]
     presets: tuple[str, ...] = ()
-    other: dict[str, float] = field(default_factory=dict)
+    other: Mapping[str, float] = field(default_factory=dict)
     reference: bool = False
 
     def to_json(self) -> dict[str, Any]:

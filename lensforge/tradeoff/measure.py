@@ -17,7 +17,7 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 from lensforge.tracing.fused import Scene
-from lensforge.tradeoff import pixels, rays, shape, tables
+from lensforge.tradeoff import casting, degrees, pixels, precision, rays, shape, tables
 from lensforge.tradeoff.ladder import Ladder
 from lensforge.tradeoff.page import build_page
 from lensforge.tradeoff.prices import preset_prices
@@ -25,6 +25,7 @@ from lensforge.tradeoff.runs import trace_run
 from lensforge.version import __version__
 
 JSON_FILE = "tradeoff.json"
+_THINNED = 4  # of the rays that tables are measured with: the slower ladders take every fourth
 _WARM_UP_RAYS = 512  # compiles the kernels, so that no rung pays for it
 
 
@@ -37,7 +38,15 @@ class Effort:
     pixels: tuple[int, ...] = pixels.PIXELS
     nodes: tuple[int, ...] = shape.NODES
     rings: tuple[int, ...] = shape.RINGS
+    degrees: tuple[float, ...] = degrees.SETTINGS
+    bisections: tuple[int, ...] = precision.BISECTIONS
+    cast_rings: tuple[int, ...] = casting.RINGS
     cad: bool = True
+
+    @staticmethod
+    def up_to(most_rays: int) -> "Effort":
+        """Every ladder as it is, the rays in steps of four up to ``most_rays``."""
+        return Effort(rays=tuple(2**power for power in range(12, 25, 2) if 2**power <= most_rays))
 
 
 def run_tradeoff(
@@ -70,7 +79,12 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     coarse = TracedLens.of(lens, min(effort.nodes_per_sigma))
     trace_run(coarse, source, min(_WARM_UP_RAYS, source.population or _WARM_UP_RAYS), 0)
     announce("tables")
-    by_nodes, grid, finest = tables.table_ladder(lens, source, effort.nodes_per_sigma)
+    found = tables.table_ladder(lens, source, effort.nodes_per_sigma)
+    by_nodes, grid, finest, few = found.ladder, found.grid, found.tables, found.truth.thinned(_THINNED)
+    announce("degrees of the splines, precision")
+    by_degree = degrees.degree_ladder(few, grid, finest, effort.degrees)
+    by_bits = precision.precision_ladder(found.truth, grid, finest)
+    by_search = precision.search_ladder(found.truth, effort.bisections)
     scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, grid)
     traced = TracedLens(scene, torch.from_numpy(finest["inner"]), torch.from_numpy(finest["outer"]), {})
     announce("rays")
@@ -78,9 +92,11 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     announce("pixels and filter")
     by_pixels, by_filter = pixels.pixel_ladder(runs, lens.spec, effort.pixels), pixels.filter_ladder(runs, lens.spec)
     del runs
-    announce("NURBS nodes and mesh rings")
+    announce("NURBS nodes, mesh rings, rays through the mesh")
     by_knots, plan = shape.nurbs_ladder(lens, effort.nodes, cad=effort.cad)
-    ladders = [by_rays, by_nodes, by_pixels, by_filter, by_knots, shape.mesh_ladder(plan, effort.rings)]
+    by_mesh, by_cast = shape.mesh_ladder(plan, effort.rings), casting.casting_ladder(few, plan, effort.cast_rings)
+    searched = [] if by_search is None else [by_search]
+    ladders = [by_rays, by_nodes, by_degree, by_bits, *searched, by_pixels, by_filter, by_knots, by_mesh, by_cast]
     return _content(lens, ladders, preset_prices(by_rays, by_nodes, source.population)) | {
         "seconds": time.perf_counter() - started
     }

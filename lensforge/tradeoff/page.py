@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lensforge.files import replacing
-from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, WIDE, in_house_style, new_figure
+from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.numerals import NOTHING, number
 from lensforge.report.page import template
 from lensforge.report.pictures import Picture, picture
 
 FILE_NAME = "tradeoff.html"
 _HEIGHT = 3.0
-_COLOURS = (BLUE, ORANGE, GREEN)
+_COLOURS = (BLUE, ORANGE, GREEN, RED)
 
 NAMES = {
     "efficiency": "efficiency",
@@ -33,9 +33,12 @@ NAMES = {
     "noise_nmse": "noise left, NMSE",
     "form": "form",
     "chord": "form",
+    "flux": "flux",
 }
 _OTHER = {
     "nodes": "nodes a side",
+    "tables_mb": "tables (MB)",
+    "bisections": "bisections",
     "nmse": "NMSE",
     "step_kb": "STEP (kB)",
     "triangles": "triangles",

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +22,22 @@ from lensforge.tradeoff.runs import Run, resample, trace_run
 QMC, PLAIN = "quasi-Monte-Carlo", "plain Monte Carlo"
 RUNS, PLAIN_RUNS = 8, 16
 SETTINGS = tuple(2**power for power in (12, 14, 16, 18, 20))
+MOST_AT_ONCE = 2**20  # longer runs are made of scrambles of so many rays, as in an evaluation: it bounds the memory
+
+
+class _Seen(NamedTuple):
+    """Efficiency and filtered image (W) of a run."""
+
+    efficiency: float
+    image: Float[np.ndarray, "p p"]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a run that was not kept: its seconds, and the most memory at once (MB)."""
+
+    seconds: float
+    peak_mb: float
 
 
 @dataclass(frozen=True)
@@ -32,6 +49,21 @@ class _Scores:
     nmse: Float[np.ndarray, " r"]
     nmse_of_mean: float
 
+    @staticmethod
+    def of(seen: Sequence[_Seen], spec: Spec) -> "_Scores":
+        """Judged against the target of ``spec``."""
+        target = target_irradiance(spec.target, Receiver(spec.target.receiver_mm, spec.evaluate.pixels))
+
+        def to_target(image: Float[np.ndarray, "p p"]) -> float:
+            return nmse(image, target) if image.any() else 1.0
+
+        images = np.stack([one.image for one in seen])
+        efficiency = np.array([one.efficiency for one in seen])
+        return _Scores(efficiency, images, np.array([to_target(image) for image in images]), to_target(images.mean(0)))
+
+
+_Rung = tuple[int, _Scores, Run | Cost]
+
 
 def ray_ladder(
     traced: TracedLens, spec: Spec, source: Source, settings: Sequence[int] = SETTINGS, runs: int = RUNS
@@ -41,34 +73,51 @@ def ray_ladder(
     The reference is the mean of the top rung's runs; errors are those of one run: the standard deviation of the
     efficiency over ``runs`` scrambles, the mean square difference of the filtered images over their mean square, and
     by how much noise raises the NMSE against the target. A measured source has no sequence to scramble: its rays are
-    the reference, and only plain Monte Carlo is measured.
+    the reference, and only plain Monte Carlo is measured. Runs of more than 2^20 rays are made of several scrambles,
+    as those of an evaluation are, and fall as these do, with the power -1; they are not kept.
     """
-    score = _scorer(spec, source)
+    judge = _judge(spec, source)
     rungs: list[Rung] = []
-    number = 0
     if source.population is not None:
         kept = [trace_run(traced, source, source.population, 0)]
-        reference = score(kept)
+        longest: _Rung = (source.population, _Scores.of([judge(kept[0])], spec), kept[0])
     else:
-        found = []
-        for rays in settings:
-            kept = [trace_run(traced, source, rays, number + k) for k in range(runs)]
-            number += runs
-            found.append((rays, score(kept), kept[0]))
-        reference = found[-1][1]
-        rungs += [_rung(rays, QMC, scores, reference, run) for rays, scores, run in found]
+        found, kept = _quasi(traced, source, spec, judge, settings, runs)
+        longest = found[-1]
+        rungs += [_rung(rays, QMC, scores, longest[1], run) for rays, scores, run in found]
     pool = kept[0]
-    settings = [rays for rays in settings if rays <= len(pool)]
-    by_pool = score([pool])
-    for rays in settings:
+    by_pool = _Scores.of([judge(pool)], spec)
+    for rays in (rays for rays in settings if rays <= len(pool)):
         drawn = [resample(pool, rays, np.random.default_rng([rays, k])) for k in range(PLAIN_RUNS)]
-        rungs.append(_rung(rays, PLAIN, score(drawn), by_pool, drawn[0]))
-    rungs.append(_reference_rung(kept, reference))
+        rungs.append(_rung(rays, PLAIN, _Scores.of([judge(run) for run in drawn], spec), by_pool, drawn[0]))
+    rungs.append(_reference_rung(*longest))
     orders = {
-        series: orders_of([rung for rung in rungs if rung.series == series], ("efficiency", "irradiance_nmse"))
+        series: orders_of(
+            [rung for rung in rungs if rung.series == series and rung.setting <= MOST_AT_ONCE],
+            ("efficiency", "irradiance_nmse"),
+        )
         for series in (QMC, PLAIN)
     }
     return _ladder(tuple(rungs), orders), kept
+
+
+def _quasi(
+    traced: TracedLens, source: Source, spec: Spec, judge: Callable[[Run], _Seen], settings: Sequence[int], runs: int
+) -> tuple[list[_Rung], list[Run]]:
+    """Rays, scores and one run's cost of each rung; and the runs of the highest rung that can be kept."""
+    found: list[_Rung] = []
+    kept: list[Run] = []
+    number = 0
+    for rays in settings:
+        parts = -(-rays // MOST_AT_ONCE)
+        if parts == 1:
+            kept = [trace_run(traced, source, rays, number + k) for k in range(runs)]
+            found.append((rays, _Scores.of([judge(run) for run in kept], spec), kept[0]))
+        else:
+            made = [_long_run(traced, source, judge, parts, number + k * parts) for k in range(runs)]
+            found.append((rays, _Scores.of([seen for seen, _ in made], spec), made[0][1]))
+        number += runs * parts
+    return found, kept
 
 
 def _ladder(rungs: tuple[Rung, ...], orders: dict[str, dict[str, Estimate]]) -> Ladder:
@@ -85,26 +134,32 @@ def _ladder(rungs: tuple[Rung, ...], orders: dict[str, dict[str, Estimate]]) -> 
     )
 
 
-def _scorer(spec: Spec, source: Source) -> Callable[[Sequence[Run]], _Scores]:
-    """A function that judges runs as ``evaluate`` does."""
+def _judge(spec: Spec, source: Source) -> Callable[[Run], _Seen]:
+    """A function that looks at a run as ``evaluate`` does."""
     receiver = Receiver(spec.target.receiver_mm, spec.evaluate.pixels)
     window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-    target = target_irradiance(spec.target, receiver)
 
-    def to_target(image: Float[np.ndarray, "p p"]) -> float:
-        return nmse(image, target) if image.any() else 1.0
+    def judge(run: Run) -> _Seen:
+        image = gaussian3(bin_flux(run.hits, run.flux, receiver), spec.evaluate.filter_variance)
+        return _Seen(flux_in_square(run.hits, run.flux, window_mm) / source.flux_w, image)
 
-    def score(runs: Sequence[Run]) -> _Scores:
-        images = np.stack(
-            [gaussian3(bin_flux(run.hits, run.flux, receiver), spec.evaluate.filter_variance) for run in runs]
-        )
-        efficiency = np.array([flux_in_square(run.hits, run.flux, window_mm) / source.flux_w for run in runs])
-        return _Scores(efficiency, images, np.array([to_target(image) for image in images]), to_target(images.mean(0)))
-
-    return score
+    return judge
 
 
-def _rung(rays: int, series: str, scores: _Scores, reference: _Scores, run: Run) -> Rung:
+def _long_run(
+    traced: TracedLens, source: Source, judge: Callable[[Run], _Seen], parts: int, number: int
+) -> tuple[_Seen, Cost]:
+    """What ``parts`` scrambles of :data:`MOST_AT_ONCE` rays show together; none of their rays is kept."""
+    efficiency, image, seconds, peak_mb = 0.0, np.zeros(1), 0.0, 0.0
+    for part in range(parts):
+        run = trace_run(traced, source, MOST_AT_ONCE, number + part)
+        seen = judge(run)
+        efficiency, image = efficiency + seen.efficiency / parts, image + seen.image / parts
+        seconds, peak_mb = seconds + run.seconds, max(peak_mb, run.peak_mb)
+    return _Seen(efficiency, image), Cost(seconds, peak_mb)
+
+
+def _rung(rays: int, series: str, scores: _Scores, reference: _Scores, run: Run | Cost) -> Rung:
     count = len(scores.efficiency)
     spread = float(scores.efficiency.std(ddof=1))
     mean = scores.images.mean(axis=0)
@@ -118,16 +173,15 @@ def _rung(rays: int, series: str, scores: _Scores, reference: _Scores, run: Run)
     return Rung(rays, series, run.seconds, run.peak_mb, errors, _users(rays) if series == QMC else ())
 
 
-def _reference_rung(runs: list[Run], scores: _Scores) -> Rung:
-    count = len(runs)
+def _reference_rung(rays: int, scores: _Scores, run: Run | Cost) -> Rung:
+    count = len(scores.efficiency)
     known = float(scores.efficiency.std(ddof=1) / np.sqrt(count)) if count > 1 else None
     errors = {
         "efficiency": Estimate(0.0, known),
         "irradiance_nmse": Estimate(0.0),
         "nmse_raised": Estimate(0.0),
     }
-    seconds = sum(run.seconds for run in runs)
-    return Rung(count * len(runs[0]), "reference", seconds, runs[0].peak_mb, errors, reference=True)
+    return Rung(count * rays, "reference", count * run.seconds, run.peak_mb, errors, reference=True)
 
 
 def _mean(values: Float[np.ndarray, " r"]) -> Estimate:

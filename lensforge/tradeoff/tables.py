@@ -1,110 +1,78 @@
-"""Tables: nodes per sigma against the exact SRBF sum, in nanometres, milliradians, millimetres and irradiance."""
+"""Tables: nodes per sigma against the exact surfaces, in nanometres, milliradians, millimetres and irradiance."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.exact import ExactHits, trace_exact_sum
+from lensforge.evaluation.exact import ExactHits
 from lensforge.lens import Lens
-from lensforge.receiver.plane import Receiver
-from lensforge.receiver.splat import splat_flux
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
-from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
 from lensforge.tracing.fused import Scene, trace_tables
-from lensforge.tradeoff.ladder import Estimate, Ladder, Meter, Rung, orders_of
+from lensforge.tradeoff.ladder import Ladder, Meter, Rung, orders_of
+from lensforge.tradeoff.truth import DIRECTIONS, LIGHT_UNITS, SHAPE_UNITS, SURFACES, Tables, Truth, directions
 
-EXACT_RAYS = 2**13
 SETTINGS = tuple(
     sorted({value for p in PRESETS.values() for value in (p.nodes_per_sigma, p.judge_nodes_per_sigma)} | {1.7})
 )
-_DIRECTIONS = 4096
 _STEP_RAD = 1e-4  # of the central difference: 1e-8 of truncation, 1e-11 of rounding
-_SEED = 2**44
-
-Tables = dict[str, Float[np.ndarray, "side side"]]
 
 
-def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS) -> tuple[Ladder, TableGrid, Tables]:
-    """The ladder, and the finest grid with its tables.
+@dataclass(frozen=True)
+class TableMeasurement:
+    """The ladder, the finest grid with its tables, and the exact light that other ladders are held against."""
 
-    ``rho`` and ``normal``: largest over directions of the hemisphere off the nodes, of both surfaces. ``hit``: largest
-    and 99th percentile over rays that arrive both ways. ``irradiance_nmse``: the same rays splatted on the design's
-    pixels, so that no noise enters.
-    """
+    ladder: Ladder
+    grid: TableGrid
+    tables: Tables
+    truth: Truth
+
+
+def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS) -> TableMeasurement:
+    """Tables of each number of nodes per sigma; seconds are those of making them."""
     built = {}
     for setting in settings:
         grid = grid_for(lens.detail_rad, setting)
         with Meter() as meter:
-            tables = {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
+            tables = {name: tabulate(grid, getattr(lens, name)) for name in SURFACES}
         built[setting] = grid, tables, meter
     finest, tables, _ = built[max(settings)]
-    rays = source.sample(min(EXACT_RAYS, source.population or EXACT_RAYS), _SEED)
-    with Meter() as exactly:
-        exact = trace_exact_sum(lens, finest, tables, rays)
-    truth = _Truth(lens, rays, exact)
-    rungs = [
-        Rung(
-            setting,
-            "table",
-            meter.seconds,
-            meter.peak_mb,
-            truth.errors(grid, of_setting),
-            _users(setting),
-            {"nodes": grid.nodes},
-        )
-        for setting, (grid, of_setting, meter) in built.items()
-    ]
+    truth = Truth.of(lens, source, finest, tables)
+    rungs = []
+    for setting, (grid, made, meter) in built.items():
+        light = through_tables(lens, grid, made, truth.rays)
+        errors = truth.shape_errors({name: table_normals(grid, table, directions()) for name, table in made.items()})
+        errors |= truth.light_errors(light.hits, light.flux)
+        nodes = {"nodes": grid.nodes}
+        rungs.append(Rung(setting, "table", meter.seconds, meter.peak_mb, errors, _users(setting), nodes))
     names = tuple(rungs[0].errors)
     orders = {"table": orders_of(rungs, names)}
-    nothing = {name: Estimate(0.0) for name in names}
-    rungs.append(Rung(0.0, "exact sum", exactly.seconds, exactly.peak_mb, nothing, reference=True))
-    units = {"rho": "nm", "normal": "mrad", "hit": "mm", "hit_99_percent": "mm", "irradiance_nmse": ""}
-    reference = f"the exact sum: {_DIRECTIONS} directions, {len(rays)} rays"
-    shown = ("rho", "irradiance_nmse")
-    ladder = Ladder("tables", "Tables", "nodes per sigma", reference, units, shown, "seconds", tuple(rungs), orders)
-    return ladder, finest, tables
+    cost = truth.cost.seconds, truth.cost.peak_mb
+    rungs.append(Rung(0.0, "exact sum", *cost, truth.exactly(names), reference=True))
+    ladder = Ladder(
+        "tables",
+        "Tables",
+        "nodes per sigma",
+        f"the exact sum: {DIRECTIONS} directions, {len(truth.rays)} rays",
+        SHAPE_UNITS | LIGHT_UNITS,
+        ("rho", "irradiance_nmse"),
+        "seconds",
+        tuple(rungs),
+        orders,
+    )
+    return TableMeasurement(ladder, finest, tables, truth)
 
 
-class _Truth:
-    """What the exact sum says at fixed directions and for fixed rays."""
-
-    def __init__(self, lens: Lens, rays: RayBundle, exact: ExactHits) -> None:
-        self._lens, self._rays, self._exact = lens, rays, exact
-        self._directions = fibonacci_hemisphere(_DIRECTIONS)
-        surfaces: dict[str, Surface] = {name: getattr(lens, name) for name in ("inner", "outer")}
-        self._radius = {name: surface.radius(self._directions) for name, surface in surfaces.items()}
-        self._normal = {name: surface.normal(self._directions) for name, surface in surfaces.items()}
-        self._receiver = Receiver(lens.spec.target.receiver_mm, lens.spec.optimise.pixels)
-        self._image = self._splat(exact.hits, exact.flux)
-
-    def errors(self, grid: TableGrid, tables: Tables) -> dict[str, Estimate]:
-        rho, normal = 0.0, 0.0
-        for name, table in tables.items():
-            radius, normals = table_normals(grid, table, self._directions)
-            rho = max(rho, float(np.abs(radius - self._radius[name]).max()))
-            chord = np.linalg.norm(normals - self._normal[name], axis=1)
-            normal = max(normal, float(2.0 * np.arcsin(0.5 * chord).max()))
-        scene = Scene(self._lens.refractive_index, self._lens.spec.target.distance_mm, grid)
-        arrivals = trace_tables(torch.from_numpy(tables["inner"]), torch.from_numpy(tables["outer"]), scene, self._rays)
-        both = arrivals.arrived.numpy() & self._exact.arrived
-        away = np.linalg.norm(arrivals.hits.numpy()[both] - self._exact.hits[both], axis=1)
-        image = self._splat(arrivals.hits.numpy(), arrivals.flux.numpy())
-        difference = np.sum((image - self._image) ** 2) / np.sum(self._image**2)
-        return {
-            "rho": Estimate(1e6 * rho),
-            "normal": Estimate(1e3 * normal),
-            "hit": Estimate(float(away.max())),
-            "hit_99_percent": Estimate(float(np.quantile(away, 0.99))),
-            "irradiance_nmse": Estimate(float(difference)),
-        }
-
-    def _splat(self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, "p p"]:
-        return splat_flux(torch.from_numpy(hits), torch.from_numpy(flux), self._receiver).numpy()
+def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> ExactHits:
+    """Hits and flux of ``rays`` by the fused tracer."""
+    scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, grid)
+    inner, outer = (torch.from_numpy(tables[name]) for name in SURFACES)
+    arrivals = trace_tables(inner, outer, scene, rays)
+    return ExactHits(arrivals.hits.numpy(), arrivals.flux.numpy())
 
 
 def table_normals(

@@ -7,8 +7,12 @@ from lensforge.lens import Lens
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import TableGrid, tabulate
 from lensforge.tracing.fused import Scene
+from lensforge.tradeoff import rays as rays_module
+from lensforge.tradeoff.casting import CURVED, FLAT, casting_ladder
+from lensforge.tradeoff.degrees import degree_ladder
 from lensforge.tradeoff.ladder import order_of
 from lensforge.tradeoff.pixels import bias, filter_ladder, pixel_ladder
+from lensforge.tradeoff.precision import precision_ladder, search_ladder
 from lensforge.tradeoff.rays import PLAIN, QMC, ray_ladder
 from lensforge.tradeoff.runs import Run, resample, trace_run
 from lensforge.tradeoff.shape import mesh_ladder, nurbs_ladder
@@ -40,8 +44,13 @@ def by_rays(lens, traced, source):
 
 
 @pytest.fixture(scope="module")
-def by_nodes(lens, source):
-    return table_ladder(lens, source, (3.0, 5.0, 8.0, 12.0))[0]
+def measured(lens, source):
+    return table_ladder(lens, source, (3.0, 5.0, 8.0, 12.0))
+
+
+@pytest.fixture(scope="module")
+def by_nodes(measured):
+    return measured.ladder
 
 
 def rungs(ladder, series):
@@ -163,3 +172,52 @@ def test_an_order_is_the_slope_and_knows_its_error():
         for k in range(300)
     ]
     assert np.std([order.value for order in found]) == pytest.approx(found[0].standard_error, rel=0.15)
+
+
+def test_a_spline_of_degree_k_converges_with_the_power_k_plus_one_and_its_slope_with_k(measured):
+    ladder = degree_ladder(measured.truth.thinned(8), measured.grid, measured.tables, (5.0, 8.0, 12.0))
+    for name, degree in (("linear", 1), ("quadratic", 2), ("cubic", 3), ("quintic", 5)):
+        assert ladder.orders[name]["rho"].value == pytest.approx(-degree - 1, abs=0.6)
+        assert ladder.orders[name]["normal"].value == pytest.approx(-degree, abs=0.6)
+    cubic, fused = rungs(ladder, "cubic"), {rung.setting: rung for rung in rungs(measured.ladder, "table")}
+    for rung in cubic:  # scipy's cubic and the tracer's are the same spline
+        assert rung.errors["rho"].value == pytest.approx(fused[rung.setting].errors["rho"].value, rel=1e-3, abs=1e-4)
+        assert rung.errors["irradiance_nmse"].value > rungs(ladder, "quintic")[-1].errors["irradiance_nmse"].value
+
+
+def test_single_precision_costs_what_its_rounding_says(measured):
+    ladder = precision_ladder(measured.truth, measured.grid, measured.tables)
+    single, double = rungs(ladder, "tables")
+    assert single.other["tables_mb"] == double.other["tables_mb"] / 2
+    assert single.errors["hit_99_percent"].value > double.errors["hit_99_percent"].value
+    rounded, exact = rungs(ladder, "exact sum")
+    assert exact.errors["hit"].value < 1e-11
+    # some ten roundings of 2^-24 over the 100 mm to the receiver
+    assert 1e-6 < rounded.errors["hit_99_percent"].value < 100 * 100 * 2.0**-24
+
+
+def test_the_newton_step_squares_what_the_search_leaves(measured):
+    ladder = search_ladder(measured.truth, (0, 2, 4, 6, 8, 40))
+    assert ladder.orders["readable tracer"]["hit"].value == pytest.approx(2.0, abs=0.3)
+    settings = [rung.setting for rung in ladder.rungs]
+    assert settings[0] / settings[1] == pytest.approx(4.0)
+
+
+def test_curved_facets_converge_and_flat_ones_hardly(measured, lens):
+    _, plan = nurbs_ladder(lens, (40,), cad=False)
+    ladder = casting_ladder(measured.truth.thinned(8), plan, (12, 24, 48))
+    assert ladder.orders[CURVED]["hit_99_percent"].value < -2.5
+    assert ladder.orders[FLAT]["irradiance_nmse"].value > -2.2
+    curved, flat = (rungs(ladder, series)[-1].errors for series in (CURVED, FLAT))
+    assert curved["hit_99_percent"].value < 1e-3 * flat["hit_99_percent"].value
+
+
+def test_a_run_too_long_to_keep_is_as_good_as_its_parts_together(lens, traced, source, monkeypatch):
+    monkeypatch.setattr(rays_module, "MOST_AT_ONCE", 2**12)
+    ladder, kept = ray_ladder(traced, lens.spec, source, (2**10, 2**11, 2**12, 2**14))
+    assert len(kept[0]) == 2**12
+    short, long = rungs(ladder, QMC)[-2:]
+    found = long.errors["irradiance_nmse"].value / short.errors["irradiance_nmse"].value
+    assert found == pytest.approx(1 / 4, rel=0.2)  # four scrambles of 2^12: noise falls with their number
+    assert [rung.setting for rung in rungs(ladder, PLAIN)] == [2**10, 2**11, 2**12]
+    assert ladder.orders[QMC]["irradiance_nmse"].value < -1.0

@@ -15,7 +15,9 @@ from lensforge.spec import parse_spec
 from lensforge.tradeoff.measure import Effort, measure, run_tradeoff
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.judge_nodes_per_sigma)}))
-EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), cad=False)
+EFFORT = Effort(
+    NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5, 5.0), (0, 4, 40), (12, 24), cad=False
+)
 SPEC = small_spec(base={"kind": "none"})
 
 
@@ -54,7 +56,10 @@ def folder(tmp_path_factory):
 
 def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
     content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
-    assert list(content["ladders"]) == ["rays", "tables", "pixels", "filter", "nurbs", "mesh"]
+    assert list(content["ladders"]) == [
+        *("rays", "tables", "degrees", "precision", "search"),
+        *("pixels", "filter", "nurbs", "mesh", "casting"),
+    ]
     for name, ladder in content["ladders"].items():
         errors = list(ladder["unit"])
         assert all(list(row["error"]) == errors for row in ladder["rows"])
@@ -80,7 +85,7 @@ def test_the_presets_say_what_the_rows_say(folder):
 def test_the_page_needs_nothing_else(folder):
     page = (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
-    assert page.count("<svg") == 11
+    assert page.count("<svg") == 17
     assert "mathdefault" not in page
 
 
