@@ -51,8 +51,9 @@ class AugmentedLagrangian:
 
     def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
         """The constraints at the watched points of two tables, each times its share."""
-        jets = self.watch.jets(inner, outer)
-        return self._share * torch.stack([each.field(*jets, self.watch.points) for each in self.constraints])
+        at_inner, at_outer = self.watch.jets(inner, outer)
+        values = [each.field(at_inner, at_outer, self.watch.points) for each in self.constraints]
+        return self._share * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
         """The minimum of each constraint over the points, in its unit; the history of a search keeps it."""
@@ -64,9 +65,9 @@ class AugmentedLagrangian:
         push = self._push(fields)
         return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
 
-    def hold(self, fields: Float[Tensor, "c k"], margins: float) -> bool:
-        """Whether every field keeps so much of its margin everywhere."""
-        return bool((fields >= margins * self._margin).all())
+    def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
+        """What the worst point lacks, as a multiple of its constraint's margin: 1 at the limit, 0 where all is kept."""
+        return float(torch.clamp(1.0 - fields.detach() / self._margin, min=0.0).max())
 
     def update(self, fields: Float[Tensor, "c k"]) -> None:
         """First-order multiplier update; call it between rounds of minimisation."""

@@ -61,7 +61,8 @@ def _least(
     least, step = np.inf, grid.step
     for _ in range(2):
         watch = Watch.of(grid, points, derivatives=True)
-        field = constraint.field(*watch.jets(*tables), watch.points)
+        inner, outer = watch.jets(*tables)
+        field = constraint.field(inner, outer, watch.points)
         least, at = min(least, float(field.min())), points[int(field.argmin())]
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))

@@ -12,8 +12,9 @@ from torch import Tensor
 from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.parameters import Parametrisation
 
-_ROUNDS, _ITERATIONS, _STRINGENCY = 20, 40, 1e6
-_INSIDE = 0.3  # of the margin: what the watched points must keep, since the peak between them may be a little higher
+_ROUNDS, _ITERATIONS, _STRINGENCY = 12, 40, 1e6
+_INSIDE = 0.7  # of the margin may be missing: the peak between the watched points is a little higher than they are
+_PROGRESS = 0.8  # a round that leaves more of the shortfall than this leads nowhere
 
 
 def nearest_feasible(
@@ -24,7 +25,7 @@ def nearest_feasible(
 ) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
     """``weights`` and ``offsets`` moved by as little as makes the watched points feasible, with some of the margin.
 
-    Least squares in the relative parameters, by augmented Lagrangian. What is too far off for that stays infeasible.
+    Least squares in the relative parameters, by augmented Lagrangian. What is too far off for that is left as it is.
     """
     constraints = constraints.fresh(_STRINGENCY)
     moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
@@ -32,10 +33,16 @@ def nearest_feasible(
     def fields() -> Float[Tensor, "c k"]:
         return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
-    for _ in range(_ROUNDS):
+    def shortfall() -> float:
         with torch.no_grad():
-            if constraints.hold(fields(), _INSIDE):
-                break
+            now = fields()
+        constraints.update(now)
+        return constraints.shortfall(now)
+
+    lacking = constraints.shortfall(fields())
+    for _ in range(_ROUNDS):
+        if lacking <= _INSIDE:
+            break
         optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
 
         def closure(optimiser: torch.optim.LBFGS = optimiser) -> Tensor:
@@ -45,7 +52,9 @@ def nearest_feasible(
             return loss
 
         optimiser.step(closure)
-        with torch.no_grad():
-            constraints.update(fields())
-    moved = moved.detach()
-    return weights + moved[1:], offsets + moved[0]
+        before, lacking = lacking, shortfall()
+        if lacking > _PROGRESS * before:
+            break
+    if lacking > 1.0:
+        return weights, offsets
+    return weights + moved[1:].detach(), offsets + moved[0].detach()

@@ -26,7 +26,7 @@ class SparseMatrix:
 
     def __matmul__(self, dense: Float[Tensor, "s c"]) -> Float[Tensor, "r c"]:
         """The product with ``dense``; differentiable by it."""
-        product: Tensor = _Product.apply(dense, self)  # type: ignore[no-untyped-call]
+        product: Tensor = _Product.apply(dense, self)
         return product
 
 
