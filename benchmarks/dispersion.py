@@ -1,0 +1,65 @@
+"""What dispersion does to a finished lens: the same rays with the index of each, with their mean, with the design's.
+
+    python benchmarks/dispersion.py cad_out/osram_pi --material PMMA
+
+Rays go through the exact surfaces. Shifts are between landings of the same ray on the receiver, weighted by flux.
+"""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lensforge.evaluation.exact import trace_exact_sum
+from lensforge.lens import load_lens
+from lensforge.optics.materials import MATERIALS
+from lensforge.sources.build import build_source
+from lensforge.surfaces.spline import grid_for, tabulate
+
+NODES_PER_SIGMA = 6.0  # only says where to look: a step on the exact surface follows
+
+
+def shift(one, other, side_mm):
+    """How far apart (mm) two traces land the same rays."""
+    both = one.arrived & other.arrived & (np.abs(other.hits) < 0.5 * side_mm).all(axis=1)
+    apart = np.linalg.norm(one.hits[both] - other.hits[both], axis=1)
+    rms = float(np.sqrt(np.average(apart**2, weights=other.flux[both])))
+    return {"rms_mm": rms, "median_mm": float(np.median(apart)), "p99_mm": float(np.quantile(apart, 0.99))}
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("directory", type=Path, help="of a design whose source has wavelengths")
+    arguments.add_argument("--material", choices=list(MATERIALS), default="PMMA")
+    arguments.add_argument("--rays", type=int, default=100_000)
+    given = arguments.parse_args()
+    lens = load_lens(given.directory / "lens.json")
+    source = build_source(lens.spec.source, MATERIALS[given.material])
+    rays = source.sample(min(given.rays, source.population or given.rays), 1)
+    each = rays.refractive_indices
+    if each is None:
+        raise SystemExit(f"{given.directory}: its source has no wavelengths; add source.spectrum")
+    grid = grid_for(float(lens.inner.basis.sigmas.min()), NODES_PER_SIGMA)
+    tables = {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
+    mean = float(np.average(each, weights=rays.weights))
+    side = lens.spec.target.receiver_mm
+    landed = {
+        name: trace_exact_sum(lens, grid, tables, replace(rays, refractive_indices=np.broadcast_to(index, each.shape)))
+        for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index))
+    }
+    inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
+    report = {
+        "rays": len(rays),
+        "wavelengths_nm": source.account["wavelengths_nm"],
+        "index": {"design": lens.refractive_index, "mean": mean, "standard_deviation": float(each.std())},
+        "colours": shift(landed["each"], landed["mean"], side),
+        "mean_instead_of_design": shift(landed["mean"], landed["design"], side),
+        "efficiency": {name: float(light.flux[inside[name]].sum() / source.flux_w) for name, light in landed.items()},
+    }
+    print(json.dumps(report, indent=2))
+
+
+if __name__ == "__main__":
+    main()
