@@ -7,7 +7,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
-from lensforge.report.drawing import BLUE, GREEN, INK, NARROW, ORANGE, in_house_style, new_figure
+from lensforge.report.drawing import BLUE, GREEN, INK, ORANGE, WIDE, in_house_style, new_figure
 
 _COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # nothing in light is finer than 10 nm
@@ -19,7 +19,7 @@ def gap_figure(gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float |
 
     ``limit_mm``: what the rms gap of the exported mesh must hold, dashed.
     """
-    figure, axes = new_figure(NARROW, 2.75)
+    figure, axes = new_figure(WIDE, 3.1)
     for (name, quantiles), colour in zip(gaps_mm.items(), _COLOURS, strict=False):
         share = np.linspace(0.0, 1.0, len(quantiles))
         axes.plot(np.maximum(quantiles, _LEAST_MM), share, color=colour, label=name)

@@ -3,6 +3,7 @@ from html import escape
 
 import browser
 import pytest
+from part_files import add_part_files
 from result_folders import make_folder
 
 from lensforge.report.build import build_report
@@ -61,7 +62,7 @@ addEventListener("load", () => setTimeout(() => {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    folder = make_folder(tmp_path_factory.mktemp("browser") / "whole", stl=True)
+    folder = add_part_files(make_folder(tmp_path_factory.mktemp("browser") / "whole", stl=True))
     if "No 3-D picture" in build_report(folder).read_text(encoding="utf-8"):
         pytest.skip("no off-screen renderer here")
     return folder
