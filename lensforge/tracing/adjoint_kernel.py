@@ -1,4 +1,4 @@
-"""Fused kernels, part 5: the adjoint of ``trace_kernel.trace``, ray by ray, without a second search.
+"""Fused kernels, part 6: the adjoint of ``trace_kernel.trace``, ray by ray, without a second search.
 
 Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; what the hit does to the normal behind it needs
 the Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
@@ -8,7 +8,7 @@ from math import sqrt
 
 from lensforge.tracing.jit import inline, kernel
 from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
-from lensforge.tracing.spline_kernel import curvature, scatter, value_and_slope
+from lensforge.tracing.spline_kernel import scatter, slope_and_curvature
 from lensforge.tracing.trace_kernel import outward_normal, refract
 
 _ARRIVED = 0
@@ -17,14 +17,20 @@ _AVERTED = 5
 
 
 @inline
-def hessian_times(x, y, z, vx, vy, vz, table, origin, inverse_step):
+def derivatives(x, y, z, table, origin, inverse_step):
+    """First and second derivatives of the table in the direction of a point: X, Y, XX, XY, YY."""
+    shift = sqrt(x * x + y * y + z * z) + z
+    return slope_and_curvature(table, origin, inverse_step, x / shift, y / shift)
+
+
+@inline
+def hessian_times(x, y, z, vx, vy, vz, jet):
     """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
+    rho_x, rho_y, xx, xy, yy = jet
     r = sqrt(x * x + y * y + z * z)
     ux, uy, uz = x / r, y / r, z / r
     shift = r + z
     X, Y = x / shift, y / shift
-    _, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
-    xx, xy, yy = curvature(table, origin, inverse_step, X, Y)
     gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
     ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
     bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y
@@ -75,14 +81,14 @@ def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):
 
 @inline
 def hit_adjoint(
-    x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, table, gradient, origin, inverse_step
+    x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet, gradient, origin, inverse_step
 ):  # fmt: skip
     """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m), to the ray's start.
 
     Adds those to the table's coefficients to ``gradient``. Returns the sensitivity to the start point; that to the
     direction is the path length times it.
     """
-    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, table, origin, inverse_step)
+    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
     ex, ey, ez = ex + hx, ey + hy, ez + hz
     by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
     r = sqrt(x * x + y * y + z * z)
@@ -92,12 +98,13 @@ def hit_adjoint(
 
 @kernel
 def trace_adjoint(
-    origins, directions, weights, inner, outer, scene, lengths, fates,
+    origins, directions, weights, indices, inner, outer, scene, lengths, fates,
     by_hits, by_carried, by_sines, inner_gradient, outer_gradient,
 ):  # fmt: skip
     """Add to the tables' gradients what every ray's sensitivities (to hit, flux and sin^2) say."""
-    index, distance, table_origin, inverse_step = scene
+    distance, fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
+        index = indices[min(k, len(indices) - 1)]
         arrived = fates[k] == _ARRIVED
         left_or_reflected = fates[k] == _AVERTED or (fates[k] == _TOTAL_REFLECTION and lengths[k, 1] > 0.0)
         if not (arrived or left_or_reflected):
@@ -109,11 +116,13 @@ def trace_adjoint(
         ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
         t1, t2 = lengths[k, 0], lengths[k, 1]
         px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
-        nx, ny, nz = outward_normal(px, py, pz, inner, table_origin, inverse_step)
+        jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
+        nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
         bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, 1.0 / index)
-        through1, slope1 = transmittance(c1, sqrt(q1_squared), 1.0 / index)
+        through1, slope1 = transmittance(c1, sqrt(q1_squared), 1.0 / index) if fresnel else (1.0, 0.0)
         sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
-        mx, my, mz = outward_normal(sx, sy, sz, outer, table_origin, inverse_step)
+        jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
+        mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
         cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
         if c1 <= 0.0 or c2 <= 0.0 or (arrived and q2_squared <= 0.0):
             continue  # tangent, or at the critical angle, to the last bit: there is no derivative
@@ -123,7 +132,8 @@ def trace_adjoint(
         ex, ey, ez = 0.0, 0.0, 0.0
         fx, fy, fz = 0.0, 0.0, 0.0
         if arrived:
-            through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
+            if fresnel:
+                through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
             by_c2 += gw * weights[k] * through1 * slope2
             t3 = (distance - sz) / cz
             by_t3 = gx * cx + gy * cy
@@ -133,11 +143,11 @@ def trace_adjoint(
         fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
         ex, ey, ez = hit_adjoint(
             sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
-            outer, outer_gradient, table_origin, inverse_step,
+            jet2, outer_gradient, table_origin, inverse_step,
         )  # fmt: skip
         fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
         _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
         hit_adjoint(
             px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
-            inner, inner_gradient, table_origin, inverse_step,
+            jet1, inner_gradient, table_origin, inverse_step,
         )  # fmt: skip

@@ -12,22 +12,35 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.adjoint_kernel import trace_adjoint
 from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.bounds_kernel import SurfaceBounds, surface_bounds
 from lensforge.tracing.chunks import CHUNKS, in_chunks
-from lensforge.tracing.intersect_kernel import surface_bounds
 from lensforge.tracing.trace_kernel import trace
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a ray meets besides the surfaces: the index of the body, the receiver's plane; and the tables' grid."""
+    """What a ray meets besides the surfaces: the index of the body, the receiver's plane; and the tables' grid.
+
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
+    """
 
     refractive_index: float
     distance_mm: float
     grid: TableGrid
+    fresnel: bool = True
 
-    def packed(self) -> tuple[float, float, float, float]:
+    def packed(self) -> tuple[float, bool, float, float]:
         """The four numbers that the kernels take."""
-        return self.refractive_index, self.distance_mm, self.grid.origin, 1.0 / self.grid.step
+        return self.distance_mm, self.fresnel, self.grid.origin, 1.0 / self.grid.step
+
+    def indices(self, rays: RayBundle) -> Float[np.ndarray, " k"]:
+        """The body's refractive index for each ray where they differ, or one for all."""
+        own = rays.refractive_indices
+        return np.array([self.refractive_index]) if own is None else own
+
+
+def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
+    return indices if len(indices) == 1 else indices[part]
 
 
 class _Trace(torch.autograd.Function):
@@ -36,13 +49,14 @@ class _Trace(torch.autograd.Function):
         tables = [table.detach().numpy() for table in (inner, outer)]
         bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
         _check_bounds(bounds)
-        count = len(rays)
+        count, indices = len(rays), scene.indices(rays)
         lengths, hits = np.empty((count, 2)), np.empty((count, 2))
         carried, sines, fates = np.empty(count), np.empty(count), np.empty(count, dtype=np.int8)
 
         def work(_: int, part: slice) -> None:
             trace(
-                rays.origins[part], rays.directions[part], rays.weights[part], *tables, *bounds, scene.packed(),
+                rays.origins[part], rays.directions[part], rays.weights[part], _part(indices, part),
+                *tables, *bounds, scene.packed(),
                 lengths[part], hits[part], carried[part], sines[part], fates[part],
             )  # fmt: skip
 
@@ -59,10 +73,12 @@ class _Trace(torch.autograd.Function):
         gradients = np.zeros((2, CHUNKS, *inner.shape))
         by = [tensor.contiguous().numpy() for tensor in (by_hits, by_carried, by_sines)]
         rays: RayBundle = ctx.rays
+        indices = ctx.scene.indices(rays)
 
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
-                rays.origins[part], rays.directions[part], rays.weights[part], inner, outer, ctx.scene.packed(),
+                rays.origins[part], rays.directions[part], rays.weights[part], _part(indices, part),
+                inner, outer, ctx.scene.packed(),
                 ctx.lengths[part], ctx.fates[part], *(array[part] for array in by), *gradients[:, chunk],
             )  # fmt: skip
 
@@ -71,11 +87,11 @@ class _Trace(torch.autograd.Function):
         return total[0], total[1], None, None
 
 
-def _check_bounds(bounds: list[Float[np.ndarray, "4"]]) -> None:
+def _check_bounds(bounds: list[SurfaceBounds]) -> None:
     for name, bound in zip(("inner", "outer"), bounds, strict=True):
-        if not (bound[0] > 0.0 and np.isfinite(bound).all()):
+        if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(
-                f"{name} surface: its radius falls to {bound[0]:.3g} mm; it must stay above 0: "
+                f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0: "
                 f"lower optimise.learning_rate, or raise lens.{name}_offset_mm"
             )
 

@@ -1,17 +1,14 @@
-"""Fused kernels, part 2: the first crossing of a ray with a star-shaped surface, proven and fast.
+"""Fused kernels, part 3: the first crossing of a ray with a star-shaped surface, proven and fast.
 
 The search walks from the inside along ``F(t) = rho(u(t)) - |p(t)|`` with steps that cannot jump over a root: where
-``-F'' <= C`` on the way ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
-step. Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique and plain Newton finishes.
-C comes from bounds on the table's slopes and curvatures on the unit sphere, which :func:`surface_bounds` takes from
-differences of the B-spline coefficients (convex-hull property), so they hold between the nodes too.
+``|F''| <= C`` on the way ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
+step. C comes from the bounds on the surface near the ray (``bounds_kernel``), and a step never leaves their reach.
+Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique, and it is closed in on from there.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
-import numpy as np
-
-from lensforge.tracing.jit import inline, kernel
+from lensforge.tracing.jit import inline
 from lensforge.tracing.spline_kernel import value_and_slope
 
 FOUND = 0
@@ -19,102 +16,115 @@ BELOW = 1  # passed the plane z = 0 first
 LOST = 2  # no convergence
 
 _MAX_STEPS = 200
-_TOLERANCE = 1e-13  # of the distance from the origin
+_MAX_CLOSING = 60
+_TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
 _ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
+_WORTH_A_LEAP = 0.95  # of the least radius nearby: up to there, to leap costs less than to look
 
 
-@kernel
-def surface_bounds(table, origin, step):
-    """Over z >= 0: ``[min rho, max rho, max |grad rho|, max |Hessian of rho|]`` on the unit sphere, mm and rad.
+@inline
+def descent(X, Y, per_shift, climb, r, dx, dy, dz, table, origin, inverse_step):
+    """F, F' and the table's slopes at a point of a ray: chart X, Y and 1/(r + z), cosine to the radius, distance r."""
+    rho, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
+    ahead = climb + dz
+    return rho - r, (rho_x * (dx - X * ahead) + rho_y * (dy - Y * ahead)) * per_shift - climb, rho_x, rho_y
 
-    Chart derivatives become sphere derivatives through the conformal factor 2/(1+R^2) of the stereographic chart.
+
+@inline
+def tile_of(X, Y, origin, bounds):
+    """The bounds near a direction, from inside of the table also where X or Y is no number."""
+    last = len(bounds.tiles) - 1
+    i = min(max(int((X - origin) * bounds.per_unit), 0), last)
+    j = min(max(int((Y - origin) * bounds.per_unit), 0), last)
+    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
+
+
+@inline
+def bend_ahead(outward, r, sine, climb, slope, hessian, least):
+    """C for the way ahead, and the path (mm) up to which that holds besides the reach of the bounds.
+
+    With theta between ray and radius, ``|F''| <= sin^2 (1/r + H/r^2) + G |sin 2 theta|/r^2``; theta falls along a ray.
     """
-    side = table.shape[0]
-    bounds = np.array([np.inf, -np.inf, 0.0, 0.0])
-    for i in range(1, side - 1):
-        X = origin + i * step
-        for j in range(1, side - 1):
-            Y = origin + j * step
-            radius = sqrt(X * X + Y * Y)
-            if radius > 1.0 + 4.0 * step:
-                continue
-            c = table[i, j]
-            bounds[0] = min(bounds[0], c)
-            bounds[1] = max(bounds[1], c)
-            east, west, north, south = table[i + 1, j], table[i - 1, j], table[i, j + 1], table[i, j - 1]
-            dx = max(abs(east - c), abs(c - west)) / step
-            dy = max(abs(north - c), abs(c - south)) / step
-            xx = abs(east - 2.0 * c + west) / (step * step)
-            yy = abs(north - 2.0 * c + south) / (step * step)
-            xy = abs(table[i + 1, j + 1] - table[i + 1, j] - table[i, j + 1] + c) / (step * step)
-            outer = radius + 2.0 * step  # the differences act a step or two around this coefficient
-            shrink = 0.5 * (1.0 + outer * outer)
-            gradient = sqrt(dx * dx + dy * dy)
-            chart_hessian = 0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-            bounds[2] = max(bounds[2], gradient * shrink)
-            bounds[3] = max(bounds[3], chart_hessian * shrink * shrink + gradient * outer * shrink)
-    # One point may see the extremes of several neighbouring coefficients; a tenth covers that for resolved tables.
-    bounds[2] *= 1.1
-    bounds[3] *= 1.1
-    return bounds
+    if climb >= 0.0:
+        per_r = 1.0 / r
+        twist = 2.0 * sine * climb if sine < climb else 1.0
+        return (sine * sine * (1.0 + hessian * per_r) + slope * twist * per_r) * per_r, inf
+    nearest, path = r * sine, inf
+    if nearest < least:  # up to where the ball begins in which F > 0
+        nearest = least
+        path = -outward - sqrt(outward * outward - r * r + least * least) + 1e-12 * r
+    return (1.0 + (hessian + slope) / nearest) / nearest, path
+
+
+@inline
+def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
+    """The one root in ``[t, t - 2 F/slope]``: a Newton step, then inverse Hermite interpolation in the bracket."""
+    low, high = t, t - 2.0 * F / slope
+    before, F_before, inverse_before = t, F, 1.0 / slope
+    t -= F * inverse_before
+    for _ in range(_MAX_CLOSING):
+        x, y, z = px + t * dx, py + t * dy, pz + t * dz
+        r = sqrt(x * x + y * y + z * z)
+        per_shift, climb = 1.0 / (r + z), (x * dx + y * dy + z * dz) / r
+        F, slope, rho_x, rho_y = descent(
+            x * per_shift, y * per_shift, per_shift, climb, r, dx, dy, dz, table, origin, inverse_step
+        )
+        inverse = 1.0 / slope
+        newton = -F * inverse
+        if abs(newton) <= _TOLERANCE * r or abs(F) <= _ROUNDING * r:
+            return t + newton, FOUND, rho_x, rho_y
+        if F > 0.0:
+            low = t
+        else:
+            high = t
+        # divided differences of t as a function of F, each point counted twice
+        per_F = 1.0 / (F - F_before)
+        secant = (t - before) * per_F
+        second = (inverse - secant) * per_F
+        third = (inverse_before - 2.0 * secant + inverse) * per_F * per_F
+        before, F_before, inverse_before = t, F, inverse
+        t += newton + F * F * (second - third * F_before)
+        t = t if low <= t <= high else before + newton
+        t = t if low <= t <= high else 0.5 * (low + high)
+    return t, LOST, 0.0, 0.0
 
 
 @inline
 def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
-    """Path length to the first crossing from a point with ``|p| <= rho``, and a status."""
+    """Path length to the first crossing from a point with ``|p| <= rho`` and z >= 0, a status, the table's slopes."""
+    least = bounds.least
     t = 0.0
-    newton = False
     for _ in range(_MAX_STEPS):
-        x = px + t * dx
-        y = py + t * dy
-        z = pz + t * dz
+        x, y, z = px + t * dx, py + t * dy, pz + t * dz
         if z < 0.0 and dz <= 0.0:
-            return t, BELOW
+            return t, BELOW, 0.0, 0.0
         r_squared = x * x + y * y + z * z
-        r = sqrt(r_squared)
         outward = x * dx + y * dy + z * dz
-        if r < bounds[0] and not newton:  # F > 0 in the whole ball: go to its far side
-            leap = sqrt(outward * outward + bounds[0] * bounds[0] - r_squared) - outward
-            t += leap * (1.0 + 1e-15) + 1e-15 * bounds[0]
-            x = px + t * dx
-            y = py + t * dy
-            z = pz + t * dz
-            if z < 0.0 and dz <= 0.0:
-                return t, BELOW
-            r_squared = x * x + y * y + z * z
-            r = sqrt(r_squared)
-            outward = x * dx + y * dy + z * dz
-        shift = r + z
-        if shift <= 0.5 * r:  # far below the horizon: outside of the chart
-            return t, BELOW
-        X = x / shift
-        Y = y / shift
-        rho, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
-        F = rho - r
-        climb = outward / r
-        ahead = climb + dz
-        slope = rho_x * (dx - X * ahead) / shift + rho_y * (dy - Y * ahead) / shift - climb
-        if newton:
-            move = -F / slope
-            t += move
-            if abs(move) <= _TOLERANCE * r or abs(F) <= _ROUNDING * r:
-                return t, FOUND
+        if r_squared < least * least:  # F > 0 in the whole ball: go to its far side
+            t += (sqrt(outward * outward + least * least - r_squared) - outward) * (1.0 + 1e-15) + 1e-15 * least
             continue
+        r = sqrt(r_squared)
+        per_shift, climb = 1.0 / (r + z), outward / r
+        X, Y = x * per_shift, y * per_shift
+        low, leaning, bending = tile_of(X, Y, origin, bounds)
+        sine = sqrt(max(1.0 - climb * climb, 0.0))
+        # after a path s the ray has turned by atan(s sine / (r + s climb)): s turning <= room stays in reach
+        turning, room = sine - bounds.tan_reach * climb, r * bounds.tan_reach
+        if r < _WORTH_A_LEAP * low:
+            leap = sqrt(outward * outward + low * low - r_squared) - outward
+            t += leap if leap * turning <= room else room / turning
+            continue
+        F, slope, rho_x, rho_y = descent(X, Y, per_shift, climb, r, dx, dy, dz, table, origin, inverse_step)
         if _ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
-            return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST
-        nearest = r
-        if outward < 0.0:
-            nearest = max(sqrt(max(r_squared - outward * outward, 0.0)), bounds[0])
-        bend = ((bounds[2] + bounds[3]) / nearest + 1.0) / nearest
-        if slope < 0.0 and 2.0 * bend * F <= slope * slope:
-            newton = True
-            move = -F / slope
-        else:
-            root = sqrt(slope * slope + 2.0 * bend * F)
-            move = 2.0 * F / (root - slope) if slope < 0.0 else (slope + root) / bend
-            steepest = sqrt(1.0 + (bounds[2] / nearest) ** 2)
-            move = max(move, F / steepest)
+            return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST, rho_x, rho_y
+        bend, path = bend_ahead(outward, r, sine, climb, leaning, bending, least)
+        farthest = -2.0 * F / slope
+        if slope < 0.0 and 2.0 * bend * F <= slope * slope and farthest * turning <= room and farthest <= path:
+            return close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step)
+        root = sqrt(slope * slope + 2.0 * bend * F)
+        move = min(2.0 * F / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
+        move = move if move * turning <= room else room / turning
         t += move
-        if abs(move) <= _TOLERANCE * r:
-            return t, FOUND
-    return t, LOST
+        if move <= 1e-13 * r:
+            return t, FOUND, rho_x, rho_y
+    return t, LOST, 0.0, 0.0

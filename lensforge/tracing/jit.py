@@ -32,17 +32,20 @@ def _cache_folder() -> Path:
 _FOLDER = str(_cache_folder())
 
 
+# Kernels allocate nothing. Without numba's runtime (_nrt) no call counts references to its arrays: that is an atomic
+# operation on memory that all threads share, for every evaluation of a surface.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        compiled: Callable[..., Any] = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})(
-            function
-        )
+        compiled: Callable[..., Any] = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
         return compiled
     finally:
         numba.config.CACHE_DIR = before
 
 
-inline = numba.njit(inline="never", error_model="numpy", fastmath={"contract"})
+inline = numba.njit(forceinline=True, **_OPTIONS)

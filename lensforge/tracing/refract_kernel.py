@@ -1,4 +1,4 @@
-"""Fused kernels, part 3: Snell and Fresnel at a dielectric surface, and their adjoints.
+"""Fused kernels, part 4: Snell and Fresnel at a dielectric surface, and their adjoints.
 
 ``ratio`` is n_before / n_after; normals point along the ray, ``c = d.n > 0``.
 """

@@ -53,8 +53,8 @@ def value_and_slope(table, origin, inverse_step, X, Y):
 
 
 @inline
-def curvature(table, origin, inverse_step, X, Y):
-    """Second derivatives of ``rho`` on the chart: XX, XY, YY."""
+def slope_and_curvature(table, origin, inverse_step, X, Y):
+    """First and second derivatives of ``rho`` on the chart: X, Y, XX, XY, YY."""
     side = table.shape[0]
     px = (X - origin) * inverse_step
     py = (Y - origin) * inverse_step
@@ -62,16 +62,18 @@ def curvature(table, origin, inverse_step, X, Y):
     j = cell_of(py, side)
     wx, dx, cx = cubic_weights(px - i)
     wy, dy, cy = cubic_weights(py - j)
-    xx = 0.0
-    xy = 0.0
-    yy = 0.0
+    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(4):
         row = table[i - 1 + a]
-        xx += cx[a] * (wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2])
-        xy += dx[a] * (dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2])
+        along = wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2]
+        across = dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2]
+        x += dx[a] * along
+        y += wx[a] * across
+        xx += cx[a] * along
+        xy += dx[a] * across
         yy += wx[a] * (cy[0] * row[j - 1] + cy[1] * row[j] + cy[2] * row[j + 1] + cy[3] * row[j + 2])
     square = inverse_step * inverse_step
-    return xx * square, xy * square, yy * square
+    return x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
 
 
 @inline

@@ -1,12 +1,13 @@
-"""Fused kernels, part 4: rays through both surfaces to the receiver's plane, one loop over rays.
+"""Fused kernels, part 5: rays through both surfaces to the receiver's plane, one loop over rays.
 
-``scene`` is ``[refractive index, receiver distance, table origin, 1/table step]``. The path lengths that the search
-found are kept, so that the adjoint (``adjoint_kernel``) need not search again.
+``scene`` is ``(receiver distance, Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's
+refractive index for each ray, or one for all. The path lengths that the search found are kept, so that the adjoint
+(``adjoint_kernel``) need not search again.
 """
 
 from math import sqrt
 
-from lensforge.tracing.intersect_kernel import BELOW, FOUND, first_hit
+from lensforge.tracing.intersect_kernel import BELOW, FOUND, first_hit, tile_of
 from lensforge.tracing.jit import inline, kernel
 from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
 from lensforge.tracing.spline_kernel import value_and_slope
@@ -19,19 +20,13 @@ LEAST_RISE = 1e-12
 
 
 @inline
-def outward_normal(x, y, z, table, origin, inverse_step):
-    """Gradient of ``|p| - rho(p/|p|)``: not normalised, pointing away from the origin."""
+def outward_normal(x, y, z, rho_x, rho_y):
+    """Gradient of ``|p| - rho(p/|p|)`` from the table's slopes: not normalised, pointing away from the origin."""
     r = sqrt(x * x + y * y + z * z)
-    shift = r + z
-    X = x / shift
-    Y = y / shift
-    _, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
-    radial = (rho_x * X + rho_y * Y) / shift
-    return (
-        x / r * (1.0 + radial) - rho_x / shift,
-        y / r * (1.0 + radial) - rho_y / shift,
-        z / r * (1.0 + radial) + radial,
-    )
+    per_r, per_shift = 1.0 / r, 1.0 / (r + z)
+    radial = (rho_x * x + rho_y * y) * per_shift * per_shift
+    along = (1.0 + radial) * per_r
+    return x * along - rho_x * per_shift, y * along - rho_y * per_shift, z * along + radial
 
 
 @inline
@@ -55,10 +50,11 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     start = max(0.0, -pz / dz)
     x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
     r = sqrt(x * x + y * y + z * z)
-    if not r <= bounds[1]:  # in this form also where x is no number
+    if not r <= bounds.most:  # in this form also where x is no number
         return _OUTSIDE_CAVITY, start
-    if r >= bounds[0]:
-        rho, _, _ = value_and_slope(table, origin, inverse_step, x / (r + z), y / (r + z))
+    X, Y = x / (r + z), y / (r + z)
+    if r >= bounds.least and r >= tile_of(X, Y, origin, bounds)[0]:
+        rho, _, _ = value_and_slope(table, origin, inverse_step, X, Y)
         if r >= rho:
             return _OUTSIDE_CAVITY, start
     return _ARRIVED, start
@@ -66,15 +62,17 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
 
 @kernel
 def trace(
-    origins, directions, weights, inner, outer, inner_bounds, outer_bounds, scene, lengths, hits, carried, sines, fates
+    origins, directions, weights, indices, inner, outer, inner_bounds, outer_bounds, scene,
+    lengths, hits, carried, sines, fates,
 ):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), hit x and y (2), flux, sin^2 behind, fate.
 
     ``carried`` is the flux that reached the last surface met, after Fresnel losses; ``sines`` the squared sine of
     the exit angle by Snell's law, above 1 where the outer surface reflects totally, 0 where it was not reached.
     """
-    index, distance, table_origin, inverse_step = scene
+    distance, fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
+        index = indices[min(k, len(indices) - 1)]
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
         hits[k, 0] = 0.0
@@ -89,34 +87,38 @@ def trace(
             continue
         px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
         # the inner surface
-        t, status = first_hit(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
+        t, status, rho_x, rho_y = first_hit(
+            px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds
+        )
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
         lengths[k, 0] = start + t
         if status != FOUND or pz < 0.0:
             fates[k] = _BASE if status == BELOW or pz < 0.0 else _NOT_CONVERGED
             continue
-        nx, ny, nz = outward_normal(px, py, pz, inner, table_origin, inverse_step)
+        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, 1.0 / index)
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = _TOTAL_REFLECTION
             continue
-        through, _ = transmittance(c, sqrt(q_squared), 1.0 / index)
-        carried[k] = weights[k] * through
+        if fresnel:
+            carried[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
         # the outer surface
-        t, status = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
+        t, status, rho_x, rho_y = first_hit(
+            px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds
+        )
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
         lengths[k, 1] = t
         if status != FOUND or pz < 0.0:
             fates[k] = _BASE if status == BELOW or pz < 0.0 else (_CROSSED if t == 0.0 else _NOT_CONVERGED)
             continue
-        nx, ny, nz = outward_normal(px, py, pz, outer, table_origin, inverse_step)
+        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
         sines[k] = 1.0 - q_squared
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = _TOTAL_REFLECTION
             continue
-        through, _ = transmittance(c, sqrt(q_squared), index)
-        carried[k] *= through
+        if fresnel:
+            carried[k] *= transmittance(c, sqrt(q_squared), index)[0]
         if dz <= LEAST_RISE:
             fates[k] = _AVERTED
             continue
