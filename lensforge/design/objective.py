@@ -10,21 +10,13 @@ from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.optics.dielectric import normal_transmittance
-from lensforge.receiver.losses import (
-    mirror_mean,
-    nmse_loss,
-    shortfall_loss,
-    stray_pull,
-    total_reflection_pull,
-    uniformity_loss,
-)
+from lensforge.receiver.collect import Collected, collected
+from lensforge.receiver.losses import mirror_mean, nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.receiver.plane import Receiver
-from lensforge.receiver.splat import splat_flux
 from lensforge.receiver.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.surfaces.symmetry import contains
-from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fused import Scene, trace_tables
 
 # Weights against an NMSE of order 0.01 to 1. The first three serve every stage; the rest the uniformity stage,
@@ -87,29 +79,27 @@ class Objective:
         """Trace ``rays``; ``uniform`` lets the evenness of the mask lead, and the image follow."""
         inner, outer = self.parametrisation.tables(weights, offsets)
         arrivals = trace_tables(inner, outer, self.scene, rays)
-        flux = mirror_mean(splat_flux(arrivals.hits, arrivals.flux, self.receiver), self.spec.lens.symmetry)
-        emitted = torch.from_numpy(rays.weights)
+        light = collected(arrivals, rays, self.receiver, self.window_mm)
+        flux = mirror_mean(light.image, self.spec.lens.symmetry)
+        emitted_w = float(rays.weights.sum())
         nmse = nmse_loss(flux, self.wanted)
         if uniform and self.mask is not None:
             loss = _UNIFORM_IMAGE * nmse + self._unevenness(flux, self.mask)
-            loss = loss + self._pulls(arrivals, emitted, _UNIFORM_EFFICIENCY)
+            loss = loss + _pulls(light, _UNIFORM_EFFICIENCY) / emitted_w
         else:
-            loss = nmse + self._pulls(arrivals, emitted, _EFFICIENCY)
+            loss = nmse + _pulls(light, _EFFICIENCY) / emitted_w
         fields = constraints.fields(inner, outer)
-        efficiency = float(flux.detach().sum() / emitted.sum())
+        efficiency = float(flux.detach().sum()) / emitted_w
         return Evaluated(loss + constraints.term(fields), nmse.item(), efficiency, fields)
 
     def _unevenness(self, flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
         variance = _UNIFORM_VARIANCE * uniformity_loss(flux, mask)
         return variance + _UNIFORM_SHORTFALL * shortfall_loss(flux, mask, _UNIFORM_MARGIN)
 
-    def _pulls(self, arrivals: Arrivals, emitted: Float[Tensor, " n"], efficiency_weight: float) -> Float[Tensor, ""]:
-        """What the image cannot see, relative to the emitted flux: stray rays, total reflection, light lost."""
-        stray = stray_pull(arrivals.hits, emitted * arrivals.arrived, self.receiver.side_mm)
-        reflected = total_reflection_pull(arrivals.sines, emitted)
-        in_window = torch.all(arrivals.hits.abs() <= 0.5 * self.window_mm, dim=1)
-        detected = torch.sum(arrivals.flux * in_window)
-        return (_STRAY * stray + _TOTAL_REFLECTION * reflected - efficiency_weight * detected) / emitted.sum()
+
+def _pulls(light: Collected, efficiency_weight: float) -> Float[Tensor, ""]:
+    """What the image cannot see (W): stray rays, total reflection, light lost."""
+    return _STRAY * light.stray + _TOTAL_REFLECTION * light.reflected - efficiency_weight * light.in_window
 
 
 def _require_symmetry(spec: Spec, source: Source, wanted: Float[Tensor, "p p"]) -> None:

@@ -209,7 +209,7 @@ class _Search:
     def _values(self, result: Evaluated) -> dict[str, float]:
         """What the history keeps of a step."""
         least = self.constraints.least(result.fields)
-        return {"nmse": result.nmse, "efficiency": result.efficiency, **least}
+        return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
 
 
 def _grown(history: list[dict[str, Any]], stage: Stage, step: int, values: dict[str, float]) -> list[dict[str, Any]]:

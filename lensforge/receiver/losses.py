@@ -46,20 +46,3 @@ def mirror_mean(image: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p 
     if symmetry == "square":
         image = 0.5 * (image + image.T)
     return image
-
-
-def stray_pull(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], side_mm: float) -> Float[Tensor, ""]:
-    """Flux beside the receiver, each ray weighted by ``e^2/(1+e^2)``, e its distance from the receiver in half widths.
-
-    Such rays have no weight and no derivative in the image, so plain descent never fetches them back. Bounded, so
-    that a few wild rays cannot outvote the image; ``flux`` counts as a constant.
-    """
-    half = 0.5 * side_mm
-    excess = torch.sum((torch.clamp(hits.abs() - half, min=0.0) / half) ** 2, dim=1)
-    return torch.sum(flux.detach() * excess / (1.0 + excess))
-
-
-def total_reflection_pull(sines: Float[Tensor, " n"], flux: Float[Tensor, " n"]) -> Float[Tensor, ""]:
-    """Flux whose squared exit sine exceeds 0.97, bounded: fetches totally reflected rays back, keeps others away."""
-    excess = torch.clamp((sines - 0.97) / 0.1, min=0.0)
-    return torch.sum(flux.detach() * excess / (1.0 + excess))

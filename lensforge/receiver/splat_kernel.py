@@ -6,54 +6,54 @@ centres by more than a pixel reaches no pixel.
 
 from math import floor
 
-from lensforge.tracing.jit import kernel
+from lensforge.tracing.jit import inline, kernel
+
+
+@inline
+def add_to_pixels(x, y, flux, side, image):
+    """Add one ray's flux to ``image`` (pixels, pixels), row y, column x."""
+    pixels = image.shape[0]
+    u = (x / side + 0.5) * pixels - 0.5
+    v = (y / side + 0.5) * pixels - 0.5
+    if not (-1.0 < u < pixels and -1.0 < v < pixels):
+        return
+    i = floor(u)
+    j = floor(v)
+    for row, share in ((j, 1.0 - (v - j)), (j + 1, v - j)):
+        if 0 <= row < pixels:
+            if i >= 0:
+                image[row, i] += flux * share * (1.0 - (u - i))
+            if i + 1 < pixels:
+                image[row, i + 1] += flux * share * (u - i)
+
+
+@inline
+def pixels_adjoint(x, y, flux, side, by_image):
+    """Sensitivities to a ray's hit (two) and flux from those to the pixels."""
+    pixels = by_image.shape[0]
+    scale = pixels / side
+    by_x, by_y, by_flux = 0.0, 0.0, 0.0
+    u = (x / side + 0.5) * pixels - 0.5
+    v = (y / side + 0.5) * pixels - 0.5
+    if not (-1.0 < u < pixels and -1.0 < v < pixels):
+        return by_x, by_y, by_flux
+    i = floor(u)
+    j = floor(v)
+    for row, share, sign in ((j, 1.0 - (v - j), -1.0), (j + 1, v - j, 1.0)):
+        if not 0 <= row < pixels:
+            continue
+        left = by_image[row, i] if i >= 0 else 0.0
+        right = by_image[row, i + 1] if i + 1 < pixels else 0.0
+        along = left * (1.0 - (u - i)) + right * (u - i)
+        by_x += flux * share * (right - left) * scale
+        by_y += flux * sign * along * scale
+        by_flux += share * along
+    return by_x, by_y, by_flux
 
 
 @kernel
 def splat(hits, flux, side, image):
-    """Add every ray's flux to ``image`` (pixels, pixels), row y, column x."""
-    pixels = image.shape[0]
+    """Add every ray's flux to ``image``."""
     for k in range(len(flux)):
-        if flux[k] == 0.0:
-            continue
-        u = (hits[k, 0] / side + 0.5) * pixels - 0.5
-        v = (hits[k, 1] / side + 0.5) * pixels - 0.5
-        if not (-1.0 < u < pixels and -1.0 < v < pixels):
-            continue
-        i = floor(u)
-        j = floor(v)
-        for row, share_v in ((j, 1.0 - (v - j)), (j + 1, v - j)):
-            if 0 <= row < pixels:
-                if i >= 0:
-                    image[row, i] += flux[k] * share_v * (1.0 - (u - i))
-                if i + 1 < pixels:
-                    image[row, i + 1] += flux[k] * share_v * (u - i)
-
-
-@kernel
-def splat_adjoint(hits, flux, side, by_image, by_hits, by_flux):
-    """Fill the sensitivities to hits (n, 2) and flux (n,) from those to the pixels."""
-    pixels = by_image.shape[0]
-    scale = pixels / side
-    for k in range(len(flux)):
-        by_hits[k, 0] = 0.0
-        by_hits[k, 1] = 0.0
-        by_flux[k] = 0.0
-        if flux[k] == 0.0:
-            continue
-        u = (hits[k, 0] / side + 0.5) * pixels - 0.5
-        v = (hits[k, 1] / side + 0.5) * pixels - 0.5
-        if not (-1.0 < u < pixels and -1.0 < v < pixels):
-            continue
-        i = floor(u)
-        j = floor(v)
-        fu = u - i
-        for row, share, sign in ((j, 1.0 - (v - j), -1.0), (j + 1, v - j, 1.0)):
-            if not 0 <= row < pixels:
-                continue
-            left = by_image[row, i] if i >= 0 else 0.0
-            right = by_image[row, i + 1] if i + 1 < pixels else 0.0
-            along = left * (1.0 - fu) + right * fu
-            by_hits[k, 0] += flux[k] * share * (right - left) * scale
-            by_hits[k, 1] += flux[k] * sign * along * scale
-            by_flux[k] += share * along
+        if flux[k] != 0.0:
+            add_to_pixels(hits[k, 0], hits[k, 1], flux[k], side, image)

@@ -87,9 +87,7 @@ def trace(
             continue
         px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
         # the inner surface
-        t, status, rho_x, rho_y = first_hit(
-            px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds
-        )
+        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
         lengths[k, 0] = start + t
         if status != FOUND or pz < 0.0:
@@ -103,9 +101,7 @@ def trace(
         if fresnel:
             carried[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
         # the outer surface
-        t, status, rho_x, rho_y = first_hit(
-            px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds
-        )
+        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
         lengths[k, 1] = t
         if status != FOUND or pz < 0.0:

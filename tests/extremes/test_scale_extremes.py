@@ -20,12 +20,11 @@ from lensforge.evaluation.evaluate import Evaluation, evaluate_lens
 from lensforge.lens import Lens
 from lensforge.optics.dielectric import normal_transmittance
 from lensforge.receiver.bins import bin_flux, flux_in_square
+from lensforge.receiver.collect import Collected, collected
 from lensforge.receiver.losses import (
     mirror_mean,
     nmse_loss,
     shortfall_loss,
-    stray_pull,
-    total_reflection_pull,
     uniformity_loss,
 )
 from lensforge.receiver.plane import Receiver
@@ -36,6 +35,7 @@ from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
 from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fused import Scene, trace_tables
 
 NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
@@ -128,6 +128,13 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
     assert result.raw.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(result.report["efficiency"], rel=1e-9)
 
 
+def _collected(hits: torch.Tensor, flux: torch.Tensor, sines: torch.Tensor, receiver: Receiver) -> Collected:
+    nowhere = np.zeros((len(flux), 3))
+    rays = RayBundle(nowhere, nowhere, np.ones(len(flux)))
+    arrivals = Arrivals(hits, flux, sines, torch.zeros(len(flux), dtype=torch.int8))
+    return collected(arrivals, rays, receiver, receiver.side_mm)
+
+
 @fuzzed(40)
 @given(
     st.sampled_from([1, 2, 3, 64]),
@@ -137,16 +144,19 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
 )
 def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, kind: str) -> None:
     receiver = Receiver(side, pixels)
-    x = {"inside": where, "edge": round(where * pixels) / pixels, "centre": 0.5 / pixels - 0.5, "far": where * 1e200}[
+    x = {"inside": where, "edge": round(where * pixels) / pixels, "centre": 0.5 / pixels - 0.5, "far": where * 1e100}[
         kind
     ]
     hits = torch.tensor([[x * side, -x * side], [0.0, 0.0]], dtype=torch.float64, requires_grad=True)
     flux = torch.tensor([0.25, 0.75], dtype=torch.float64, requires_grad=True)
-    image = splat_flux(hits, flux, receiver)
+    light = _collected(hits, flux, torch.zeros(2, dtype=torch.float64), receiver)
+    image = light.image
+    assert torch.allclose(image, splat_flux(hits, flux, receiver))
     assert (image >= 0.0).all() and image.sum().item() <= 1.0 + 1e-12
     if abs(x) <= 0.5 - 0.5 / pixels:  # between the outermost pixel centres nothing is lost
         assert image.sum().item() == pytest.approx(1.0, rel=1e-12)
-    gradients = torch.autograd.grad((image * torch.rand_like(image)).sum(), (hits, flux))
+    mixed = (image * torch.rand_like(image)).sum() + light.stray + light.in_window
+    gradients = torch.autograd.grad(mixed, (hits, flux))
     assert all(torch.isfinite(g).all() for g in gradients)
     binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), receiver)
     assert binned.sum() == pytest.approx(1.0 if -0.5 <= x < 0.5 and -0.5 <= -x < 0.5 else 0.75)
@@ -174,9 +184,10 @@ def test_pulls_of_hits_far_beyond_any_receiver() -> None:
     hits = torch.tensor([[1e19, -1e19], [0.0, 1e12]], dtype=torch.float64, requires_grad=True)
     sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
     flux = torch.ones(2, dtype=torch.float64)
-    for pull, of in ((stray_pull(hits, flux, 1e-2), hits), (total_reflection_pull(sines, flux), sines)):
+    light = _collected(hits, flux, sines, Receiver(1e-2, 4))
+    for pull, of in ((light.stray, hits), (light.reflected, sines)):
         assert 0.0 < pull.item() <= 2.0
-        assert torch.isfinite(torch.autograd.grad(pull, of)[0]).all()
+        assert torch.isfinite(torch.autograd.grad(pull, of, retain_graph=True)[0]).all()
 
 
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}

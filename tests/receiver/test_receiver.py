@@ -6,7 +6,7 @@ from PIL import Image
 from lensforge.errors import InputError
 from lensforge.receiver.bins import bin_flux, flux_in_square
 from lensforge.receiver.filter import gaussian3
-from lensforge.receiver.losses import mirror_mean, nmse_loss, stray_pull, total_reflection_pull, uniformity_loss
+from lensforge.receiver.losses import mirror_mean, nmse_loss, uniformity_loss
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.splat import splat_flux
 from lensforge.receiver.targets import target_irradiance
@@ -16,36 +16,28 @@ RECEIVER = Receiver(300.0, 32)
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 
 
-def _hits(count: int, reach: float = 140.0) -> tuple[torch.Tensor, torch.Tensor]:
+def _hits(count: int, reach: float = 140.0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
-    return torch.from_numpy(rng.uniform(-reach, reach, (count, 2))), torch.from_numpy(rng.random(count))
+    return rng.uniform(-reach, reach, (count, 2)), rng.random(count)
 
 
 def test_splat_keeps_flux_and_its_centroid() -> None:
     hits, flux = _hits(500)
-    image = splat_flux(hits, flux, RECEIVER)
-    assert image.sum().item() == pytest.approx(flux.sum().item(), rel=1e-13)
-    axis = torch.from_numpy(RECEIVER.axis_mm())
-    assert (image.sum(0) @ axis).item() == pytest.approx((flux * hits[:, 0]).sum().item(), rel=1e-10)
-    assert (image.sum(1) @ axis).item() == pytest.approx((flux * hits[:, 1]).sum().item(), rel=1e-10)
+    image = splat_flux(torch.from_numpy(hits), torch.from_numpy(flux), RECEIVER).numpy()
+    assert image.sum() == pytest.approx(flux.sum(), rel=1e-13)
+    axis = RECEIVER.axis_mm()
+    assert image.sum(0) @ axis == pytest.approx((flux * hits[:, 0]).sum(), rel=1e-10)
+    assert image.sum(1) @ axis == pytest.approx((flux * hits[:, 1]).sum(), rel=1e-10)
 
 
 def test_splat_on_a_pixel_centre_lights_that_pixel_alone() -> None:
     axis = RECEIVER.axis_mm()
-    image = splat_flux(torch.tensor([[axis[5], axis[9]]]), torch.ones(1, dtype=torch.float64), RECEIVER)
-    assert image[9, 5].item() == pytest.approx(1.0, abs=1e-12)
-
-
-def test_splat_gradients() -> None:
-    hits, flux = _hits(40, reach=170.0)  # some beside the receiver
-    weights = torch.from_numpy(np.random.default_rng(1).normal(size=(32, 32)))
-    assert torch.autograd.gradcheck(
-        lambda h, f: (splat_flux(h, f, RECEIVER) * weights).sum(), (hits.requires_grad_(), flux.requires_grad_())
-    )
+    image = splat_flux(torch.tensor([[axis[5], axis[9]]]), torch.ones(1, dtype=torch.float64), RECEIVER).numpy()
+    assert image[9, 5] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_bins_agree_with_numpy() -> None:
-    hits, flux = (t.numpy() for t in _hits(5000, reach=200.0))
+    hits, flux = _hits(5000, reach=200.0)
     edges = np.linspace(-150, 150, 33)
     expected, _, _ = np.histogram2d(hits[:, 1], hits[:, 0], bins=(edges, edges), weights=flux)
     assert np.allclose(bin_flux(hits, flux, RECEIVER), expected, atol=1e-12)
@@ -67,19 +59,6 @@ def test_losses_at_known_images() -> None:
     half = torch.ones(4, 4, dtype=torch.float64)
     half[:, 2:] = 3.0
     assert uniformity_loss(half, torch.ones(4, 4, dtype=torch.bool)).item() == pytest.approx(0.25)
-
-
-def test_pulls_draw_lost_rays_back() -> None:
-    hits = torch.tensor([[0.0, 0.0], [300.0, 0.0], [0.0, -1e9]], dtype=torch.float64, requires_grad=True)
-    flux = torch.ones(3, dtype=torch.float64)
-    pull = stray_pull(hits, flux, 300.0)
-    assert pull.item() == pytest.approx(0.0 + 0.5 + 1.0)
-    gradient = torch.autograd.grad(pull, hits)[0]
-    assert gradient[0].abs().max() == 0 and gradient[1, 0] > 0 and gradient[2, 1] < 0
-    sines = torch.tensor([0.5, 1.07, 2.0], dtype=torch.float64, requires_grad=True)
-    pull = total_reflection_pull(sines, flux)
-    assert torch.autograd.grad(pull, sines)[0].gt(0).tolist() == [False, True, True]
-    assert pull.item() < 2.0
 
 
 @pytest.mark.parametrize("name", ["none", "mirror_x", "mirror_y", "rectangle", "square"])
