@@ -79,3 +79,27 @@ def test_the_nodes_see_what_the_exact_sum_sees() -> None:
     fields = constraints.fields(table_of(lens.inner, grid), table_of(lens.outer, grid)) * 7.0
     exact = measure_constraints(lens)
     assert np.allclose(fields.min(dim=1).values.numpy(), list(exact.values()), atol=5e-3)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e4])
+def test_a_gate_does_not_know_how_long_a_millimetre_is(size: float) -> None:
+    """Outside of its limits by half of the tolerance, and by twice of it, at any size."""
+    limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 7.0}
+    lengths = {name: value * size for name, value in limits.items()} | {"outer_concave_radius_mm": 5.0 * size}
+    spec = small_spec(
+        constraints=lengths,
+        lens={"levels": [4, 9], "inner_offset_mm": 3.0 * size, "outer_offset_mm": 6.0 * size},
+        target__distance_mm=1e6,
+    )
+    for excess, passes in ((3.5e-5, True), (1.4e-4, False)):
+        lens = Lens(sphere(3.0 * size), sphere(7.0 * size * (1.0 + excess)), spec, 0, "draft")
+        found = measure_constraints(lens)
+        gates = {gate.name: gate.passed for gate in constraint_gates(spec, found)}
+        assert gates == {
+            "constraint g1": True,
+            "constraint g2": True,
+            "constraint g3": passes,
+            "constraint g4 outer": True,
+        }
+        assert found["g4_outer_per_mm"] * size == pytest.approx(1.0 / 5.0 + 1.0 / (7.0 * (1.0 + excess)), rel=1e-6)
+    assert spec.constraints.tolerance_mm <= 1e-3 * size

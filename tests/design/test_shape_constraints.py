@@ -156,6 +156,12 @@ def test_the_derivative_is_finite_at_umbilics_and_at_the_apex() -> None:
     tables = [table_of(sphere(radius), grid).requires_grad_() for radius in (2.0, 6.0)]
     gradients = torch.autograd.grad(constraints.fields(*tables).sum(), tables)
     assert all(torch.isfinite(gradient).all() for gradient in gradients)
+    points = constraints.watch.points
+    radius = torch.full_like(points.x, 2.0).requires_grad_()
+    flat = torch.zeros(5, len(points.x), dtype=torch.float64, requires_grad=True)
+    kappa = least_curvature(RadiusJet(radius, flat), points, OUTSIDE)  # a sphere without the rounding of a table
+    assert torch.allclose(kappa, torch.full_like(kappa, 0.5), rtol=0.0, atol=1e-11)
+    assert all(torch.isfinite(gradient).all() for gradient in torch.autograd.grad(kappa.sum(), (radius, flat)))
 
 
 def test_what_is_not_asked_for_is_not_computed() -> None:
