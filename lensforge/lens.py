@@ -139,7 +139,7 @@ def _srbf_to_json(surface: SrbfSurface) -> dict[str, Any]:
 
 def _surface_from_json(content: dict[str, Any]) -> Surface:
     if content.get("kind", "srbf") == "asphere":
-        numbers = (float(content[name]) for name in ("vertex_mm", "radius_mm", "conic"))
-        return Asphere(*numbers, tuple(float(value) for value in content["coefficients"]))
+        vertex, radius, conic = (float(content[name]) for name in ("vertex_mm", "radius_mm", "conic"))
+        return Asphere(vertex, radius, conic, tuple(float(value) for value in content["coefficients"]))
     basis = SrbfBasis(tuple(content["levels"]), float(content["sigma_c"]), content["symmetry"])
     return SrbfSurface(basis, np.array(content["weights_mm"], dtype=np.float64), float(content["offset_mm"]))

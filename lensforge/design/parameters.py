@@ -7,16 +7,44 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.design.sparse import SparseMatrix
 from lensforge.lens import Lens
+from lensforge.receiver.losses import mirror_mean
 from lensforge.spec import Spec
-from lensforge.surfaces.spline import TableGrid, grid_for, tabulate, weight_matrix
+from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.weight_maps import WeightMap, weight_maps
+
+
+@dataclass(frozen=True)
+class LevelMap:
+    """A :class:`~lensforge.surfaces.weight_maps.WeightMap` as differentiable operations."""
+
+    samples: SparseMatrix
+    refine: Float[Tensor, "side n"]
+
+    @staticmethod
+    def of(level: WeightMap) -> "LevelMap":
+        """The same numbers."""
+        return LevelMap(SparseMatrix.of(level.samples), torch.from_numpy(level.refine))
+
+    @property
+    def functions(self) -> int:
+        """Number of weights."""
+        count: int = self.samples.columns.shape[0]
+        return count
+
+    def coefficients(self, weights: Float[Tensor, "m c"]) -> Float[Tensor, "c side side"]:
+        """Table coefficients of ``c`` sets of weights."""
+        nodes = self.refine.shape[1]
+        samples = (self.samples @ weights.contiguous()).T.reshape(-1, nodes, nodes)
+        return self.refine @ samples @ self.refine.T
 
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """Both surfaces share one basis, so one matrix makes both tables.
+    """Both surfaces share one basis, so the same maps make both tables.
 
     Parameters are relative to the starting offsets: a unit step means the same for a lens of any size. Column 0 is
     the inner surface, column 1 the outer. A ``fixed`` surface has its columns, too: they change nothing.
@@ -24,34 +52,39 @@ class Parametrisation:
 
     basis: SrbfBasis
     grid: TableGrid
-    matrix: Float[Tensor, "s m"]
+    levels: tuple[LevelMap, ...]
     scale_mm: Float[Tensor, "2"]
     fixed: tuple[Surface | None, Surface | None] = (None, None)
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
-        """For the spec's lens, on a grid that resolves its narrowest function."""
+        """For the spec's lens, on a grid that resolves its narrowest feature."""
         lens, basis = spec.lens, spec.lens.basis
-        inner, outer = (section and section.surface for section in (lens.fixed_inner, lens.fixed_outer))
-        finest = min(surface.detail_rad for surface in (basis, inner, outer) if surface is not None)
-        grid = grid_for(finest, nodes_per_sigma)
-        matrix = torch.from_numpy(weight_matrix(grid, basis))
-        return Parametrisation(basis, grid, matrix, torch.tensor(lens.start_mm, dtype=torch.float64), (inner, outer))
+        details = [basis.detail_rad, *(surface.detail_rad for surface in lens.fixed if surface is not None)]
+        grid = grid_for(min(details), nodes_per_sigma)
+        levels = tuple(LevelMap.of(level) for level in weight_maps(grid, basis))
+        return Parametrisation(basis, grid, levels, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
 
     def tables(
         self, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"]
     ) -> tuple[Float[Tensor, "side side"], Float[Tensor, "side side"]]:
         """Tables (mm) of both surfaces from the first ``k`` relative weights; differentiable."""
-        columns = (self.matrix[:, : len(weights)] @ weights + offsets) * self.scale_mm
-        side = self.grid.side
+        total, first = torch.zeros(1, dtype=torch.float64), 0
+        for level in self.levels:
+            if first < len(weights):
+                total = total + level.coefficients(weights[first : first + level.functions])
+            first += level.functions
+        tables = (total + offsets[:, None, None]) * self.scale_mm[:, None, None]
+        # images have y in their rows, tables X
         inner, outer = (
-            columns[:, i].reshape(side, side) if still is None else still for i, still in enumerate(self._fixed_tables)
+            mirror_mean(tables[i].T, self.basis.symmetry).T if still is None else still
+            for i, still in enumerate(self._fixed_tables)
         )
-        return inner, outer
+        return inner.contiguous(), outer.contiguous()
 
     @cached_property
     def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
-        return [surface and torch.from_numpy(tabulate(self.grid, surface)) for surface in self.fixed]
+        return [None if still is None else torch.from_numpy(tabulate(self.grid, still)) for still in self.fixed]
 
     def lens(
         self, weights: Float[Tensor, "m 2"], offsets: Float[Tensor, "2"], spec: Spec, seed: int, accuracy: str

@@ -8,6 +8,7 @@ from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
 from lensforge.spec.fixed import FixedSurface
 from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
+from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import SrbfBasis
 
 _SAME_INDEX = 1e-9  # a lens.json holds the material and its index: they must be of one mind
@@ -105,6 +106,12 @@ class LensSection(Section):
         outer = self.outer_offset_mm if self.fixed_outer is None else self.fixed_outer.apex_mm
         assert inner is not None and outer is not None
         return inner, outer
+
+    @property
+    def fixed(self) -> tuple[Asphere | None, Asphere | None]:
+        """The inner and the outer surface where they are fixed."""
+        inner, outer = self.fixed_inner, self.fixed_outer
+        return None if inner is None else inner.surface, None if outer is None else outer.surface
 
     @property
     def basis(self) -> SrbfBasis:
