@@ -9,7 +9,7 @@ from typing import Any
 
 from lensforge.files import write_json
 from lensforge.gates import Gate
-from lensforge.geometry.form import FormError, face_error, fit_to_form, worst
+from lensforge.geometry.form import FormError, Place, face_error, fit_to_form, worst
 from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
 from lensforge.geometry.mesh_union import join_mesh
@@ -130,15 +130,18 @@ def _prove(lens: Lens, built: Solid, mesh: BodyMesh, reached: MeshTolerance, dir
 
 def _gates(proof: _Proof) -> list[Gate]:
     """Everything that must hold before the files may go to a shop."""
-    finer = "raise the number of nodes"
+    finer, rings = "raise the number of nodes", "change the number of rings"
+    form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole"
+    wrong_at = f"try another base.diameter_mm, or no base; it is {faults} that is not valid"
+    stl, threemf = proof.stl, proof.threemf
     return [
-        Gate("form_error", proof.form.form_max_nm, "<=", _FORM_LIMIT_NM, "nm", finer),
-        Gate("normal_error", proof.form.normal_max_mrad, "<=", _NORMAL_LIMIT_MRAD, "mrad", finer),
-        Gate("step_valid", float(proof.solid.valid), ">=", 1.0, "", "try another base.diameter_mm, or no base"),
+        Gate("form_error", form.form_max_nm, "<=", _FORM_LIMIT_NM, "nm", finer + _at(form.form_at_mm)),
+        Gate("normal_error", form.normal_max_mrad, "<=", _NORMAL_LIMIT_MRAD, "mrad", finer + _at(form.normal_at_mm)),
+        Gate("step_valid", float(proof.solid.valid), ">=", 1.0, "", wrong_at),
         Gate("step_volume_change", proof.volume_change, "<=", _ROUND_TRIP_LIMIT, "", finer),
-        Gate("watertight", float(proof.stl.watertight), ">=", 1.0, "", "change the number of rings"),
-        Gate("watertight_3mf", float(proof.threemf.watertight), ">=", 1.0, "", "change the number of rings"),
-        Gate("genus_difference", abs(proof.stl.genus - proof.solid.genus), "<=", 0.0, "", "change the number of rings"),
+        Gate("watertight", float(stl.watertight), ">=", 1.0, "", rings + _at(stl.fault_mm)),
+        Gate("watertight_3mf", float(threemf.watertight), ">=", 1.0, "", rings + _at(threemf.fault_mm)),
+        Gate("genus_difference", abs(stl.genus - proof.solid.genus), "<=", 0.0, "", rings),
         Gate(
             "mesh_volume_change",
             proof.mesh_volume_change,
@@ -148,6 +151,10 @@ def _gates(proof: _Proof) -> list[Gate]:
             "raise the number of rings",
         ),
     ]
+
+
+def _at(place_mm: Place | None) -> str:
+    return "" if place_mm is None else f"; it is at ({', '.join(f'{value:.4g}' for value in place_mm)}) mm"
 
 
 def _describe(mesh: BodyMesh, reached: MeshTolerance) -> dict[str, Any]:

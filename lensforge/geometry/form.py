@@ -24,19 +24,33 @@ _FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5, 0.01
 _FORM_ORDER, _NORMAL_ORDER = 6, 5
 
 
+Place = tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class FormError:
-    """Largest and root-mean-square distance along the normal (nm), and angle between normals (mrad)."""
+    """Largest and root-mean-square distance along the normal (nm), and angle between normals (mrad); where (mm)."""
 
     form_max_nm: float
     form_rms_nm: float
     normal_max_mrad: float
     normal_rms_mrad: float
+    form_at_mm: Place
+    normal_at_mm: Place
 
 
 def worst(errors: list[FormError]) -> FormError:
-    """The largest of each figure."""
-    return FormError(*(float(max(figures)) for figures in zip(*(vars(e).values() for e in errors), strict=True)))
+    """The largest of each figure, each with its place."""
+    form = max(errors, key=lambda error: error.form_max_nm)
+    normal = max(errors, key=lambda error: error.normal_max_mrad)
+    return FormError(
+        form.form_max_nm,
+        max(error.form_rms_nm for error in errors),
+        normal.normal_max_mrad,
+        max(error.normal_rms_mrad for error in errors),
+        form.form_at_mm,
+        normal.normal_at_mm,
+    )
 
 
 def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2"]:
@@ -94,7 +108,15 @@ def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Floa
     sine = np.linalg.norm(np.cross(normals, exact), axis=1)
     cosine = np.abs(np.sum(normals * exact, axis=1))
     angle = np.arctan2(sine, cosine) * 1e3
-    return FormError(float(np.abs(distance).max()), _rms(distance), float(angle.max()), _rms(angle))
+    furthest, steepest = int(np.argmax(np.abs(distance))), int(np.argmax(angle))
+    return FormError(
+        float(np.abs(distance[furthest])),
+        _rms(distance),
+        float(angle[steepest]),
+        _rms(angle),
+        _place(points[furthest]),
+        _place(points[steepest]),
+    )
 
 
 def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
@@ -108,3 +130,8 @@ def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _place(point: Float[np.ndarray, "3"]) -> Place:
+    x, y, z = point.tolist()
+    return x, y, z

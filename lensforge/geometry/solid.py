@@ -51,6 +51,11 @@ class Solid:
         """Whether the kernel finds one closed, outward, consistent solid: wires, edges, tolerances and all."""
         return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.volume_mm3 > 0.0
 
+    @property
+    def faults(self) -> list[str]:
+        """Names of the faces that the kernel finds inconsistent, each on its own."""
+        return [name for name, face in self.faces.items() if not face.isValid()]
+
     @cached_property
     def volume_mm3(self) -> float:
         """Volume, by adaptive integration over the faces."""

@@ -11,11 +11,13 @@ class Closure:
     """manifold3d's verdict; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
 
     ``genus`` counts handles: 0 for a lens, whose cavity and bore are one dent and not a hole; -1 for two bodies.
+    ``fault_mm`` is the middle of an edge that does not join two triangles of one sense; None where all do.
     """
 
     status: str
     genus: int
     volume_mm3: float
+    fault_mm: tuple[float, float, float] | None = None
 
     @property
     def watertight(self) -> bool:
@@ -32,4 +34,16 @@ def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, 
         tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
     )
     body = manifold3d.Manifold(mesh)
-    return Closure(body.status().name, int(body.genus()), float(body.volume()))
+    return Closure(body.status().name, int(body.genus()), float(body.volume()), _fault(vertices, triangles))
+
+
+def _fault(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> tuple[float, float, float] | None:
+    """Every edge must be walked once in each direction; where the first one is that is not."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
+    forth, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
+    _, first, times = np.unique(forth, return_index=True, return_counts=True)
+    wrong = np.concatenate([first[times > 1], np.flatnonzero(~np.isin(back, forth))])
+    if not len(wrong):
+        return None
+    x, y, z = vertices[edges[wrong.min()]].mean(axis=0).tolist()
+    return x, y, z

@@ -93,13 +93,14 @@ def _wall_json(wall: ThinnestWall) -> dict[str, Any]:
 
 def _radial_gate(lens: Lens, radial: ThinnestWall) -> Gate:
     """The wall that the design promised: the radial one of the paper. The material may be thinner along the normal."""
+    place = ", ".join(f"{value:.4g}" for value in radial.inner_mm)
     return Gate(
         name="radial wall",
         value=radial.thickness_mm,
         sense=">=",
         limit=lens.spec.constraints.min_thickness_mm - lens.spec.constraints.tolerance_mm,
         unit="mm",
-        remedy="raise lens.outer_offset_mm or give the last level more steps",
+        remedy=f"raise lens.outer_offset_mm or give the last level more steps; it is thinnest at ({place}) mm",
     )
 
 

@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 from geometry_lenses import exact_volume, random_surface
@@ -98,7 +100,8 @@ def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width, tmp_
     assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+# A thousand: LENSFORGE_EXAMPLES=1000 python -m pytest tests/geometry/test_base.py -k random
+@settings(max_examples=int(os.environ.get("LENSFORGE_EXAMPLES", "12")), deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     outer=st.floats(8.0, 13.7),

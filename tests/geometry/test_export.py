@@ -1,5 +1,6 @@
 import hashlib
 import json
+import re
 import subprocess
 import sys
 
@@ -68,6 +69,8 @@ def test_random_lenses_are_valid_closed_and_watertight(tmp_path, seed):
 def test_too_few_nodes_fail_the_form_gates_without_raising(tmp_path):
     result = export_lens(make_lens(0.8, 2.45, 0.02, levels=(9, 25, 81)), tmp_path, nodes=20, rings=16)
     assert {"form_error", "normal_error"} <= set(failed(result))
+    for gate in result["gates"][:2]:
+        assert re.search(r"at \(.+, .+, .+\) mm", gate["remedy"]), "it names the place"
     assert result["watertight"], "a wrong form is no hole: each gate must see its own fault"
 
 

@@ -87,3 +87,15 @@ def test_a_large_surface_gets_the_nodes_that_its_form_needs():
     assert error.form_max_nm < 1.0
     assert error.normal_max_mrad < 0.02
     assert fit_to_form(large, 60).nodes == 60
+
+
+def test_the_place_of_the_worst_is_named():
+    chart = chart_samples(256)
+    directions = to_sphere(chart)
+    points, normals = SURFACE.radius(directions)[:, None] * directions, SURFACE.normal(directions)
+    dented, turned = points.copy(), normals.copy()
+    dented[17] *= 1.0 + 1e-6
+    turned[30] = normals[31]
+    error = worst([form_error(SURFACE, dented, normals), form_error(SURFACE, points, turned)])
+    assert error.form_at_mm == pytest.approx(tuple(dented[17]), abs=1e-12)
+    assert error.normal_at_mm == pytest.approx(tuple(points[30]), abs=1e-12)
