@@ -18,7 +18,7 @@ from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import grid_images
 
 # The filter's end condition decays by 2 - sqrt(3) a node: after 24 nodes it is below 1e-13.
-_APRON = 24
+APRON = 24
 _CHUNK_BYTES = 256 * 2**20
 _MOST_NODES = 4096  # a table of 128 MiB
 _MOST_MATRIX_BYTES = 8 * 2**30
@@ -47,17 +47,17 @@ class TableGrid:
 
     def sample_directions(self) -> Float[np.ndarray, "k 3"]:
         """Directions of the nodes and of the apron around them, X slowest."""
-        count = self.nodes + 2 * _APRON
-        half = chart.HALF_WIDTH + _APRON * self.step
+        count = self.nodes + 2 * APRON
+        half = chart.HALF_WIDTH + APRON * self.step
         return chart.to_sphere(chart.grid(count, half)).reshape(-1, 3)
 
     def coefficients(self, samples: Float[np.ndarray, "k c"]) -> Float[np.ndarray, "s c"]:
         """Interpolating coefficients, flattened X slowest, of ``c`` functions sampled at :meth:`sample_directions`."""
-        count = self.nodes + 2 * _APRON
+        count = self.nodes + 2 * APRON
         block = samples.reshape(count, count, -1)
         for axis in (0, 1):
             block = spline_filter1d(block, order=3, axis=axis, mode="mirror")
-        kept = slice(_APRON - 1, _APRON + self.nodes + 1)
+        kept = slice(APRON - 1, APRON + self.nodes + 1)
         return np.ascontiguousarray(block[kept, kept]).reshape(self.side**2, -1)
 
 
@@ -87,7 +87,7 @@ def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> Float[np.ndarray, "s m"]
             f"allowed are {_MOST_MATRIX_BYTES // 2**30}: lower lens.levels, raise lens.sigma_c, or --accuracy draft"
         )
     directions = grid.sample_directions()
-    count = grid.nodes + 2 * _APRON
+    count = grid.nodes + 2 * APRON
     matrix = np.empty((grid.side**2, basis.size))
     columns = max(1, _CHUNK_BYTES // (8 * len(directions)))
     for first in range(0, basis.size, columns):
@@ -100,7 +100,7 @@ def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> Float[np.ndarray, "s m"]
 
 def tabulate(grid: TableGrid, surface: Surface) -> Float[np.ndarray, "side side"]:
     """The table of one surface, from its exact sum."""
-    count = grid.nodes + 2 * _APRON
+    count = grid.nodes + 2 * APRON
     samples = surface.radius_on_grid(grid.sample_directions().reshape(count, count, 3))
     return grid.coefficients(samples.reshape(-1, 1)).reshape(grid.side, grid.side)
 

@@ -1,0 +1,88 @@
+"""From weights to table coefficients, level by level: the cost follows what each function covers.
+
+A function is sampled where it is not negligible, on a grid as fine as its own level needs; the level's spline is then
+carried over to the table's grid, which is one small matrix along each axis. So a step of the search costs hardly more
+with thousands of narrow functions than with hundreds, and broad functions do not fill a fine grid.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline
+from scipy.ndimage import spline_filter1d
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from lensforge.errors import InputError
+from lensforge.surfaces import chart
+from lensforge.surfaces.spline import APRON, TableGrid, grid_for
+from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
+
+_NEGLIGIBLE = 1e-12  # of a function's peak
+_FINER = 1.6  # a coarse level's nodes per sigma over the finest's: its error is then a seventh of the table's
+_MOST_BYTES = 8 * 2**30
+_BYTES_PER_SAMPLE = 24  # value and index, by rows and by columns
+
+
+@dataclass(frozen=True)
+class WeightMap:
+    """One level: ``coefficients = refine @ square(samples @ weights) @ refine.T``, before mirror images are averaged.
+
+    ``samples`` (n^2, m): the functions at the nodes of the level's grid, X slowest. ``refine`` (side, n): along one
+    axis, from those samples to the coefficients of the table.
+    """
+
+    samples: csr_matrix
+    refine: Float[np.ndarray, "side n"]
+
+
+def weight_maps(grid: TableGrid, basis: SrbfBasis) -> list[WeightMap]:
+    """The maps of all levels of ``basis`` to tables on ``grid``, coarse first.
+
+    Raises :class:`InputError` before one level takes more than 8 GiB.
+    """
+    maps = []
+    for count in basis.levels:
+        sigma = level_sigma(count, basis.sigma_c)
+        own = _level_grid(grid, sigma, basis.detail_rad)
+        maps.append(WeightMap(_samples(own, count, sigma), _refinement(own, grid)))
+    return maps
+
+
+def _level_grid(grid: TableGrid, sigma: float, finest: float) -> TableGrid:
+    """A grid of the level's own where that is coarser than the table's."""
+    if sigma <= _FINER * finest:
+        return grid
+    own = grid_for(sigma, _FINER * finest / (2.0 * grid.step))
+    return own if own.nodes < grid.nodes else grid
+
+
+def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
+    nodes, centres = cKDTree(grid.sample_directions()), cKDTree(fibonacci_hemisphere(count))
+    angle = min(sigma * np.sqrt(-np.log(_NEGLIGIBLE)), np.pi)
+    chord = 2.0 * np.sin(0.5 * angle)
+    needed = _BYTES_PER_SAMPLE * int(nodes.count_neighbors(centres, chord))
+    if needed > _MOST_BYTES:
+        raise InputError(
+            f"lens: {count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
+            f"allowed are {_MOST_BYTES // 2**30}: lower lens.levels, raise lens.sigma_c, or --accuracy draft"
+        )
+    near = nodes.sparse_distance_matrix(centres, chord, output_type="coo_matrix")
+    angles = 2.0 * np.arcsin(np.minimum(0.5 * near.data, 1.0))
+    values = np.exp(-((angles / sigma) ** 2))
+    return csr_matrix((values, (near.row, near.col)), shape=near.shape)
+
+
+def _refinement(own: TableGrid, grid: TableGrid) -> Float[np.ndarray, "side n"]:
+    """Samples on ``own`` to its spline, to that spline's values at the nodes of ``grid``, to coefficients there."""
+    matrix = np.eye(own.nodes + 2 * APRON)
+    if own != grid:
+        coefficients = spline_filter1d(matrix, order=3, axis=0, mode="mirror")
+        first = -chart.HALF_WIDTH - APRON * own.step
+        knots = first + own.step * np.arange(-2, len(matrix) + 2)
+        reach = chart.HALF_WIDTH + APRON * grid.step
+        nodes = np.linspace(-reach, reach, grid.nodes + 2 * APRON)
+        matrix = BSpline.design_matrix(nodes, knots, 3) @ coefficients
+    kept = slice(APRON - 1, APRON + grid.nodes + 1)
+    return np.ascontiguousarray(spline_filter1d(matrix, order=3, axis=0, mode="mirror")[kept])
