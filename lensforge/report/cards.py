@@ -64,9 +64,9 @@ def _light_cards(results: Results) -> Iterator[Card]:
     if record.preset_error is not None:
         left = record.preset_error.evaluation
         noise = "" if record.nmse_of_noise is None else f"; ray noise {number(record.nmse_of_noise, 2)}"
-        error = _error(left.irradiance_nmse_standard_error)
+        spread = _error(left.irradiance_nmse_standard_error)
         note = (
-            f"{error}NMSE that the tables of --accuracy {results.lens.accuracy} add "
+            f"{spread}NMSE that the tables of --accuracy {results.lens.accuracy} add "
             f"to the light of the exact surfaces; hits {number(left.hit_mm, 2)} mm off (rms){noise}"
         )
         yield Card("Simulation error", number(left.irradiance_nmse, 2), "", note)

@@ -30,12 +30,15 @@ def referee_rows(results: Results) -> list[RefereeRow]:
 
 def _rows(record: VerifyRecord) -> Iterator[RefereeRow]:
     gap = record.deviation_mm
+    rms, p99, largest = (number(value, 2) for value in (gap.rms, gap.p99, gap.max))
     floor = f"NMSE {number(record.nmse_vs_design, 2)}, noise makes {number(record.noise_floor_nmse, 2)}"
     yield RefereeRow(
         "Grid of trimesh\u2019s triangles, normals fitted to the vertices",
         "lens.stl",
         number(record.rays),
-        *(number(value, 2) for value in (gap.rms, gap.p99, gap.max)),
+        rms,
+        p99,
+        largest,
         floor,
         _state(record, "deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation"),
     )
