@@ -33,12 +33,6 @@ def nearest_feasible(
     def fields() -> Float[Tensor, "c k"]:
         return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
-    def shortfall() -> float:
-        with torch.no_grad():
-            now = fields()
-        constraints.update(now)
-        return constraints.shortfall(now)
-
     lacking = constraints.shortfall(fields())
     for _ in range(_ROUNDS):
         if lacking <= _INSIDE:
@@ -52,7 +46,10 @@ def nearest_feasible(
             return loss
 
         optimiser.step(closure)
-        before, lacking = lacking, shortfall()
+        with torch.no_grad():
+            now = fields()
+        constraints.update(now)
+        before, lacking = lacking, constraints.shortfall(now)
         if lacking > _PROGRESS * before:
             break
     if lacking > 1.0:
