@@ -21,6 +21,7 @@ from lensforge.design.parameters import Parametrisation
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 
+MANY = (25, 81, 289, 1089, 2741)
 SPEC = Path(__file__).parents[1] / "examples" / "flat_top.toml"
 
 
@@ -37,8 +38,11 @@ def median_seconds(work: Callable[[], object], repeat: int) -> float:
 class Step:
     """The step of the design loop, with its parts callable one by one."""
 
-    def __init__(self, rays: int) -> None:
+    def __init__(self, rays: int, levels: tuple[int, ...] | None = None) -> None:
         spec = load_spec(SPEC)
+        if levels is not None:
+            lens = spec.lens.model_copy(update={"levels": levels})
+            spec = spec.model_copy(update={"lens": lens})
         self.source = build_source(spec.source, spec.lens.dispersion)
         self.parametrisation = Parametrisation.of(spec, 3.4)
         self.objective = Objective.of(spec, self.source, self.parametrisation)
@@ -67,6 +71,10 @@ class Step:
     def gradient(self) -> None:
         self.evaluate().backward()
 
+    def whole(self) -> None:
+        self.bundle = self.source.sample(self.rays, 0)
+        self.gradient()
+
 
 def main() -> None:
     parser = argparse.ArgumentParser()
@@ -83,10 +91,15 @@ def main() -> None:
     for name, seconds in parts.items():
         print(f"{name:10s} {1e3 * seconds:8.1f} ms")
     print(f"{'rays/s':10s} {options.rays / parts['gradient']:8.3g}  forward and gradient")
+    print(f"{'memory':10s} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:8.2f} GiB peak so far")
+    whole = median_seconds(step.whole, options.repeat)
+    print(f"{'whole':10s} {1e3 * whole:8.1f} ms, with fresh rays")
     smaller = Step(options.rays // 4)
-    ratio = parts["gradient"] / median_seconds(smaller.gradient, options.repeat)
-    print(f"{'growth':10s} {ratio:8.2f}  for 4 times the rays")
-    print(f"{'memory':10s} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:8.2f} GiB peak")
+    ratio = whole / median_seconds(smaller.whole, options.repeat)
+    print(f"{'rays':10s} {ratio:8.2f}  times the cost for 4 times the rays")
+    larger = Step(options.rays, MANY)
+    ratio = median_seconds(larger.whole, options.repeat) / whole
+    print(f"{'functions':10s} {ratio:8.2f}  times the cost for {2 * larger.parametrisation.basis.size} functions")
 
 
 if __name__ == "__main__":
