@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from extremes import bundle, fuzzed, sound
+from extremes import bundle, fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import hemisphere_directions, random_surface, sphere, table_of
+from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.optics.dielectric import normal_transmittance
 from lensforge.sources.bundle import RayBundle
@@ -41,7 +41,7 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
 def test_etendue_is_kept_by_any_lens(index: float, seed: int) -> None:
     """The map of (x, y, p, q) through both surfaces has determinant 1 (Liouville), by central differences."""
     grid = TableGrid(60)
-    tables = [table_of(random_surface(seed + k, r, 0.01, (9, 25)), grid) for k, r in ((0, 1.0), (1, 2.0))]
+    tables = [quick_table_of(random_surface(seed + k, r, 0.01, (9, 25)), grid) for k, r in ((0, 1.0), (1, 2.0))]
     count, h = 40, 1e-5
     rng = np.random.default_rng(seed)
     states = np.column_stack([rng.uniform(-0.3, 0.3, (count, 2)), 0.6 * hemisphere_directions(count, seed)[:, :2]])

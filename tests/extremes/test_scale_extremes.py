@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from extremes import fuzzed, sound
+from extremes import fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import random_surface, small_spec, sphere, table_of
+from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
 from lensforge.design.optimiser import design
@@ -77,7 +77,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
     rays, grid = SquareEmitter(0.8).sample(128, seed), TableGrid(40)
     results = []
     for factor in (1.0, size):
-        tables = [(table_of(s, grid) * factor).requires_grad_() for s in surfaces]
+        tables = [(quick_table_of(s, grid) * factor).requires_grad_() for s in surfaces]
         moved = RayBundle(rays.origins * factor, rays.directions, rays.weights)
         arrivals = trace_tables(*tables, Scene(1.4936, 100.0 * factor, grid), moved)
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
@@ -221,6 +221,21 @@ def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
 def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
     with pytest.raises(InputError, match="no light is wanted"):
         target_irradiance(target, Receiver(300.0, pixels))
+
+
+@pytest.mark.parametrize("pixels", [5, 65])
+def test_a_target_of_a_single_pixel(pixels: int) -> None:
+    """All light is wanted in one pixel: judged, and searched for, with numbers."""
+    side = 0.9 * 200.0 / pixels
+    spec = small_spec(
+        target={"kind": "cross", "length_mm": side, "stroke_mm": side, "distance_mm": 100.0, "receiver_mm": 200.0},
+        optimise={"steps_per_level": [2, 2], "rays": 64, "pixels": pixels},
+        evaluate={"rays": 2**10, "pixels": pixels},
+    )
+    assert target_irradiance(spec.target, Receiver(200.0, pixels))[pixels // 2, pixels // 2] == 1.0
+    found = design(spec, SquareEmitter(1.0), accuracy="draft")
+    assert np.isfinite([value for stage in found.history for value in stage["nmse"]]).all()
+    _complete(evaluate_lens(found.lens, SquareEmitter(1.0), DRAFT))
 
 
 @pytest.mark.parametrize("lens_size", [1.0, 10.0])  # a lens of air lights all; one of large n reflects nearly all
