@@ -38,7 +38,9 @@ def _tables(lens, grid):
 
 
 def _traced(lens, grid, **moved):
-    tables = {name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()}
+    tables = {
+        name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()
+    }
     return TracedLens(
         Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), **tables, table_error_nm={"": 0.0}
     )

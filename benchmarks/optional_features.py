@@ -1,0 +1,173 @@
+"""What each optional feature costs when it is on, and that it costs nothing when it is off.
+
+    python benchmarks/optional_features.py DIR [--rays 262144] [--repeat 5]
+
+DIR is a finished result folder (lens.json, lens.step, lens.stl, evaluate.npz) of a spec with a symmetric lens, such as
+cad_out/quickstart. On: processor time of the stage with the feature over that without it, the least of the repeats on
+one thread. Off: the share of the profiled time of the same stage that is spent in the feature's own modules.
+"""
+
+import argparse
+import cProfile
+import pstats
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from lensforge.accuracy import PRESETS
+from lensforge.design.augmented_lagrangian import AugmentedLagrangian
+from lensforge.design.objective import Objective
+from lensforge.design.parameters import Parametrisation
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.geometry.form import fit_to_form
+from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.plan import make_plan
+from lensforge.lens import Lens, load_lens
+from lensforge.pipeline import run_stray, run_verify
+from lensforge.receiver.losses import mirror_mean
+from lensforge.receiver.plane import Receiver
+from lensforge.receiver.splat import splat_flux
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.spec import BaseSection
+
+Work = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Feature:
+    """``modules``: parts of the names of the files that are only there for it."""
+
+    name: str
+    stage: str
+    without: Work
+    with_it: Work
+    modules: tuple[str, ...]
+
+
+def processor_seconds(work: Work, repeat: int) -> float:
+    work()
+    times = []
+    for _ in range(repeat):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return min(times)
+
+
+def share_of(work: Work, modules: tuple[str, ...]) -> float:
+    """Of the profiled time of ``work``, that in files whose names contain one of ``modules``."""
+    profile = cProfile.Profile()
+    profile.runcall(work)
+    entries = pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
+    total = sum(entry[2] for _, entry in entries)
+    return sum(entry[2] for (file, *_), entry in entries if any(part in file for part in modules)) / total
+
+
+def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma)
+    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
+    bundle = source.sample(rays, 0)
+    trace = partial(traced.trace, bundle)
+    dark = replace(traced, scene=replace(traced.scene, fresnel=False))
+    yield Feature("Fresnel losses", "trace", partial(dark.trace, bundle), trace, ())
+    coloured = replace(bundle, refractive_indices=np.full(rays, lens.refractive_index))
+    yield Feature(
+        "an index for each ray", "trace", trace, partial(traced.trace, coloured), ("dispersed", "spectrum", "materials")
+    )
+    measured = RayfileEmitter(bundle, 1.0, {})
+    few = rays // 4
+    yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("rayfile",))
+    yield Feature(
+        "symmetry", "gradient step", _step(lens, "none", bundle), _step(lens, "square", bundle), ("symmetry",)
+    )
+
+
+def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle) -> Work:
+    spec = lens.spec.model_copy(update={"lens": lens.spec.lens.model_copy(update={"symmetry": symmetry})})
+    parametrisation = Parametrisation.of(spec, PRESETS[lens.accuracy].nodes_per_sigma)
+    objective = Objective.of(spec, source, parametrisation)
+    constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
+    weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64, requires_grad=True)
+    offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
+    return lambda: objective.evaluate(weights, offsets, rays, constraints, False).loss.backward()
+
+
+def part_features(lens: Lens, directory: Path) -> Iterator[Feature]:
+    inner, outer = fit_to_form(lens.inner), fit_to_form(lens.outer)
+
+    def mesh(base: BaseSection) -> object:
+        return build_mesh(make_plan(inner, outer, base), 96)
+
+    yield Feature(
+        "base", "mesh", partial(mesh, BaseSection(kind="none")), partial(mesh, lens.spec.base), ("geometry/base",)
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        bare = Path(folder)
+        for name in ("lens.json", "lens.stl", "evaluate.npz"):
+            (bare / name).symlink_to((directory / name).resolve())
+        verify = partial(run_verify, bare, rays=2**13)
+
+        def with_step() -> None:
+            (bare / "lens.step").symlink_to((directory / "lens.step").resolve())
+            try:
+                verify()
+            finally:
+                (bare / "lens.step").unlink()
+
+        def with_stray() -> None:
+            verify()
+            run_stray(bare, rays=2**11)
+
+        yield Feature("B-rep referee", "verify", verify, with_step, ("brep", "step_body"))
+        yield Feature("stray light, 2048 rays", "verify", verify, with_stray, ("stray", "nonsequential"))
+
+
+def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, float]:
+    """NMSE of the design's picture by ray noise, as it is and as the mean over its mirror images."""
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
+    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
+    receiver = Receiver(lens.spec.target.receiver_mm, lens.spec.optimise.pixels)
+    images = []
+    for k in range(runs):
+        arrivals = traced.trace(source.sample(rays, k))
+        images.append(splat_flux(arrivals.hits, arrivals.flux, receiver))
+    whole = torch.stack(images)
+    mirrored = torch.stack([mirror_mean(image, lens.spec.lens.symmetry) for image in images])
+    plain, folded = (float(i.var(dim=0).sum() / (whole.mean(dim=0) ** 2).sum()) for i in (whole, mirrored))
+    return plain, folded
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("directory", type=Path)
+    parser.add_argument("--rays", type=int, default=2**18)
+    parser.add_argument("--repeat", type=int, default=5)
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    lens = load_lens(given.directory / "lens.json")
+    print("| feature | stage | time with it, over without | share of the stage when off |\n|---|---|---|---|")
+    for features in (light_features(lens, given.rays), part_features(lens, given.directory)):
+        for one in features:
+            ratio = processor_seconds(one.with_it, given.repeat) / processor_seconds(one.without, given.repeat)
+            off = f"{100.0 * share_of(one.without, one.modules):.2f} %" if one.modules else "a branch in the kernel"
+            print(f"| {one.name} | {one.stage} | {ratio:.3f} | {off} |", flush=True)
+    for rays in (2**12, 2**14, 2**16):
+        plain, folded = noise_of_symmetry(lens, rays)
+        print(f"\nnoise of {rays} rays, NMSE: {plain:.3g}; of the mean over mirror images: {folded:.3g}")
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "lensforge", "--help"], check=True, capture_output=True)
+    print(f"\nlensforge --help: {time.perf_counter() - start:.2f} s")
+
+
+if __name__ == "__main__":
+    main()
