@@ -66,8 +66,8 @@ def export_lens(
     directory = Path(directory)
     base = None if lens.spec.base.file is None else read_base(lens.spec.base.file)
     with ThreadPoolExecutor() as pool:
-        patches = pool.map(fit_to_form, (lens.inner, lens.outer), (nodes, nodes))
-    plan = make_plan(*patches, lens.spec.base)
+        inner, outer = pool.map(fit_to_form, (lens.inner, lens.outer), (nodes, nodes))
+    plan = make_plan(inner, outer, lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance or MeshTolerance()) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)

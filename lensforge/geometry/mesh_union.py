@@ -55,7 +55,8 @@ def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"],
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     BRepMesh_IncrementalMesh(base.shape.wrapped, chord_mm, False, _ANGLE_RAD)
-    points, corners = [], []
+    points: list[tuple[float, float, float]] = []
+    corners = []
     for face in base.shape.Faces():
         vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
         corners.append(np.array(triangles, dtype=np.int64) + len(points))

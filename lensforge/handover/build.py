@@ -48,7 +48,7 @@ def build_handover(directory: Path) -> dict[str, Any]:
     figures = _pictures(lens, directory / "check.npz", check)
     _write_html(directory / HTML_FILE, content, figures)
     title = f"{content['name']}: for manufacture"
-    write_pdf(directory / PDF_FILE, title, _as_text(title, content), [figure for _, figure in figures])
+    write_pdf(directory / PDF_FILE, title, _as_text(title, content), figures)
     failed = sum(not verdict["holds"] for verdict in check["verdicts"])
     return {"files": [HTML_FILE, PDF_FILE, *rows], "points": rows[POINTS_FILE], "sha256": hashes, "refused": failed}
 

@@ -1,27 +1,46 @@
 """The same content on paper: a PDF of a few A4 pages, drawn by matplotlib, so that no browser is needed."""
 
+import io
 from pathlib import Path
+from textwrap import fill
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
 from lensforge.files import replacing
 
 _A4 = (8.27, 11.69)
 _LINES, _COLUMNS = 68, 100
+_DPI, _CAPTION = 300, 56
 _NO_DATE = {"CreationDate": None}  # the same results make the same bytes
 
 
-def write_pdf(path: Path, title: str, text: list[str], figures: list[Figure]) -> None:
-    """``text`` as lines, as many pages as they need, then each figure on its own page size."""
+def write_pdf(path: Path, title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> None:
+    """``text`` as lines, as many pages as they need, then ``pictures`` under their captions: one across, then pairs."""
     with replacing(path) as temporary, PdfPages(temporary, metadata={**_NO_DATE, "Title": title}) as pages:
         folded = [piece for line in text for piece in _fold(line)]
         for first in range(0, len(folded), _LINES):
             page = Figure(figsize=_A4)
             page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
             pages.savefig(page)
-        for figure in figures:
-            pages.savefig(figure)
+        pages.savefig(_picture_page(pictures))
+
+
+def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:
+    """The first picture across the page, the others below it two by two, each as an image of 300 dpi."""
+    page = Figure(figsize=_A4)
+    first, others = page.add_gridspec(2, 1, height_ratios=(0.75, 1.0), left=0.07, right=0.95, top=0.95, bottom=0.04)
+    pairs = others.subgridspec((len(pictures) + 1) // 2 - 1 or 1, 2, hspace=0.2)
+    for place, (caption, figure) in zip([first, *pairs], pictures, strict=False):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white")
+        buffer.seek(0)
+        axes = page.add_subplot(place)
+        axes.imshow(imread(buffer), interpolation="none")
+        axes.set_title(fill(caption, _CAPTION), size=8.0, loc="left")
+        axes.set_axis_off()
+    return page
 
 
 def _fold(line: str) -> list[str]:

@@ -1,6 +1,7 @@
 """The dimensioned section: the body cut open in the plane of x and z, to scale, with its datum."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +16,7 @@ from lensforge.report.drawing import BLUE, GREY, INK, WIDE, in_house_style, new_
 from lensforge.spec import BaseSection
 
 _X = np.array([1.0, 0.0, 0.0])
-_FAINT = {"color": INK, "linewidth": 0.4, "alpha": 0.5}
+_FAINT: dict[str, Any] = {"color": INK, "linewidth": 0.4, "alpha": 0.5}
 _BOX = {"boxstyle": "square", "facecolor": "white"}
 _CLEAR = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
 _WIDTH, _TALLEST = 1.5 * WIDE, 6.5  # inches

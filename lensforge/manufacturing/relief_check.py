@@ -44,8 +44,10 @@ def relief_verdicts(relief: dict[str, Any]) -> list[Verdict]:
     if outer is None or inner is None:
         return []
     if "retreat_mm" in outer:
-        sides = (("outer", outer), ("inner", inner))
-        return [own_base_verdict(name, side["retreat_mm"], side["flush_fraction"]) for name, side in sides]
+        return [
+            own_base_verdict("outer", outer["retreat_mm"], outer["flush_fraction"]),
+            own_base_verdict("inner", inner["retreat_mm"], inner["flush_fraction"]),
+        ]
     return [
         relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"], outer["step_clearance_mm"]),
         relief_verdict("inner", inner["bore_clearance_mm"], inner["flush_fraction"]),
