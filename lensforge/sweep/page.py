@@ -22,7 +22,8 @@ _AXES = {
     "target.distance_mm": "distance of the target (mm)",
     "source.side_mm": "side of the source (mm)",
 }
-_HEAD = ("NMSE", "uniformity", "efficiency", "largest radius (mm)", "height (mm)", "steps", "gates")
+_JUDGED = {"nmse": "NMSE", "uniformity": "uniformity", "efficiency": "efficiency"}
+_HEAD = ("largest radius (mm)", "height (mm)", "steps", "gates")
 
 
 def build_page(content: dict[str, Any], directory: Path) -> Path:
@@ -30,6 +31,7 @@ def build_page(content: dict[str, Any], directory: Path) -> Path:
     figure = tradeoff_figure(content)
     save_picture(figure, directory / PLOT)
     designs = content["designs"]
+    judged = [name for name in _JUDGED if any(row[name] is not None for row in designs)]
     names = [f"{content['vary'].split('.')[-1]} = {row['value']:g}" for row in designs]
     compared = ComparedPictures(names, [load_results(directory / row["folder"]) for row in designs])
     page = template("sweep.html").render(
@@ -39,8 +41,8 @@ def build_page(content: dict[str, Any], directory: Path) -> Path:
         accuracy=content["accuracy"],
         seed=content["seed"],
         plot=picture("sweep", figure, f"Error and efficiency against {_label(content)}"),
-        head=[content["vary"], *content["scale"], *_HEAD],
-        rows=[(row["folder"], _cells(row)) for row in designs],
+        head=[content["vary"], *content["scale"], *(_JUDGED[name] for name in judged), *_HEAD],
+        rows=[(row["folder"], _cells(row, judged)) for row in designs],
         maps=compared.maps,
         sections=compared.sections,
         version=content["version"],
@@ -51,11 +53,11 @@ def build_page(content: dict[str, Any], directory: Path) -> Path:
     return path
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
+def _cells(row: dict[str, Any], judged: list[str]) -> list[str]:
     failed = [gate["name"] for gate in row["gates"] if not gate["passed"]]
     return [
         *(number(value, 4) for value in row["changes"].values()),
-        *(_measured(row, name) for name in ("nmse", "uniformity", "efficiency")),
+        *(_measured(row, name) for name in judged),
         f"{row['max_radius_mm']:.3f}",
         f"{row['height_mm']:.3f}",
         number(row["steps"]),
