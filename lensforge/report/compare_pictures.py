@@ -18,6 +18,7 @@ from lensforge.report.section_figures import lens_section, reach_mm
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide are all seen
+_APART = 5.0  # peaks or receivers farther apart than this have no scale in common
 _DARK = "#000004"  # of a receiver where there is nothing, as the darkest of the map's colours
 
 
@@ -35,16 +36,28 @@ class ComparedPictures:
         return units if WATTS not in units else [WATTS] * len(units)
 
     @cached_property
+    def one_scale(self) -> bool:
+        """Whether maps of all designs can be read with the same colours and millimetres."""
+        sides = [_side(design) for _, design in self._lit]
+        return _spread(self._peaks) <= _APART and _spread(sides) <= _APART
+
+    @cached_property
+    def _peaks(self) -> list[float]:
+        """Of the lit designs, each in its unit."""
+        lit = zip(self._lit, self._units, strict=True)
+        return [unit.per_w_m2 * float(_image(design).max()) for (_, design), unit in lit]
+
+    @cached_property
     def maps(self) -> list[Picture]:
-        """Irradiance, every map with the same colours and the same millimetres."""
-        lit = list(zip(self._lit, self._units, strict=True))
-        top = max((unit.per_w_m2 * _image(design).max() for (_, design), unit in lit), default=1.0) or 1.0
-        half = 0.5 * max((_side(design) for _, design in self._lit), default=1.0)
+        """Irradiance, every map with the same colours and the same millimetres where that can be read."""
+        lit = list(zip(self._lit, self._units, self._peaks, strict=True))
         pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
-        for index, ((name, design), unit) in enumerate(lit):
-            scaled = float(top) / unit.per_w_m2
-            figure = irradiance_map(_image(design), _side(design), scaled, unit=unit, width=width)
-            figure.axes[0].set(xlim=(-half, half), ylim=(-half, half), facecolor=_DARK)
+        for index, ((name, design), unit, peak) in enumerate(lit):
+            top = (max(self._peaks) if self.one_scale else peak) or 1.0
+            half = 0.5 * (max(_side(other) for _, other in self._lit) if self.one_scale else _side(design))
+            figure = irradiance_map(_image(design), _side(design), top / unit.per_w_m2, unit=unit, width=width)
+            figure.axes[0].axhspan(-half, half, color=_DARK, linewidth=0, zorder=-1.0)
+            figure.axes[0].set(xlim=(-half, half), ylim=(-half, half))
             distance = f"At {design.lens.spec.target.distance_mm:g} mm."
             pictures.append(picture(f"map{index}", figure, name, distance))
         return pictures
@@ -66,10 +79,10 @@ class ComparedPictures:
         taken = [(name, design) for name, design in self._designs if design.photo and design.photo_images]
         images = [design.photo_images["measured"] for _, design in taken if design.photo_images]
         top = float(max((image.max() for image in images), default=1.0)) or 1.0
-        pictures = []
+        pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
         for index, ((name, design), image) in enumerate(zip(taken, images, strict=True)):
             assert design.photo is not None
-            figure = irradiance_map(image, design.lens.spec.target.receiver_mm, top, unit=RELATIVE)
+            figure = irradiance_map(image, design.lens.spec.target.receiver_mm, top, unit=RELATIVE, width=width)
             alike = f"SSIM to the simulation {number(design.photo.ssim, 3)}, NMSE {number(design.photo.nmse, 3)}."
             pictures.append(picture(f"photo{index}", figure, name, alike))
         return pictures
@@ -111,6 +124,11 @@ class ComparedPictures:
             line.set(label=name, linestyle=_DASHES[index % len(_DASHES)])
         figure.legend(loc="outside upper left", ncols=min(2, len(self._lit)), handlelength=1.3)
         return figure
+
+
+def _spread(values: Sequence[float]) -> float:
+    """The largest over the least."""
+    return max(values) / min(values) if values and min(values) > 0.0 else float("inf") if values else 1.0
 
 
 def _image(design: Results) -> np.ndarray:

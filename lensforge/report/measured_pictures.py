@@ -97,7 +97,7 @@ def _photo_lines(results: Results) -> list[Picture]:
 def _surface_facts(surface: MeasuredSurface) -> Facts:
     record = surface.record
     form = record.form_deviation_um
-    return [
+    facts = [
         ("Points", f"{number(record.points)}, {percent(record.used_share)} of them over the surface"),
         ("Surface measured", percent(record.covered_share)),
         ("Form deviation, smooth", f"PV {number(form.pv, 3)} µm, rms {number(form.rms, 3)} µm"),
@@ -105,8 +105,10 @@ def _surface_facts(surface: MeasuredSurface) -> Facts:
         ("Registration", {"none": "none, by datums"}.get(record.registration, record.registration)),
         ("Efficiency with it", _change(record.design, record.measured, "efficiency")),
         ("NMSE of the pattern with it", _change(record.design, record.measured, "nmse")),
-        ("Uniformity with it", _change(record.design, record.measured, "uniformity")),
     ]
+    if record.design.uniformity is not None:
+        facts.append(("Uniformity with it", _change(record.design, record.measured, "uniformity")))
+    return facts
 
 
 def _change(design: JudgedRecord, part: JudgedRecord, name: str) -> str:

@@ -86,6 +86,20 @@ def test_maps_share_colours_and_millimetres(folders, monkeypatch):
     assert first.axes[0].images[0].get_extent() == [-150.0, 150.0, -150.0, 150.0]
 
 
+def test_designs_too_far_apart_have_a_scale_each(folders, tmp_path, monkeypatch):
+    images = evaluate_arrays()
+    images["irradiance"] = 0.01 * images["irradiance"]
+    np.savez(folders[1] / "evaluate.npz", **images)
+    designs = [load_results(folder) for folder in folders]
+    first, second = drawn(monkeypatch, lambda: ComparedPictures(("a", "b"), designs).maps)
+    for figure, design in ((first, designs[0]), (second, designs[1])):
+        assert figure.axes[0].images[0].get_clim()[1] == design.images["irradiance"].max()
+        assert figure.axes[0].get_xlim()[1] == 0.5 * design.evaluate.receiver_mm
+    assert "Each map has its own colours" in build_comparison(folders, tmp_path / "both.html").read_text(
+        encoding="utf-8"
+    )
+
+
 def test_lux_only_where_all_know_their_lumens(folders, tmp_path, monkeypatch):
     bright = make_folder(tmp_path / "bright", lens=small_lens(lumens_per_watt=300.0))
     brighter = make_folder(tmp_path / "brighter", lens=small_lens(lumens_per_watt=400.0))
