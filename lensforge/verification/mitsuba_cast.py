@@ -109,7 +109,7 @@ def send_through_mitsuba(
         mi.set_variant(VARIANT)
     except ImportError as error:
         reason = " ".join(str(error).split())
-        raise InputError(f"mitsuba: does not load ({reason}); install it anew, or remove it: verify does without") from None
+        raise InputError(f"mitsuba: does not load ({reason}); install it anew or remove it") from None
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
         ends = np.full((len(rays), 2), np.nan)
