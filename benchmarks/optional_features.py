@@ -87,9 +87,8 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
     measured = RayfileEmitter(bundle, 1.0, {})
     few = rays // 4
     yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("rayfile",))
-    yield Feature(
-        "symmetry", "gradient step", _step(lens, "none", bundle), _step(lens, "square", bundle), ("symmetry",)
-    )
+    plain, mirrored = (_step(lens, name, source, bundle) for name in ("none", lens.spec.lens.symmetry))
+    yield Feature("symmetry", "gradient step", plain, mirrored, ("symmetry",))
 
 
 def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle) -> Work:

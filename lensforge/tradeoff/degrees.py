@@ -78,7 +78,7 @@ def degree_ladder(truth: Truth, finest: TableGrid, tables: Tables, settings: Seq
             users = ("all tables",) if name == "cubic" else ()
             rungs.append(Rung(setting, name, meter.seconds, meter.peak_mb, errors, users, {"nodes": grid.nodes}))
     names = tuple(rungs[0].errors)
-    orders = {name: orders_of([rung for rung in rungs if rung.series == name], names) for name in DEGREES}
+    orders = {name: orders_of([rung for rung in rungs if rung.series == name], ("rho", "normal")) for name in DEGREES}
     cost = truth.cost.seconds, truth.cost.peak_mb
     rungs.append(Rung(0.0, "exact sum", *cost, truth.exactly(names), reference=True))
     return Ladder(

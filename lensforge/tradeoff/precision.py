@@ -50,7 +50,7 @@ def precision_ladder(truth: Truth, grid: TableGrid, tables: Tables) -> Ladder:
         "bits; fixed at 64",
         f"the exact surfaces in float64: {len(truth.rays)} rays, {_RAYS} for the exact sum",
         LIGHT_UNITS,
-        ("hit_99_percent",),
+        (),
         "setting",
         tuple(rungs),
     )

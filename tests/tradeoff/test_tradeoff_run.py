@@ -85,7 +85,7 @@ def test_the_presets_say_what_the_rows_say(folder):
 def test_the_page_needs_nothing_else(folder):
     page = (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
-    assert page.count("<svg") == 17
+    assert page.count("<svg") == 16
     assert "mathdefault" not in page
 
 

@@ -1,0 +1,45 @@
+"""A command loads what its scene asks for, and nothing else: seen in the modules of the process when it is done."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from scenes import random_surface, small_spec
+
+from lensforge.lens import Lens
+
+CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
+PICTURES = ["pyvista", "matplotlib", "mitsuba"]
+SOURCES = ["lensforge.sources.rayfile_source", "lensforge.sources.rayfiles.reading", "lensforge.sources.dispersed"]
+PROOFS = ["lensforge.verification.brep", "lensforge.verification.stray", "lensforge.geometry.base"]
+
+
+def _loaded(arguments: list[str], names: list[str]) -> str:
+    code = (
+        "import sys; from lensforge.cli import cli\n"
+        f"cli.main({arguments!r}, prog_name='lensforge', standalone_mode=False)\n"
+        f"print('loaded:', [name for name in {names!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    return done.stdout.splitlines()[-1].removeprefix("loaded: ")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("asked")
+    inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
+    Lens(inner, outer, small_spec(base={"kind": "none"}), 0, "draft").save(path / "lens.json")
+    return path
+
+
+def test_evaluation_of_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
+    assert _loaded(["evaluate", str(folder), "--rays", "64"], [*CAD, *PICTURES, *SOURCES, *PROOFS]) == "[]"
+
+
+def test_the_check_for_manufacture_needs_no_cad(folder: Path) -> None:
+    assert _loaded(["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES]) == "[]"
+
+
+def test_help_loads_nothing(folder: Path) -> None:
+    assert _loaded(["design", "--help"], [*CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "numpy", "numba"]) == "[]"
