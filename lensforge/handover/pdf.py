@@ -30,9 +30,11 @@ def write_pdf(path: Path, title: str, text: list[str], pictures: list[tuple[str,
 def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:
     """The first picture across the page, the others below it two by two, each as an image of 300 dpi."""
     page = Figure(figsize=_A4)
-    first, others = page.add_gridspec(2, 1, height_ratios=(0.75, 1.0), left=0.07, right=0.95, top=0.95, bottom=0.04)
-    pairs = others.subgridspec((len(pictures) + 1) // 2 - 1 or 1, 2, hspace=0.2)
-    for place, (caption, figure) in zip([first, *pairs], pictures, strict=False):
+    halves = page.add_gridspec(2, 1, height_ratios=(0.75, 1.0), left=0.07, right=0.95, top=0.95, bottom=0.04)
+    rows = len(pictures) // 2
+    pairs = halves[1].subgridspec(rows, 2, hspace=0.2)
+    places = [halves[0], *(pairs[row, column] for row in range(rows) for column in range(2))]
+    for place, (caption, figure) in zip(places, pictures, strict=False):
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white")
         buffer.seek(0)
