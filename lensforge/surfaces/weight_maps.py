@@ -51,11 +51,11 @@ def weight_maps(grid: TableGrid, basis: SrbfBasis) -> list[WeightMap]:
 
 
 def _level_grid(grid: TableGrid, sigma: float, finest: float) -> TableGrid:
-    """A grid of the level's own where that is coarser than the table's."""
+    """A grid of the level's own where that is coarser than the table's, by enough that its spline covers the apron."""
     if sigma <= _FINER * finest:
         return grid
     own = grid_for(sigma, _FINER * finest / (2.0 * grid.step))
-    return own if own.nodes < grid.nodes else grid
+    return own if (APRON - 1) * own.step >= APRON * grid.step else grid
 
 
 def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
