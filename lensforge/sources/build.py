@@ -5,8 +5,6 @@ from typing import Any
 
 from lensforge.optics.materials import Material
 from lensforge.sources.bundle import Source
-from lensforge.sources.dispersed import DispersedSource
-from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec.source import RayfileSource, RayfilesSource, SquareSource
 from lensforge.spec.source import Source as SourceSpec
@@ -34,7 +32,9 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
     emitter = SquareEmitter(spec.side_mm, spec.flux_w) if isinstance(spec, SquareSource) else _made(spec)
     if material is None or spec.spectrum is None:
         return emitter
-    return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
+    spectrum = import_module("lensforge.sources.spectrum").spectrum_of(spec.spectrum)
+    coloured: Source = import_module("lensforge.sources.dispersed").DispersedSource(emitter, spectrum, material)
+    return coloured
 
 
 def _made(spec: SourceSpec, *more: Any) -> Source:
