@@ -19,12 +19,12 @@ from lensforge.spec import Spec
 from lensforge.surfaces.symmetry import contains
 from lensforge.tracing.fused import Scene, trace_tables
 
-# Weights against an NMSE of order 0.01 to 1. The first three serve every stage; the rest the uniformity stage,
-# where the image may be traded for an even mask, and efficiency must hold its own against a heavy uniformity term.
+# Weights of the terms beside an NMSE of order 0.01 to 1. A scene that is judged by evenness and efficiency wants its
+# efficiency in every stage; where the image is judged, that is part of the NMSE.
 _STRAY = 0.3
-_TOTAL_REFLECTION = 0.3
-_EFFICIENCY = 0.15
-_UNIFORM_EFFICIENCY = 2.0
+_IMAGE_PULLS = {"reflected": 0.3, "efficiency": 0.15}
+_EVEN_PULLS = {"reflected": 0.1, "efficiency": 1.2}
+# In the uniformity stage the image may be traded for an even mask.
 _UNIFORM_VARIANCE = 10.0
 _UNIFORM_SHORTFALL = 300.0
 _UNIFORM_MARGIN = 0.03
@@ -83,11 +83,10 @@ class Objective:
         flux = mirror_mean(light.image, self.spec.lens.symmetry)
         emitted_w = float(rays.weights.sum())
         nmse = nmse_loss(flux, self.wanted)
+        image = nmse
         if uniform and self.mask is not None:
-            loss = _UNIFORM_IMAGE * nmse + self._unevenness(flux, self.mask)
-            loss = loss + _pulls(light, _UNIFORM_EFFICIENCY) / emitted_w
-        else:
-            loss = nmse + _pulls(light, _EFFICIENCY) / emitted_w
+            image = _UNIFORM_IMAGE * nmse + self._unevenness(flux, self.mask)
+        loss = image + _pulls(light, **(_IMAGE_PULLS if self.mask is None else _EVEN_PULLS)) / emitted_w
         fields = constraints.fields(inner, outer)
         efficiency = float(flux.detach().sum()) / emitted_w
         return Evaluated(loss + constraints.term(fields), nmse.item(), efficiency, fields)
@@ -97,9 +96,9 @@ class Objective:
         return variance + _UNIFORM_SHORTFALL * shortfall_loss(flux, mask, _UNIFORM_MARGIN)
 
 
-def _pulls(light: Collected, efficiency_weight: float) -> Float[Tensor, ""]:
+def _pulls(light: Collected, reflected: float, efficiency: float) -> Float[Tensor, ""]:
     """What the image cannot see (W): stray rays, total reflection, light lost."""
-    return _STRAY * light.stray + _TOTAL_REFLECTION * light.reflected - efficiency_weight * light.in_window
+    return _STRAY * light.stray + reflected * light.reflected - efficiency * light.in_window
 
 
 def _require_symmetry(spec: Spec, source: Source, wanted: Float[Tensor, "p p"]) -> None:
