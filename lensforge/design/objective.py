@@ -57,10 +57,11 @@ class Objective:
     def of(spec: Spec, source: Source, parametrisation: Parametrisation) -> "Objective":
         """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE."""
         receiver = Receiver(spec.target.receiver_mm, spec.optimise.pixels)
-        limit = normal_transmittance(spec.lens.refractive_index) ** 2 * source.flux_w
+        fresnel = spec.optimise.fresnel
+        limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
         wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
         _require_symmetry(spec, source, wanted)
-        scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid)
+        scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid, fresnel)
         window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
         mask = None
         if spec.target.uniform_mm is not None:

@@ -10,13 +10,17 @@ Accuracy = Literal["draft", "standard", "reference"]
 
 
 class OptimiseSection(Section):
-    """How the design is searched for; what is left out comes from the accuracy preset."""
+    """How the design is searched for; what is left out comes from the accuracy preset.
+
+    Without ``fresnel`` the search leaves out what both surfaces reflect; the finished lens is judged with it always.
+    """
 
     steps_per_level: tuple[PositiveInt, ...] | None = None
     rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
     uniformity_steps: Annotated[int, Field(ge=0)] = 0
+    fresnel: bool = True
 
 
 class EvaluateSection(Section):

@@ -175,3 +175,26 @@ def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
     bad = table_of(sphere(1.0), grid) - 1.5
     with pytest.raises(InputError, match=r"inner surface: its radius falls to -0\.5"):
         trace_tables(bad, table_of(sphere(2.0), grid), Scene(N, Z, grid), SquareEmitter(0.1).sample(8, 0))
+
+
+def test_without_fresnel_rays_keep_their_flux_and_their_way() -> None:
+    surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
+    grid, rays = TableGrid(64), SquareEmitter(0.9).sample(2048, 1)
+    tables = [table_of(s, grid).requires_grad_() for s in surfaces]
+    full, bare = (trace_tables(*tables, Scene(N, Z, grid, fresnel), rays) for fresnel in (True, False))
+    assert torch.equal(full.hits, bare.hits) and torch.equal(full.fates, bare.fates)
+    assert torch.equal(bare.carried, torch.from_numpy(rays.weights))
+    assert (full.flux[full.arrived] < bare.flux[full.arrived]).all()
+    assert all(not gradient.any() for gradient in torch.autograd.grad(bare.flux.sum(), tables))
+
+
+def test_each_ray_sees_its_own_refractive_index() -> None:
+    surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
+    grid, rays = TableGrid(64), SquareEmitter(0.9).sample(300, 1)
+    indices = np.where(np.arange(300) % 2 == 0, 1.48, 1.52)
+    tables = [table_of(s, grid) for s in surfaces]
+    mixed = trace_tables(*tables, Scene(N, Z, grid), RayBundle(rays.origins, rays.directions, rays.weights, indices))
+    for index in (1.48, 1.52):
+        alone = trace_tables(*tables, Scene(index, Z, grid), rays)
+        assert torch.equal(mixed.hits[indices == index], alone.hits[indices == index])
+        assert torch.equal(mixed.carried[indices == index], alone.carried[indices == index])
