@@ -5,23 +5,29 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
-# Kernels are compiled by numba and cannot be wrapped; what takes arrays elsewhere is checked.
+import lensforge
+
+_PACKAGES = [
+    "surfaces",
+    "optics",
+    "receiver",
+    "sources",
+    "evaluation",
+    "photometry",
+    "design",
+    "geometry",
+    "manufacturing",
+    "verification",
+    "measurement",
+]
+# Kernels are compiled by numba and cannot be wrapped; what takes arrays elsewhere is checked. (The hook takes a name
+# for all that begins with it, so a package that holds kernels is named module by module.)
+_FOLDER = Path(lensforge.__file__).parent
 _CHECKED = [
-    "lensforge.surfaces",
-    "lensforge.optics",
-    "lensforge.receiver.plane",
-    "lensforge.receiver.bins",
-    "lensforge.receiver.filter",
-    "lensforge.receiver.losses",
-    "lensforge.receiver.targets",
-    "lensforge.sources",
-    "lensforge.evaluation",
-    "lensforge.photometry",
-    "lensforge.design",
-    "lensforge.geometry",
-    "lensforge.manufacturing",
-    "lensforge.verification",
-    "lensforge.measurement",
+    ".".join(module.relative_to(_FOLDER.parent).with_suffix("").parts)
+    for package in _PACKAGES
+    for module in sorted((_FOLDER / package).rglob("*.py"))
+    if not module.stem.endswith(("__", "_kernel"))
 ]
 install_import_hook(_CHECKED, "beartype.beartype")
 

@@ -5,6 +5,7 @@ which is a centre when the number of nodes is even, and its thinnest wall is oft
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -34,12 +35,12 @@ class ChartPoints:
         """From one row for each point."""
         return ChartPoints(*torch.from_numpy(np.ascontiguousarray(points.T)))
 
-    @property
+    @cached_property
     def scale(self) -> Float[Tensor, " k"]:
         """Radians of the sphere for a unit of the chart."""
         return 2.0 / (1.0 + self.x**2 + self.y**2)
 
-    @property
+    @cached_property
     def cosine(self) -> Float[Tensor, " k"]:
         """Cosine of the polar angle."""
         return self.scale - 1.0

@@ -19,8 +19,8 @@ from lensforge.surfaces import chart
 from lensforge.surfaces.spline import APRON, TableGrid, grid_for
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 
-_NEGLIGIBLE = 1e-12  # of a function's peak
-_FINER = 1.6  # a coarse level's nodes per sigma over the finest's: its error is then a seventh of the table's
+_NEGLIGIBLE = 1e-10  # of a function's peak
+_FINER = 1.3  # a coarse level's nodes per sigma over the finest's: its error is then a third of the table's
 _MOST_BYTES = 8 * 2**30
 _BYTES_PER_SAMPLE = 24  # value and index, by rows and by columns
 
