@@ -34,6 +34,10 @@ class ExactHits:
         """Rays that reached the plane."""
         return self.flux > 0.0
 
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "ExactHits":
+        """Those of some of the rays."""
+        return ExactHits(self.hits[rows], self.flux[rows])
+
 
 def trace_exact_sum(
     lens: Lens,

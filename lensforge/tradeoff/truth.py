@@ -48,8 +48,7 @@ class Truth:
     def thinned(self, factor: int) -> "Truth":
         """Every ``factor``-th ray only."""
         kept = slice(None, None, factor)
-        exact = ExactHits(self.exact.hits[kept], self.exact.flux[kept])
-        return replace(self, rays=self.rays.take(kept), exact=exact)
+        return replace(self, rays=self.rays.take(kept), exact=self.exact.take(kept))
 
     def shape_errors(self, shapes: dict[str, Shape]) -> dict[str, Estimate]:
         """``rho`` (nm) and ``normal`` (mrad), the larger of both surfaces, of those at :func:`directions`."""

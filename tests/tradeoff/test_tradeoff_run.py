@@ -15,9 +15,7 @@ from lensforge.spec import parse_spec
 from lensforge.tradeoff.measure import Effort, measure, run_tradeoff
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.judge_nodes_per_sigma)}))
-EFFORT = Effort(
-    NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5, 5.0), (0, 4, 40), (12, 24), cad=False
-)
+EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5,), (0, 40), (12,), cad=False)
 SPEC = small_spec(base={"kind": "none"})
 
 
