@@ -12,6 +12,8 @@ from torch import Tensor
 from lensforge.design.sparse_kernel import multiply_rows
 from lensforge.tracing.chunks import in_chunks
 
+_WORTH_SHARING = 2**20  # entries: a millisecond of work
+
 
 @dataclass(frozen=True)
 class SparseMatrix:
@@ -38,7 +40,10 @@ def _times(matrix: csr_matrix, dense: Tensor) -> Tensor:
     def work(_: int, part: slice) -> None:
         multiply_rows(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, product)
 
-    in_chunks(work, len(product))
+    if matrix.nnz < _WORTH_SHARING:
+        work(0, slice(0, len(product)))
+    else:
+        in_chunks(work, len(product))
     return torch.from_numpy(product)
 
 

@@ -6,6 +6,7 @@ order of the chunks.
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,5 +18,10 @@ CHUNKS = 8
 def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
     """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as torch may use."""
     edges = np.linspace(0, count, CHUNKS + 1).astype(int)
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        list(pool.map(lambda i: work(i, slice(edges[i], edges[i + 1])), range(CHUNKS)))
+    list(_pool(torch.get_num_threads()).map(lambda i: work(i, slice(edges[i], edges[i + 1])), range(CHUNKS)))
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Kept from call to call: a search makes some ten calls in every step."""
+    return ThreadPoolExecutor(threads)
