@@ -12,7 +12,7 @@ from torch import Tensor
 from lensforge.design.sparse_kernel import multiply_rows
 from lensforge.tracing.chunks import in_chunks
 
-_WORTH_SHARING = 2**20  # entries: a millisecond of work
+_WORTH_SHARING = 2**18  # entries: a quarter of a millisecond of work
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ _MAX_STEPS = 200
 _MAX_CLOSING = 60
 _TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
 _ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
-_WORTH_A_LEAP = 0.95  # of the least radius nearby: up to there, to leap costs less than to look
+_WORTH_A_LEAP = 0.9  # of the least radius nearby: up to there, to leap costs less than to look
 
 
 @inline
@@ -34,8 +34,8 @@ def descent(X, Y, per_shift, climb, r, dx, dy, dz, table, origin, inverse_step):
 def tile_of(X, Y, origin, bounds):
     """The bounds near a direction, from inside of the table also where X or Y is no number."""
     last = len(bounds.tiles) - 1
-    i = min(max(int((X - origin) * bounds.per_unit), 0), last)
-    j = min(max(int((Y - origin) * bounds.per_unit), 0), last)
+    i = max(min(int((X - origin) * bounds.per_unit), last), 0)
+    j = max(min(int((Y - origin) * bounds.per_unit), last), 0)
     return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
 
 

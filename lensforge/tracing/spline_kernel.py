@@ -5,6 +5,8 @@ A table is square, first index X; ``origin`` and ``inverse_step`` place coeffici
 
 from lensforge.tracing.jit import inline
 
+_SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
+
 
 @inline
 def cubic_weights(f):
@@ -12,12 +14,12 @@ def cubic_weights(f):
     g = 1.0 - f
     return (
         (
-            g * g * g / 6.0,
-            (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
-            (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0,
-            f * f * f / 6.0,
+            _SIXTH * g * g * g,
+            _TWO_THIRDS - f * f * (1.0 - 0.5 * f),
+            _TWO_THIRDS - g * g * (1.0 - 0.5 * g),
+            _SIXTH * f * f * f,
         ),
-        (-0.5 * g * g, 1.5 * f * f - 2.0 * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f),
+        (-0.5 * g * g, f * (1.5 * f - 2.0), g * (2.0 - 1.5 * g), 0.5 * f * f),
         (g, 3.0 * f - 2.0, 3.0 * g - 2.0, f),
     )
 
@@ -26,7 +28,7 @@ def cubic_weights(f):
 def cell_of(position, side):
     """First of the four coefficients that act at ``position`` (in steps), kept inside of the table."""
     cell = int(position)
-    return min(max(cell, 1), side - 3)
+    return max(min(cell, side - 3), 1)
 
 
 @inline
