@@ -18,6 +18,7 @@ from lensforge.design.feasibility import constraint_gates, measure_constraints
 from lensforge.design.objective import Evaluated, Objective
 from lensforge.design.parameters import Parametrisation
 from lensforge.design.polish import nearest_feasible
+from lensforge.design.rays_ahead import rays_ahead
 from lensforge.design.schedule import Stage, plan
 from lensforge.gates import Gate
 from lensforge.lens import Lens
@@ -160,11 +161,12 @@ class _Search:
             optimiser.load_state_dict(deepcopy(self.state.optimiser))
         self.constraints.multipliers = self.state.multipliers
         earlier = sum(before.steps for before in self.stages[: stage.level])
-        for step in range(self.state.step, stage.steps):
-            started = time.perf_counter()
+        steps = range(self.state.step, stage.steps)
+        seeds = (self.seed * _SEED_STRIDE + earlier + step for step in steps)
+        started = time.perf_counter()
+        for step, rays in zip(steps, rays_ahead(self.source, stage.rays, seeds), strict=True):
             for group in optimiser.param_groups:
                 group["lr"] = stage.rate(step)
-            rays = self.source.sample(stage.rays, self.seed * _SEED_STRIDE + earlier + step)
             result = self.objective.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
             optimiser.zero_grad()
             result.loss.backward()
@@ -185,6 +187,7 @@ class _Search:
             )
             self.observer(self._progress(stage, earlier, result))
             yield
+            started = time.perf_counter()
 
     def _progress(self, stage: Stage, earlier: int, result: Evaluated) -> Progress:
         state, objective = self.state, self.objective

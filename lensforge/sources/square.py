@@ -25,10 +25,14 @@ class SquareEmitter:
             raise InputError(f"rays = {count}: at least 1")
         points = sobol(count, 4, seed)
         origins = np.zeros((count, 3))
-        origins[:, :2] = (points[:, :2] - 0.5) * self.side_mm
+        for axis in (0, 1):
+            origins[:, axis] = (points[:, axis] - 0.5) * self.side_mm
         # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray skims the chip.
         sine, azimuth = np.sqrt(points[:, 2]), 2.0 * np.pi * points[:, 3]
-        directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - points[:, 2])], axis=1)
+        directions = np.empty((count, 3))
+        np.multiply(sine, np.cos(azimuth), out=directions[:, 0])
+        np.multiply(sine, np.sin(azimuth), out=directions[:, 1])
+        np.sqrt(1.0 - points[:, 2], out=directions[:, 2])
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
