@@ -75,7 +75,8 @@ class Step:
     def with_fresh_rays(self, repeat: int) -> float:
         """Median seconds of a step of a search, which draws the next rays while it traces these."""
         times, start = [], 0.0
-        for self.bundle in rays_ahead(self.source, self.rays, range(repeat + 2)):
+        for bundle in rays_ahead(self.source, self.rays, range(repeat + 2)):
+            self.bundle = bundle
             times.append(time.perf_counter() - start)
             start = time.perf_counter()
             self.gradient()
