@@ -26,7 +26,8 @@ CASES = {
 
 
 def test_every_kind_of_surface_has_a_case() -> None:
-    assert {type(surface) for surface in CASES.values()} == set(Surface.__subclasses__())
+    kinds = {kind for kind in Surface.__subclasses__() if kind.__module__.startswith("lensforge.surfaces.")}
+    assert {type(surface) for surface in CASES.values()} == kinds
 
 
 @pytest.fixture(params=CASES, scope="module")
