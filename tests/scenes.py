@@ -42,7 +42,7 @@ def small_spec(**changes: Any) -> Spec:
     content: dict[str, Any] = {
         "name": "small",
         "source": {"kind": "square", "side_mm": 1.0},
-        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0},
+        "lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, "symmetry": "none"},
         "constraints": {
             "cavity_height_mm": 0.5,
             "cavity_radius_mm": 1.0,

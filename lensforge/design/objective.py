@@ -8,7 +8,6 @@ from torch import Tensor
 
 from lensforge.design.augmented_lagrangian import AugmentedLagrangian
 from lensforge.design.parameters import Parametrisation
-from lensforge.errors import InputError
 from lensforge.optics.dielectric import normal_transmittance
 from lensforge.receiver.collect import Collected, collected
 from lensforge.receiver.losses import mirror_mean, nmse_loss, shortfall_loss, uniformity_loss
@@ -16,7 +15,6 @@ from lensforge.receiver.plane import Receiver
 from lensforge.receiver.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
-from lensforge.surfaces.symmetry import contains
 from lensforge.tracing.fused import Scene, trace_tables
 
 # Weights of the terms beside an NMSE of order 0.01 to 1. A scene that is judged by evenness and efficiency wants its
@@ -60,7 +58,6 @@ class Objective:
         fresnel = spec.optimise.fresnel
         limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
         wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
-        _require_symmetry(spec, source, wanted)
         scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid, fresnel)
         window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
         mask = None
@@ -100,12 +97,3 @@ class Objective:
 def _pulls(light: Collected, reflected: float, efficiency: float) -> Float[Tensor, ""]:
     """What the image cannot see (W): stray rays, total reflection, light lost."""
     return _STRAY * light.stray + reflected * light.reflected - efficiency * light.in_window
-
-
-def _require_symmetry(spec: Spec, source: Source, wanted: Float[Tensor, "p p"]) -> None:
-    """A lens may be mirrored only where source and target are: a symmetry that the scene has not would be a lie."""
-    name = spec.lens.symmetry
-    if not contains(source.symmetry, name):
-        raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'none'")
-    if not torch.allclose(mirror_mean(wanted, name), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max())):
-        raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'none'")

@@ -20,6 +20,7 @@ from lensforge.design.parameters import Parametrisation
 from lensforge.design.polish import nearest_feasible
 from lensforge.design.rays_ahead import rays_ahead
 from lensforge.design.schedule import Stage, plan
+from lensforge.design.symmetry import settled_symmetry
 from lensforge.gates import Gate
 from lensforge.lens import Lens
 from lensforge.sources.bundle import Source
@@ -104,7 +105,7 @@ def design(
     ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and
     ends with the same bits as an uninterrupted one. ``observer`` is called after every gradient step.
     """
-    preset = PRESETS[accuracy]
+    preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     stages = plan(spec, preset, rays)
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
     objective = Objective.of(spec, source, parametrisation)

@@ -14,13 +14,14 @@ from lensforge.surfaces.srbf import SrbfBasis
 _SAME_INDEX = 1e-9  # a lens.json holds the material and its index: they must be of one mind
 
 DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
-Symmetry = Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
 
 
 class LensSection(Section):
     """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
 
     ``fixed_inner`` or ``fixed_outer`` takes the place of one hemisphere, and the search leaves that surface alone.
+    ``symmetry`` "auto" is the largest mirror symmetry that source and target share; a lens's record has its name.
 
     The index comes from one of two: ``refractive_index`` is that of all light, and ``material`` then only a label; or
     ``material`` names a dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` counts where a
@@ -40,7 +41,7 @@ class LensSection(Section):
     outer_offset_mm: Millimetres | None = None
     fixed_inner: FixedSurface | None = None
     fixed_outer: FixedSurface | None = None
-    symmetry: Symmetry = "none"
+    symmetry: Symmetry = "auto"
 
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensSection":
@@ -115,8 +116,8 @@ class LensSection(Section):
 
     @property
     def basis(self) -> SrbfBasis:
-        """The functions that shape the free surfaces."""
-        return SrbfBasis(self.levels, self.sigma_c, self.symmetry)
+        """The functions that shape the free surfaces; a symmetry that is not settled yet counts as none."""
+        return SrbfBasis(self.levels, self.sigma_c, "none" if self.symmetry == "auto" else self.symmetry)
 
 
 class ConstraintsSection(Section):
