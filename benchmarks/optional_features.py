@@ -139,7 +139,8 @@ def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, flo
     images = []
     for k in range(runs):
         arrivals = traced.trace(source.sample(rays, k))
-        images.append(splat_flux(arrivals.hits, arrivals.flux, receiver))
+        image = splat_flux(arrivals.hits.numpy(), arrivals.flux.numpy(), receiver)
+        images.append(torch.from_numpy(image))
     whole = torch.stack(images)
     mirrored = torch.stack([mirror_mean(image, lens.spec.lens.symmetry) for image in images])
     plain, folded = (float(i.var(dim=0).sum() / (whole.mean(dim=0) ** 2).sum()) for i in (whole, mirrored))

@@ -32,6 +32,11 @@ def sphere(radius_mm: float) -> SrbfSurface:
     return SrbfSurface(SrbfBasis((4,), 1.75), np.zeros(4), radius_mm)
 
 
+def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> np.ndarray:
+    """Table coefficients (flattened) for each unit weight, every function sampled on the whole table."""
+    return grid.coefficients(basis.evaluate(grid.sample_directions()))
+
+
 def table_of(surface: SrbfSurface, grid: TableGrid) -> torch.Tensor:
     """The surface's table as the tracer takes it."""
     return torch.from_numpy(tabulate(grid, surface))

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.evaluation.exact import ExactHits, trace_exact_sum
@@ -60,7 +59,7 @@ class _View:
         return _View(receiver, spec.evaluate.window_mm or receiver.side_mm)
 
     def picture(self, light: ExactHits) -> Float[np.ndarray, "p p"]:
-        return splat_flux(torch.from_numpy(light.hits), torch.from_numpy(light.flux), self.receiver).numpy()
+        return splat_flux(light.hits, light.flux, self.receiver)
 
     def detected(self, light: ExactHits) -> float:
         return flux_in_square(light.hits, light.flux, self.window_mm)

@@ -1,7 +1,7 @@
 """The same surface, tabulated: a uniform bicubic B-spline of ``rho`` over the stereographic chart.
 
-The coefficients are linear in the SRBF weights, so one matrix turns weights into a table and the cost of tracing a
-ray no longer depends on the number of functions. The table's error against the exact sum falls as the fourth power
+The coefficients are linear in the SRBF weights (``weight_maps`` turns one into the other), and the cost of tracing
+a ray no longer depends on the number of functions. The table's error against the exact sum falls as the fourth power
 of the node spacing (:func:`table_error` measures it).
 """
 
@@ -13,15 +13,11 @@ from scipy.ndimage import spline_filter1d
 
 from lensforge.errors import InputError
 from lensforge.surfaces import chart
-from lensforge.surfaces.srbf import SrbfBasis, gaussians
 from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.symmetry import grid_images
 
 # The filter's end condition decays by 2 - sqrt(3) a node: after 24 nodes it is below 1e-13.
 APRON = 24
-_CHUNK_BYTES = 256 * 2**20
 _MOST_NODES = 4096  # a table of 128 MiB
-_MOST_MATRIX_BYTES = 8 * 2**30
 
 
 @dataclass(frozen=True)
@@ -73,29 +69,6 @@ def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
             f"resolves {spans / _MOST_NODES:.2g}: raise lens.sigma_c or lower the last of lens.levels"
         )
     return TableGrid(max(24, int(np.ceil(spans / sigma_min_rad)) + 1))
-
-
-def weight_matrix(grid: TableGrid, basis: SrbfBasis) -> Float[np.ndarray, "s m"]:
-    """Table coefficients for each unit weight: ``table = offset + weight_matrix @ weights``.
-
-    Raises :class:`InputError` before it takes more than 8 GiB.
-    """
-    needed = 8 * grid.side**2 * basis.size
-    if needed > _MOST_MATRIX_BYTES:
-        raise InputError(
-            f"lens: {basis.size} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
-            f"allowed are {_MOST_MATRIX_BYTES // 2**30}: lower lens.levels, raise lens.sigma_c, or --accuracy draft"
-        )
-    directions = grid.sample_directions()
-    count = grid.nodes + 2 * APRON
-    matrix = np.empty((grid.side**2, basis.size))
-    columns = max(1, _CHUNK_BYTES // (8 * len(directions)))
-    for first in range(0, basis.size, columns):
-        kept = slice(first, first + columns)
-        samples = gaussians(directions, basis.centres[kept], basis.sigmas[kept])
-        images = grid_images(samples.reshape(count, count, -1), basis.symmetry)
-        matrix[:, kept] = grid.coefficients(images.reshape(count**2, -1))
-    return matrix
 
 
 def tabulate(grid: TableGrid, surface: Surface) -> Float[np.ndarray, "side side"]:

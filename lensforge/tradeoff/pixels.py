@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.evaluation.metrics import nmse
@@ -147,4 +146,4 @@ def _quiet_nmse(images: Images, target: Float[np.ndarray, "p p"]) -> float:
 
 
 def _splat(run: Run, receiver: Receiver) -> Float[np.ndarray, "p p"]:
-    return splat_flux(torch.from_numpy(run.hits), torch.from_numpy(run.flux), receiver).numpy()
+    return splat_flux(run.hits, run.flux, receiver)

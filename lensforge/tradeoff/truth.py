@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 
 from lensforge.evaluation.exact import ExactHits, trace_exact_sum
@@ -108,4 +107,4 @@ def _percentile(
 def _splat(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], receiver: Receiver
 ) -> Float[np.ndarray, "p p"]:
-    return splat_flux(torch.from_numpy(hits), torch.from_numpy(flux), receiver).numpy()
+    return splat_flux(hits, flux, receiver)

@@ -9,9 +9,10 @@ from functools import lru_cache
 import numpy as np
 import torch
 from hypothesis import settings
+from scenes import weight_matrix
 
 from lensforge.sources.bundle import RayBundle
-from lensforge.surfaces.spline import TableGrid, weight_matrix
+from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate

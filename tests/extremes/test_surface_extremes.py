@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface
 
 from lensforge.errors import InputError
-from lensforge.surfaces.spline import grid_for, table_error, tabulate, weight_matrix
+from lensforge.surfaces.spline import grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
 SIGMA = st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 10 rad
@@ -95,12 +95,6 @@ def test_a_table_keeps_its_accuracy_at_any_sigma(sigma, levels) -> None:
 def test_functions_too_narrow_for_a_table_are_refused_in_one_line(sigma: float) -> None:
     with pytest.raises(InputError, match=r"sigma.*sigma_c"):
         grid_for(sigma, 6.0)
-
-
-def test_a_basis_too_large_for_the_memory_is_refused_before_it_is_taken() -> None:
-    basis = SrbfBasis((40_000,), 1.75)
-    with pytest.raises(InputError, match=r"GiB.*lens\.levels"):
-        weight_matrix(grid_for(float(basis.sigmas.min()), 2.5), basis)
 
 
 def test_a_surface_of_zero_weights_is_a_sphere_to_the_last_bit() -> None:

@@ -48,7 +48,7 @@ def test_sums_are_those_of_the_definitions() -> None:
     light = collected(arrivals, rays, RECEIVER, WINDOW_MM)
     for found, wanted in zip(_sums(light), _plainly(arrivals, rays), strict=True):
         assert found.item() == pytest.approx(wanted.item(), rel=1e-12)
-    image = splat_flux(arrivals.hits, arrivals.flux, RECEIVER).numpy()
+    image = splat_flux(arrivals.hits.detach().numpy(), arrivals.flux.detach().numpy(), RECEIVER)
     assert np.allclose(light.image.detach().numpy(), image, rtol=1e-12, atol=1e-15)
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from scenes import random_surface
+from scenes import random_surface, weight_matrix
 
-from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate, weight_matrix
+from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
 from lensforge.surfaces.symmetry import NAMES
 
 

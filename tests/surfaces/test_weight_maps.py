@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from scenes import small_spec
+from scenes import small_spec, weight_matrix
 
 from lensforge.design.parameters import Parametrisation
 from lensforge.errors import InputError
@@ -12,10 +12,6 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.weight_maps import weight_maps
 
 LEVELS = (1, 9, 49, 200)
-
-
-def _dense(grid: TableGrid, basis: SrbfBasis) -> np.ndarray:
-    return grid.coefficients(basis.evaluate(grid.sample_directions()))
 
 
 def _by_levels(grid: TableGrid, basis: SrbfBasis, weights: np.ndarray) -> np.ndarray:
@@ -33,7 +29,7 @@ def test_levels_on_grids_of_their_own_hardly_add_to_the_error_of_the_table(nodes
     basis = SrbfBasis(LEVELS, 1.7)
     weights = np.random.default_rng(0).normal(size=basis.size) * 0.02
     grid, surface = grid_for(basis.detail_rad, nodes_per_sigma), SrbfSurface(basis, weights, 1.0)
-    dense = 1.0 + (_dense(grid, basis) @ weights).reshape(grid.side, grid.side)
+    dense = 1.0 + (weight_matrix(grid, basis) @ weights).reshape(grid.side, grid.side)
     by_levels = 1.0 + _by_levels(grid, basis, weights)
     assert not np.array_equal(by_levels, dense)
     assert table_error(grid, by_levels, surface) < 1.3 * table_error(grid, dense, surface)
@@ -43,7 +39,7 @@ def test_one_level_is_the_table_itself() -> None:
     basis = SrbfBasis((60,), 1.7)
     grid = grid_for(basis.detail_rad, 3.0)
     weights = np.random.default_rng(1).normal(size=60)
-    dense = (_dense(grid, basis) @ weights).reshape(grid.side, grid.side)
+    dense = (weight_matrix(grid, basis) @ weights).reshape(grid.side, grid.side)
     assert np.allclose(_by_levels(grid, basis, weights), dense, atol=1e-10)
 
 

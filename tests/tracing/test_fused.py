@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import torch
-from scenes import hemisphere_directions, random_surface, sphere, table_of
+from scenes import hemisphere_directions, random_surface, sphere, table_of, weight_matrix
 
 from lensforge.errors import InputError
 from lensforge.optics.dielectric import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
-from lensforge.surfaces.spline import TableGrid, weight_matrix
+from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate
 from lensforge.tracing.fused import Scene, trace_tables
