@@ -30,7 +30,7 @@ class AugmentedLagrangian:
         """For the spec's constraints, watched on ``grid``."""
         constraints = constraints_of(spec)
         derivatives = any(constraint.derivatives for constraint in constraints)
-        points = watched_points(grid, spec.lens.symmetry)
+        points = watched_points(grid, spec.lens.basis.symmetry)
         return AugmentedLagrangian(constraints, Watch.of(grid, points, derivatives), stringency)
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
-        everywhere = watched_points(grid, lens.spec.lens.symmetry)
+        everywhere = watched_points(grid, lens.spec.lens.basis.symmetry)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
     return found
 

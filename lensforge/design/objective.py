@@ -78,7 +78,7 @@ class Objective:
         inner, outer = self.parametrisation.tables(weights, offsets)
         arrivals = trace_tables(inner, outer, self.scene, rays)
         light = collected(arrivals, rays, self.receiver, self.window_mm)
-        flux = mirror_mean(light.image, self.spec.lens.symmetry)
+        flux = mirror_mean(light.image, self.spec.lens.basis.symmetry)
         emitted_w = float(rays.weights.sum())
         nmse = nmse_loss(flux, self.wanted)
         image = nmse
