@@ -74,7 +74,7 @@ def test_a_part_of_the_surface_fails_its_gate(folder: Path) -> None:
     [
         ([], "--on PHOTO"),
         (["--on", "a.png", "--points", "b.csv"], "--on PHOTO"),
-        (["--on", "a.png"], "--corners"),
+        (["--on", "a.png"], "a.png: no such file"),
         (["--points", "b.csv"], "--surface"),
         (["--points", "b.csv", "--surface", "outer"], "no such file"),
     ],

@@ -116,8 +116,10 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
 
 
-def test_a_killed_design_resumes_to_the_same_lens(designed: Path, tmp_path: Path) -> None:
-    command = ["design", write_spec(tmp_path), "--accuracy", "draft", "--out", tmp_path / "cut"]
+def test_a_killed_design_resumes_to_the_same_lens(tmp_path: Path) -> None:
+    # long enough for a checkpoint, which comes after two seconds
+    spec = write_spec(tmp_path, steps=300)
+    command = ["design", spec, "--accuracy", "draft", "--out", tmp_path / "cut"]
     process = subprocess.Popen(
         [sys.executable, "-m", "lensforge", *map(str, command)],
         stderr=subprocess.PIPE,
@@ -134,7 +136,9 @@ def test_a_killed_design_resumes_to_the_same_lens(designed: Path, tmp_path: Path
     assert "Traceback" not in stderr
     done = lensforge(*command, "--resume")
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "cut/lens.json").read_bytes() == (designed / "lens.json").read_bytes()
+    straight = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "straight")
+    assert straight.returncode == 0, straight.stderr
+    assert (tmp_path / "cut/lens.json").read_bytes() == (tmp_path / "straight/lens.json").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -216,11 +220,11 @@ def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> 
 
 
 def test_a_failed_gate_is_exit_code_one_and_says_which(tmp_path: Path) -> None:
-    # two steps cannot bring a 13 mm start under a limit of 7 mm
-    spec = write_spec(tmp_path, steps=1, **{"outer_offset_mm = 6.0": "outer_offset_mm = 13.0", "16.0": "40.0"})
+    # a wall of 6.9 mm and a cavity do not go into 7 mm
+    spec = write_spec(tmp_path, steps=1, **{"min_thickness_mm = 1.0": "min_thickness_mm = 6.9"})
     result = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
     assert result.returncode == 1
-    assert "constraint g3" in result.stderr
+    assert "constraint g2" in result.stderr
     assert "fails by" in result.stderr
     assert (tmp_path / "out" / "lens.step").exists(), "a failed gate still leaves its files"
 
