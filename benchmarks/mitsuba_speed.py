@@ -13,62 +13,28 @@ neither.
 """
 
 import argparse
-import statistics
-import time
-from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import torch
-from gradient_step import Step
+from gradient_step import Step, median_seconds
 
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces import chart
-from lensforge.surfaces.spline import evaluate_table
 from lensforge.surfaces.surface import Surface
 from lensforge.tracing.fused import trace_tables
+from lensforge.tradeoff.tables import table_normals
+from lensforge.tradeoff.truth import directions
 
 LADDER = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
 
 
-def directions(count: int, seed: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    z, azimuth = rng.uniform(0.02, 1.0, count), rng.uniform(0.0, 2.0 * np.pi, count)
-    sine = np.sqrt(1.0 - z * z)
-    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=1)
-
-
-def exact_normals(surface: Surface, u: np.ndarray) -> np.ndarray:
-    normals = u - surface.gradient(u) / surface.radius(u)[:, None]
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def rms_angle(found: np.ndarray, exact: np.ndarray) -> float:
-    chord = np.linalg.norm(found - exact, axis=1)
+def rms_angle(found: np.ndarray, surface: Surface) -> float:
+    """Between unit normals at :func:`directions` and the exact ones, rad."""
+    chord = np.linalg.norm(found - surface.normal(directions()), axis=1)
     return float(np.sqrt(np.mean((2.0 * np.arcsin(0.5 * chord)) ** 2)))
-
-
-def table_normal_error(step: Step, tables: list[torch.Tensor], surfaces: list[Surface]) -> float:
-    """Normals of the table by Richardson differences of its radius along two tangents."""
-    u, worst = directions(20_000), 0.0
-    for table, surface in zip(tables, surfaces, strict=True):
-        across = np.cross(u, [1.0, 0.3, 0.2])
-        across /= np.linalg.norm(across, axis=1, keepdims=True)
-        gradient, e = np.zeros_like(u), 1e-4
-        for tangent in (across, np.cross(u, across)):
-            ahead, behind = (
-                evaluate_table(
-                    step.parametrisation.grid, table.detach().numpy(), np.cos(e) * u + s * np.sin(e) * tangent
-                )
-                for s in (1, -1)
-            )
-            gradient += ((ahead - behind) / (2.0 * e))[:, None] * tangent
-        normals = u - gradient / surface.radius(u)[:, None]
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        worst = max(worst, rms_angle(normals, exact_normals(surface, u)))
-    return worst
 
 
 class Meshes:
@@ -106,11 +72,10 @@ class Meshes:
             params.update()
 
     def normal_error(self, surfaces: list[Surface]) -> float:
-        u, worst = directions(20_000), 0.0
+        u, worst = directions(), 0.0
         for scene, surface in zip(self.scenes, surfaces, strict=True):
             ray = mi.Ray3f(mi.Point3f(0.0), mi.Vector3f(*(mi.Float(np.ascontiguousarray(c)) for c in u.T)))
-            normal = np.array(scene.ray_intersect(ray).sh_frame.n).T
-            worst = max(worst, rms_angle(normal, exact_normals(surface, u)))
+            worst = max(worst, rms_angle(np.array(scene.ray_intersect(ray).sh_frame.n).T, surface))
         return worst
 
 
@@ -142,16 +107,6 @@ def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> N
     (arrivals.flux * (arrivals.hits**2).sum(dim=1)).sum().backward()
 
 
-def median_seconds(work: Callable[[], None], repeat: int) -> float:
-    work()
-    times = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--rays", type=int, default=2**19)
@@ -165,8 +120,12 @@ def main() -> None:
     lens = step.parametrisation.lens(step.weights.detach(), step.offsets.detach(), spec, 0, "standard")
     surfaces: list[Surface] = [lens.inner, lens.outer]
     tables = [table.detach().requires_grad_() for table in step.parametrisation.tables(step.weights, step.offsets)]
-    ours = table_normal_error(step, tables, surfaces)
-    print(f"table of {step.parametrisation.grid.nodes} nodes a side: normals {1e6 * ours:.1f} urad rms, float64")
+    grid = step.parametrisation.grid
+    ours = max(
+        rms_angle(table_normals(grid, table.detach().numpy(), directions())[1], surface)
+        for table, surface in zip(tables, surfaces, strict=True)
+    )
+    print(f"table of {grid.nodes} nodes a side: normals {1e6 * ours:.1f} urad rms, float64")
 
     ratios: list[tuple[float, float]] = []
     for nodes in LADDER:

@@ -7,7 +7,6 @@ from jaxtyping import Float
 from scipy.ndimage import shift
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
-_WINDOW = 11
 _SUBPIXEL = 50
 
 

@@ -26,17 +26,6 @@ class Dispersion(Protocol):
 
 
 @dataclass(frozen=True)
-class Constant:
-    """One index at every wavelength."""
-
-    n: float
-
-    def index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """The index, over and over."""
-        return np.full(len(wavelengths_nm), self.n)
-
-
-@dataclass(frozen=True)
 class Cauchy:
     """``n = a + b / wavelength^2 + c / wavelength^4 + ...``, wavelength in um."""
 

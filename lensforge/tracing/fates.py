@@ -14,6 +14,3 @@ class Fate(IntEnum):
     AVERTED = 5  # left the lens, but away from the receiver's plane
     NOT_CONVERGED = 6  # the intersection search gave up; zero at standard accuracy
     CROSSED = 7  # the surfaces cross here: the outer one lies inside of the inner one
-
-
-FATE_COUNT = len(Fate)

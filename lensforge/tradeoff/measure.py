@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 
+from lensforge.design.symmetry import settled_symmetry
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.files import write_json
@@ -60,14 +61,14 @@ def run_tradeoff(
 
     ``announce`` hears what is measured next. Raises :class:`InputError` if the lens is that of another scene.
     """
-    path = directory / "lens.json"
+    path, source = directory / "lens.json", build_source(spec.source, spec.lens.dispersion)
     if path.exists():
         lens = load_lens(path)
-        _require_same_scene(lens, spec, path)
+        _require_same_scene(lens, settled_symmetry(spec, source), path)
     else:
         announce("no lens yet: a draft is designed")
         lens = run_design(spec, directory, accuracy="draft")
-    content = measure(lens, build_source(spec.source, spec.lens.dispersion), effort or Effort(), announce)
+    content = measure(lens, source, effort or Effort(), announce)
     write_json(directory / JSON_FILE, content)
     build_page(content, directory)
     return content

@@ -69,7 +69,7 @@ class Truth:
         receiver = Receiver(self.lens.spec.target.receiver_mm, self.lens.spec.optimise.pixels)
         parts = np.array_split(np.arange(len(flux)), SCRAMBLES)
         pictures = [
-            [_splat(h[part], f[part], receiver) for h, f in ((hits, flux), (self.exact.hits, self.exact.flux))]
+            [splat_flux(h[part], f[part], receiver) for h, f in ((hits, flux), (self.exact.hits, self.exact.flux))]
             for part in parts
         ]
         return {
@@ -102,9 +102,3 @@ def _percentile(
         rows[part] = False
         left_out.append(of(rows))
     return Estimate(of(both), float(np.sqrt((len(parts) - 1) * np.var(left_out))))
-
-
-def _splat(
-    hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], receiver: Receiver
-) -> Float[np.ndarray, "p p"]:
-    return splat_flux(hits, flux, receiver)

@@ -10,7 +10,6 @@ from lensforge.optics.materials import (
     F_LINE_NM,
     MATERIALS,
     Cauchy,
-    Constant,
     Sellmeier,
     by_abbe_number,
 )
@@ -67,7 +66,6 @@ def test_two_numbers_of_a_data_sheet_say_nearly_what_the_full_formula_says():
 
 
 def test_formulas_by_hand():
-    assert Constant(1.5).index(np.array([400.0, 700.0])).tolist() == [1.5, 1.5]
     assert Cauchy((1.5, 0.005, 0.0001)).index(np.array([500.0]))[0] == pytest.approx(1.5 + 0.02 + 0.0016)
     assert Sellmeier(((1.25, 0.0),)).index(np.array([500.0]))[0] == pytest.approx(1.5)
     assert Sellmeier(((1.0, 0.05),)).index(np.array([500.0]))[0] == pytest.approx(np.sqrt(1.0 + 0.25 / 0.2))

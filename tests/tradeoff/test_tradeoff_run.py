@@ -95,9 +95,16 @@ def test_the_lens_of_another_scene_is_refused(folder):
 
 def test_without_a_lens_a_draft_is_designed(tmp_path):
     heard = []
-    content = run_tradeoff(SPEC, tmp_path, effort=replace(EFFORT, rays=(2**8, 2**10)), announce=heard.append)
+    spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
+    content = run_tradeoff(spec, tmp_path, effort=replace(EFFORT, rays=(2**8, 2**10)), announce=heard.append)
     assert load_lens(tmp_path / "lens.json").accuracy == content["lens"]["accuracy"] == "draft"
     assert "draft" in heard[0]
+
+    def stop(heard: str) -> None:
+        raise StopIteration(heard)
+
+    with pytest.raises(StopIteration, match="tables"):  # the lens is that of its spec, whose symmetry it names
+        run_tradeoff(spec, tmp_path, effort=EFFORT, announce=stop)
 
 
 def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
