@@ -27,7 +27,7 @@ from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_
 from lensforge.verification.referee import judge
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
-# surface 20 um off its place is at several times that; a mesh of 100,000 triangles takes up a fifth of it.
+# surface 20 um off its place is at several times that; 200,000 triangles of the roughest lens take up a fifth of it.
 DEVIATION_PER_DISTANCE = 1e-4
 # Shares of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = FATE_SHARE = 1e-3

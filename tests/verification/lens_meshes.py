@@ -36,6 +36,25 @@ class Quadric:
         return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
+@dataclass(frozen=True)
+class Rippled:
+    """A sphere under waves in the direction, ``1 + sum a sin(k . u)``: as rough as a small lens, exact normals."""
+
+    size: float
+    waves: np.ndarray  # [w, 3], the wave numbers k in 1/rad
+    amplitude: float
+
+    def radius(self, u):
+        return self.size * (1.0 + self.amplitude * np.sin(u @ self.waves.T).sum(1))
+
+    def normal(self, u):
+        """Unit normals at the directions ``u``: u less the tangential gradient of the radius over the radius."""
+        gradient = self.size * self.amplitude * np.cos(u @ self.waves.T) @ self.waves
+        tangential = gradient - (gradient * u).sum(1, keepdims=True) * u
+        n = u - tangential / self.radius(u)[:, None]
+        return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
 def sphere(radius, centre=(0.0, 0.0, 0.0)):
     return Quadric(centre, (radius,) * 3)
 

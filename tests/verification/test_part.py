@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from lens_meshes import Quadric, lens_mesh, sphere
+from lens_meshes import Quadric, Rippled, lens_mesh, sphere
 
 from lensforge.errors import InputError
 from lensforge.verification.normals import facet_average
@@ -31,6 +31,34 @@ def test_normals_are_third_order_up_to_the_rim(surface, sign):
     assert np.sqrt(np.mean(tilted**2) / np.mean(straight**2)) > 2.0**2.6
     assert np.sqrt(np.mean(high**2) / np.mean(low**2)) > 2.0**2.6
     assert low.max() < 2e-4
+
+
+def rippled(size, seed):
+    """Ripples of half a radian from crest to crest, as narrow as the narrowest functions of a design allow."""
+    waves = np.random.default_rng(seed).normal(size=(8, 3))
+    return Rippled(size, 12.0 * waves / np.linalg.norm(waves, axis=1, keepdims=True), 0.01)
+
+
+def tilts(part, surface, sign):
+    """Angle (rad) between fitted and exact normals at the vertices of one dome, and which of them are on its rim."""
+    rows, index = np.unique(part.corners, return_index=True)
+    points = part.mesh.vertices[part.mesh.faces.ravel()[index]]
+    directions = points / np.linalg.norm(points, axis=1, keepdims=True)
+    outwards = (part.mesh.triangles_center[index // 3] * part.mesh.face_normals[index // 3]).sum(1) * sign
+    on_dome = np.abs(np.linalg.norm(points, axis=1) - surface.radius(directions)) < 1e-9
+    rows, directions = (some[on_dome & (outwards > 1.0)] for some in (rows, directions))
+    apart = np.linalg.norm(part.fit.normals[rows] - sign * surface.normal(directions), axis=1)
+    return apart, directions[:, 2] < 1e-9
+
+
+@pytest.mark.parametrize(("name", "sign"), [("outer", 1.0), ("inner", -1.0)])
+def test_normals_of_a_rough_lens_owe_little_to_the_mesh_and_hold_at_the_rim(name, sign):
+    surfaces = {"inner": rippled(3.0, 1), "outer": rippled(6.0, 2)}
+    part = part_of(lens_mesh(surfaces["inner"].radius, surfaces["outer"].radius, 96))
+    angles, on_rim = tilts(part, surfaces[name], sign)
+    assert on_rim.sum() == 6 * 96
+    assert np.sqrt(np.mean(angles**2)) < 1e-5  # a cubic leaves 1e-4
+    assert angles.max() < 1e-4  # on the rim: a quintic that no ridge holds leaves 1e-3 there
 
 
 def test_average_of_facets_is_exact_on_a_sphere_away_from_the_rim():

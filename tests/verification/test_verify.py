@@ -104,7 +104,7 @@ WRONG = {
     "inner 20 um up": lambda: right(inner=moved(INNER, 2, 0.02)),
     "outer 20 um to -y": lambda: right(outer=moved(OUTER, 1, -0.02)),
     "outer 20 um down": lambda: right(outer=moved(OUTER, 2, -0.02)),
-    "coarse": lambda: right(rings=12),
+    "coarse": lambda: right(rings=8),
 }
 
 
@@ -160,7 +160,7 @@ def test_what_does_not_fit_is_input_error(verify, change, message):
 
 
 def test_gates_read_as_sentences(verify):
-    result = verify(right(rings=12), referee_rays=1)
+    result = verify(right(rings=8), referee_rays=1)
     gate = next(gate for gate in result["gates"] if gate["name"] == "deviation_rms")
     gate.pop("passed")
     assert "finer mesh" in str(Gate(**gate))
