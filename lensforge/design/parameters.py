@@ -22,24 +22,26 @@ class LevelMap:
     """A :class:`~lensforge.surfaces.weight_maps.WeightMap` as differentiable operations."""
 
     samples: SparseMatrix
-    refine: Float[Tensor, "side n"]
+    refine: SparseMatrix
 
     @staticmethod
     def of(level: WeightMap) -> "LevelMap":
         """The same numbers."""
-        return LevelMap(SparseMatrix.of(level.samples), torch.from_numpy(level.refine))
+        return LevelMap(SparseMatrix(level.samples), SparseMatrix(level.refine))
 
     @property
     def functions(self) -> int:
         """Number of weights."""
-        count: int = self.samples.columns.shape[0]
+        count: int = self.samples.rows.shape[1]
         return count
 
-    def coefficients(self, weights: Float[Tensor, "m c"]) -> Float[Tensor, "c side side"]:
-        """Table coefficients of ``c`` sets of weights."""
-        nodes = self.refine.shape[1]
-        samples = (self.samples @ weights.contiguous()).T.reshape(-1, nodes, nodes)
-        return self.refine @ samples @ self.refine.T
+    def coefficients(self, weights: Float[Tensor, "m c"]) -> Float[Tensor, "side side c"]:
+        """Table coefficients of ``c`` sets of weights, first index Y."""
+        side, nodes = self.refine.rows.shape
+        samples = (self.samples @ weights).reshape(nodes, -1)
+        along_x = (self.refine @ samples).reshape(side, nodes, -1)
+        along_y = self.refine @ along_x.transpose(0, 1).reshape(nodes, -1)
+        return along_y.reshape(side, side, -1)
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,10 @@ class Parametrisation:
             if first < len(weights):
                 total = total + level.coefficients(weights[first : first + level.functions])
             first += level.functions
-        tables = (total + offsets[:, None, None]) * self.scale_mm[:, None, None]
+        images = ((total + offsets) * self.scale_mm).unbind(dim=-1)
         # images have y in their rows, tables X
         inner, outer = (
-            mirror_mean(tables[i].T, self.basis.symmetry).T if still is None else still
+            mirror_mean(images[i], self.basis.symmetry).T if still is None else still
             for i, still in enumerate(self._fixed_tables)
         )
         return inner.contiguous(), outer.contiguous()

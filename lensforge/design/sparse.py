@@ -1,6 +1,7 @@
 """A fixed sparse matrix in a differentiable computation."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,50 +10,69 @@ from jaxtyping import Float
 from scipy.sparse import csr_matrix
 from torch import Tensor
 
-from lensforge.design.sparse_kernel import multiply_rows
-from lensforge.tracing.chunks import in_chunks
+from lensforge.design.sparse_kernel import add_transposed, multiply_rows
+from lensforge.tracing.chunks import CHUNKS, in_chunks
 
-_WORTH_SHARING = 2**18  # entries: a quarter of a millisecond of work
+_WORTH_SHARING = 2**19  # products: a quarter of a millisecond of work
 
 
 @dataclass(frozen=True)
 class SparseMatrix:
-    """A constant ``r`` x ``s`` matrix and its transpose, both by rows."""
+    """A constant ``r`` x ``s`` matrix, by rows."""
 
     rows: csr_matrix
-    columns: csr_matrix
-
-    @staticmethod
-    def of(matrix: csr_matrix) -> "SparseMatrix":
-        """With the transpose that the backward pass multiplies by."""
-        return SparseMatrix(matrix.tocsr(), matrix.T.tocsr())
 
     def __matmul__(self, dense: Float[Tensor, "s c"]) -> Float[Tensor, "r c"]:
         """The product with ``dense``; differentiable by it."""
         product: Tensor = _Product.apply(dense, self)
         return product
 
+    @cached_property
+    def transposed(self) -> csr_matrix:
+        """For wide factors; where two columns are all, the rows themselves serve better."""
+        return self.rows.T.tocsr()
 
-def _times(matrix: csr_matrix, dense: Tensor) -> Tensor:
-    factor = dense.detach().contiguous().numpy()
+
+def _packed(matrix: csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return matrix.indptr, matrix.indices, matrix.data
+
+
+def _times(matrix: csr_matrix, factor: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "r c"]:
     product = np.empty((matrix.shape[0], factor.shape[1]))
 
     def work(_: int, part: slice) -> None:
-        multiply_rows(matrix.indptr, matrix.indices, matrix.data, factor, part.start, part.stop, product)
+        multiply_rows(*_packed(matrix), factor, part.start, part.stop, product)
 
-    if matrix.nnz < _WORTH_SHARING:
+    if matrix.nnz * factor.shape[1] < _WORTH_SHARING:
         work(0, slice(0, len(product)))
     else:
         in_chunks(work, len(product))
-    return torch.from_numpy(product)
+    return product
+
+
+def _transposed_times(matrix: csr_matrix, factor: Float[np.ndarray, "r 2"]) -> Float[np.ndarray, "s 2"]:
+    alone = 2 * matrix.nnz < _WORTH_SHARING
+    totals = np.zeros((1 if alone else CHUNKS, matrix.shape[1], 2))
+
+    def work(chunk: int, part: slice) -> None:
+        add_transposed(*_packed(matrix), factor, part.start, part.stop, totals[chunk])
+
+    if alone:
+        work(0, slice(0, len(factor)))
+    else:
+        in_chunks(work, len(factor))
+    return totals.sum(axis=0)
 
 
 class _Product(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, dense: Tensor, matrix: SparseMatrix) -> Tensor:
         ctx.matrix = matrix
-        return _times(matrix.rows, dense)
+        return torch.from_numpy(_times(matrix.rows, dense.detach().contiguous().numpy()))
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
-        return _times(ctx.matrix.columns, gradients[0]), None
+        factor, matrix = gradients[0].contiguous().numpy(), ctx.matrix
+        narrow = factor.shape[1] == 2
+        by_dense = _transposed_times(matrix.rows, factor) if narrow else _times(matrix.transposed, factor)
+        return torch.from_numpy(by_dense), None

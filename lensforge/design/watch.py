@@ -66,7 +66,7 @@ class Watch:
         """For tables of ``grid``; with ``derivatives`` the first and second ones too."""
         orders = _JET if derivatives else _VALUE
         matrix = vstack([_evaluation(grid, points, order) for order in orders], format="csr")
-        return Watch(ChartPoints.of(points), SparseMatrix.of(matrix))
+        return Watch(ChartPoints.of(points), SparseMatrix(matrix))
 
     def jets(self, *tables: Float[Tensor, "side side"]) -> list[RadiusJet]:
         """Of each table; differentiable by its coefficients."""

@@ -1,14 +1,13 @@
 """From weights to table coefficients, level by level: the cost follows what each function covers.
 
 A function is sampled where it is not negligible, on a grid as fine as its own level needs; the level's spline is then
-carried over to the table's grid, which is one small matrix along each axis. So a step of the search costs hardly more
+carried over to the table's grid, which is one banded matrix along each axis. So a step of the search costs hardly more
 with thousands of narrow functions than with hundreds, and broad functions do not fill a fine grid.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_matrix
@@ -20,9 +19,11 @@ from lensforge.surfaces.spline import APRON, TableGrid, grid_for
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 
 _NEGLIGIBLE = 1e-10  # of a function's peak
+_FAR = 1e-14  # a spline's coefficient forgets a sample by 2 - sqrt(3) a node: what is left after some 24 nodes
 _FINER = 1.3  # a coarse level's nodes per sigma over the finest's: its error is then a third of the table's
+_SURVEYED = 128  # functions whose samples are counted, to know how many there will be
 _MOST_BYTES = 8 * 2**30
-_BYTES_PER_SAMPLE = 24  # value and index, by rows and by columns
+_BYTES_PER_SAMPLE = 12  # value and index
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ class WeightMap:
     """One level: ``coefficients = refine @ square(samples @ weights) @ refine.T``, before mirror images are averaged.
 
     ``samples`` (n^2, m): the functions at the nodes of the level's grid, X slowest. ``refine`` (side, n): along one
-    axis, from those samples to the coefficients of the table.
+    axis, from those samples to the coefficients of the table; a band.
     """
 
     samples: csr_matrix
-    refine: Float[np.ndarray, "side n"]
+    refine: csr_matrix
 
 
 def weight_maps(grid: TableGrid, basis: SrbfBasis) -> list[WeightMap]:
@@ -62,7 +63,8 @@ def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
     nodes, centres = cKDTree(grid.sample_directions()), cKDTree(fibonacci_hemisphere(count))
     angle = min(sigma * np.sqrt(-np.log(_NEGLIGIBLE)), np.pi)
     chord = 2.0 * np.sin(0.5 * angle)
-    needed = _BYTES_PER_SAMPLE * int(nodes.count_neighbors(centres, chord))
+    some = centres.data[:: -(-count // _SURVEYED)]
+    needed = _BYTES_PER_SAMPLE * count * float(nodes.query_ball_point(some, chord, return_length=True).mean())
     if needed > _MOST_BYTES:
         raise InputError(
             f"lens: {count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
@@ -74,7 +76,7 @@ def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
     return csr_matrix((values, (near.row, near.col)), shape=near.shape)
 
 
-def _refinement(own: TableGrid, grid: TableGrid) -> Float[np.ndarray, "side n"]:
+def _refinement(own: TableGrid, grid: TableGrid) -> csr_matrix:
     """Samples on ``own`` to its spline, to that spline's values at the nodes of ``grid``, to coefficients there."""
     matrix = np.eye(own.nodes + 2 * APRON)
     if own != grid:
@@ -84,5 +86,5 @@ def _refinement(own: TableGrid, grid: TableGrid) -> Float[np.ndarray, "side n"]:
         reach = chart.HALF_WIDTH + APRON * grid.step
         nodes = np.linspace(-reach, reach, grid.nodes + 2 * APRON)
         matrix = BSpline.design_matrix(nodes, knots, 3) @ coefficients
-    kept = slice(APRON - 1, APRON + grid.nodes + 1)
-    return np.ascontiguousarray(spline_filter1d(matrix, order=3, axis=0, mode="mirror")[kept])
+    kept = spline_filter1d(matrix, order=3, axis=0, mode="mirror")[APRON - 1 : APRON + grid.nodes + 1]
+    return csr_matrix(np.where(np.abs(kept) > _FAR, kept, 0.0))

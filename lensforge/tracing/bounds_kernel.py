@@ -34,26 +34,39 @@ class SurfaceBounds(NamedTuple):
 
 
 @inline
-def spread(table, rows, columns, step):
+def spread_of_row(table, i, columns):
+    """Over one row of a block: the least, and the largest |differences| x, y, xx, xy, yy to the rows that follow."""
+    j0, j1 = columns
+    side = table.shape[0]
+    least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(j0, j1):
+        c = table[i, j]
+        least = min(least, c)
+        if i + 1 < side:
+            x = max(x, abs(table[i + 1, j] - c))
+            if j + 1 < j1:
+                xy = max(xy, abs(table[i + 1, j + 1] - table[i + 1, j] - table[i, j + 1] + c))
+        if i + 2 < side:
+            xx = max(xx, abs(table[i + 2, j] - 2.0 * table[i + 1, j] + c))
+        if j + 1 < j1:
+            y = max(y, abs(table[i, j + 1] - c))
+        if j + 2 < j1:
+            yy = max(yy, abs(table[i, j + 2] - 2.0 * table[i, j + 1] + c))
+    return least, x, y, xx, xy, yy
+
+
+@inline
+def spread(rows, b, spreads, step):
     """Over a block of coefficients: the least, and the largest |differences| x, y, xx, xy, yy per step."""
     i0, i1 = rows
-    j0, j1 = columns
-    least = np.inf
-    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(i0, i1):
-        for j in range(j0, j1):
-            c = table[i, j]
-            least = min(least, c)
-            if i + 1 < i1:
-                x = max(x, abs(table[i + 1, j] - c))
-                if j + 1 < j1:
-                    xy = max(xy, abs(table[i + 1, j + 1] - table[i + 1, j] - table[i, j + 1] + c))
-                if i + 2 < i1:
-                    xx = max(xx, abs(table[i + 2, j] - 2.0 * table[i + 1, j] + c))
-            if j + 1 < j1:
-                y = max(y, abs(table[i, j + 1] - c))
-                if j + 2 < j1:
-                    yy = max(yy, abs(table[i, j + 2] - 2.0 * table[i, j + 1] + c))
+        row = spreads[i, b]
+        least, y, yy = min(least, row[0]), max(y, row[2]), max(yy, row[5])
+        if i + 1 < i1:
+            x, xy = max(x, row[1]), max(xy, row[4])
+        if i + 2 < i1:
+            xx = max(xx, row[3])
     square = step * step
     return least, x / step, y / step, xx / square, xy / square, yy / square
 
@@ -82,22 +95,33 @@ def nearest(origin, step, first, last):
     return max(0.0, origin + first * step, -(origin + last * step))
 
 
+@inline
+def acting(a, side, cells, reach):
+    """First coefficient that acts on block ``a`` of cells and on those within reach along one axis, and the end."""
+    return max(0, a * cells - reach - 1), min(side, (a + 1) * cells + reach + 2)
+
+
 @kernel
-def fill_tiles(table, origin, step, cells, reach, tiles):
-    """Fill ``tiles`` (t, t, 3), see :class:`SurfaceBounds`; those below the horizon, where no ray asks, are 0."""
+def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
+    """Fill ``tiles`` (t, t, 3), see :class:`SurfaceBounds`; those below the horizon, where no ray asks, are 0.
+
+    ``spreads`` (side, t, 6) is room for the spread of every row over the columns of each tile.
+    """
     side = table.shape[0]
+    for i in range(side):
+        for b in range(tiles.shape[1]):
+            spreads[i, b] = spread_of_row(table, i, acting(b, side, cells, reach))
     for a in range(tiles.shape[0]):
         near_x = nearest(origin, step, a * cells, (a + 1) * cells)
-        # coefficients that act on this block of cells, and on those within reach
-        rows = max(0, a * cells - reach - 1), min(side, (a + 1) * cells + reach + 2)
+        rows = acting(a, side, cells, reach)
         far_x = farthest(origin, step, rows[0], rows[1] - 1)
         for b in range(tiles.shape[1]):
             near_y = nearest(origin, step, b * cells, (b + 1) * cells)
             if near_x * near_x + near_y * near_y > 1.0:
                 tiles[a, b, :] = 0.0
                 continue
-            columns = max(0, b * cells - reach - 1), min(side, (b + 1) * cells + reach + 2)
-            least, x, y, xx, xy, yy = spread(table, rows, columns, step)
+            columns = acting(b, side, cells, reach)
+            least, x, y, xx, xy, yy = spread(rows, b, spreads, step)
             far_y = farthest(origin, step, columns[0], columns[1] - 1)
             radius = min(sqrt(far_x * far_x + far_y * far_y), 1.0)
             shrink = 0.5 * (1.0 + radius * radius)
@@ -112,7 +136,8 @@ def surface_bounds(table: Float[np.ndarray, "side side"], origin: float, step: f
     """The bounds of one table (mm) whose coefficient 0 lies at ``origin`` on the chart."""
     side = table.shape[0]
     cells, reach = ceil(side / _TILES), ceil(side / _REACH_CELLS)
-    tiles = np.empty((ceil(side / cells), ceil(side / cells), 3))
-    fill_tiles(table, origin, step, cells, reach, tiles)
+    count = ceil(side / cells)
+    tiles = np.empty((count, count, 3))
+    fill_tiles(table, origin, step, cells, reach, np.empty((side, count, 6)), tiles)
     least, most = extremes(table, origin, step)
     return SurfaceBounds(least, most, tiles, 1.0 / (cells * step), tan(min(reach * step, 0.5)))
