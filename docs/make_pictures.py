@@ -1,9 +1,11 @@
 """Draw docs/<name>.png from finished result folders: the lens, its section, its light.
 
 python docs/make_pictures.py cad_out/quickstart cad_out/pi ...
+python docs/make_pictures.py --together patterns cad_out/plus cad_out/image ...
 """
 
-import sys
+import argparse
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
@@ -33,31 +35,48 @@ def panel(source: Figure | bytes) -> Image.Image:
     return ground.convert("RGB").resize((round(picture.width * HEIGHT / picture.height), HEIGHT), Image.LANCZOS)
 
 
-def draw(directory: Path) -> Image.Image:
-    """All panels of one result, side by side."""
+def light_of(directory: Path) -> Figure:
+    """The irradiance of one result."""
+    receiver_mm = load_lens(directory / "lens.json").spec.target.receiver_mm
+    with np.load(directory / "evaluate.npz") as images:
+        return irradiance_map(images["irradiance"], receiver_mm, float(images["irradiance"].max()))
+
+
+def panels_of(directory: Path) -> list[Figure | bytes]:
+    """The lens, its section, its light."""
     lens = load_lens(directory / "lens.json")
     outline = np.array(read_json(directory / "design.json")["source_outline_mm"])
     rendering = Rendering(directory / "lens.stl", lens.spec.constraints.max_radius_mm)
-    with np.load(directory / "evaluate.npz") as images:
-        light = irradiance_map(images["irradiance"], lens.spec.target.receiver_mm, float(images["irradiance"].max()))
     views = rendering.result()
     rendering.close()
-    panels = [panel(part) for part in (views.pictures["above"], lens_section(lens, 0.0, outline), light)]
+    return [views.pictures["above"], lens_section(lens, 0.0, outline), light_of(directory)]
+
+
+def save(parts: Sequence[Figure | bytes], name: str) -> None:
+    """Write all parts side by side as docs/<name>.png."""
+    panels = [panel(part) for part in parts]
     sheet = Image.new("RGB", (sum(each.width for each in panels), HEIGHT), WHITE)
     position = 0
     for each in panels:
         sheet.paste(each, (position, 0))
         position += each.width
-    return sheet
+    target = Path(__file__).parent / f"{name}.png"
+    with replacing(target) as temporary:
+        sheet.quantize(256).save(temporary, optimize=True)
+    print(target)
 
 
 def main() -> None:
-    """Draw one sheet for each folder on the command line."""
-    for name in sys.argv[1:]:
-        target = Path(__file__).parent / f"{Path(name).name}.png"
-        with replacing(target) as temporary:
-            draw(Path(name)).quantize(256).save(temporary, optimize=True)
-        print(target)
+    """Draw one sheet for each folder on the command line, or one with the light of all."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("--together", metavar="NAME")
+    options = parser.parse_args()
+    if options.together:
+        save([light_of(folder) for folder in options.folders], options.together)
+    else:
+        for folder in options.folders:
+            save(panels_of(folder), folder.name)
 
 
 if __name__ == "__main__":
