@@ -23,7 +23,7 @@ def refract(directions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], rat
     """Unit directions behind the surface (vector form of Snell's law). Mask totally reflected rays first."""
     cosine = torch.sum(directions * normals, dim=1)
     along = torch.sqrt(transmitted_cosine_squared(cosine, ratio)) - ratio * cosine
-    scale = torch.as_tensor(ratio, dtype=directions.dtype).reshape(-1, 1)
+    scale = torch.as_tensor(ratio, dtype=directions.dtype, device=directions.device).reshape(-1, 1)
     return scale * directions + along[:, None] * normals
 
 

@@ -46,9 +46,8 @@ def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " 
 class _Trace(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Any:
+        bounds = checked_bounds(inner, outer, scene)
         tables = [table.detach().numpy() for table in (inner, outer)]
-        bounds = [surface_bounds(table, scene.grid.origin, scene.grid.step) for table in tables]
-        _check_bounds(bounds)
         count, indices = len(rays), scene.indices(rays)
         lengths, hits = np.empty((count, 2)), np.empty((count, 2))
         carried, sines, fates = np.empty(count), np.empty(count), np.empty(count, dtype=np.int8)
@@ -87,13 +86,20 @@ class _Trace(torch.autograd.Function):
         return total[0], total[1], None, None
 
 
-def _check_bounds(bounds: list[SurfaceBounds]) -> None:
-    for name, bound in zip(("inner", "outer"), bounds, strict=True):
+def checked_bounds(
+    inner: Float[torch.Tensor, "side side"], outer: Float[torch.Tensor, "side side"], scene: Scene
+) -> tuple[SurfaceBounds, SurfaceBounds]:
+    """The bounds of both tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
+    first, second = (
+        surface_bounds(table.detach().numpy(), scene.grid.origin, scene.grid.step) for table in (inner, outer)
+    )
+    for name, bound in (("inner", first), ("outer", second)):
         if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
             raise InputError(
                 f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0: "
                 f"lower optimise.learning_rate, or raise lens.{name}_offset_mm"
             )
+    return first, second
 
 
 def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Arrivals:

@@ -15,11 +15,11 @@ FOUND = 0
 BELOW = 1  # passed the plane z = 0 first
 LOST = 2  # no convergence
 
-_MAX_STEPS = 200
-_MAX_CLOSING = 60
-_TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
-_ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
-_WORTH_A_LEAP = 0.9  # of the least radius nearby: up to there, to leap costs less than to look
+MAX_STEPS = 200
+MAX_CLOSING = 60
+TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
+ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
+WORTH_A_LEAP = 0.9  # of the least radius nearby: up to there, to leap costs less than to look
 
 
 @inline
@@ -62,7 +62,7 @@ def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
     low, high = t, t - 2.0 * F / slope
     before, F_before, inverse_before = t, F, 1.0 / slope
     t -= F * inverse_before
-    for _ in range(_MAX_CLOSING):
+    for _ in range(MAX_CLOSING):
         x, y, z = px + t * dx, py + t * dy, pz + t * dz
         r = sqrt(x * x + y * y + z * z)
         per_shift, climb = 1.0 / (r + z), (x * dx + y * dy + z * dz) / r
@@ -71,7 +71,7 @@ def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
         )
         inverse = 1.0 / slope
         newton = -F * inverse
-        if abs(newton) <= _TOLERANCE * r or abs(F) <= _ROUNDING * r:
+        if abs(newton) <= TOLERANCE * r or abs(F) <= ROUNDING * r:
             return t + newton, FOUND, rho_x, rho_y
         if F > 0.0:
             low = t
@@ -94,7 +94,7 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     """Path length to the first crossing from a point with ``|p| <= rho`` and z >= 0, a status, the table's slopes."""
     least = bounds.least
     t = 0.0
-    for _ in range(_MAX_STEPS):
+    for _ in range(MAX_STEPS):
         x, y, z = px + t * dx, py + t * dy, pz + t * dz
         if z < 0.0 and dz <= 0.0:
             return t, BELOW, 0.0, 0.0
@@ -110,12 +110,12 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
         sine = sqrt(max(1.0 - climb * climb, 0.0))
         # after a path s the ray has turned by atan(s sine / (r + s climb)): s turning <= room stays in reach
         turning, room = sine - bounds.tan_reach * climb, r * bounds.tan_reach
-        if r < _WORTH_A_LEAP * low:
+        if r < WORTH_A_LEAP * low:
             leap = sqrt(outward * outward + low * low - r_squared) - outward
             t += leap if leap * turning <= room else room / turning
             continue
         F, slope, rho_x, rho_y = descent(X, Y, per_shift, climb, r, dx, dy, dz, table, origin, inverse_step)
-        if _ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
+        if ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
             return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST, rho_x, rho_y
         bend, path = bend_ahead(outward, r, sine, climb, leaning, bending, least)
         farthest = -2.0 * F / slope

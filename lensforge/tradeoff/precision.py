@@ -109,9 +109,9 @@ def _reach(surface: SrbfSurface) -> float:
 def _read(lens: Lens, rays: RayBundle, dtype: torch.dtype, search: Search) -> tuple[np.ndarray, np.ndarray]:
     """Hits and flux by the readable tracer, in float64."""
     inner, outer = [
-        ExactSurface(s.basis, torch.tensor(s.weights, dtype=dtype), torch.tensor(s.offset_mm, dtype=dtype))
+        ExactSurface(s.basis, torch.tensor(s.weights, dtype=dtype), torch.tensor(s.offset_mm, dtype=dtype), search)
         for s in (getattr(lens, name) for name in SURFACES)
     ]
     with torch.no_grad():
-        arrivals = trace_exact(inner, outer, lens.refractive_index, lens.spec.target.distance_mm, rays, search)
+        arrivals = trace_exact(inner, outer, lens.refractive_index, lens.spec.target.distance_mm, rays)
     return arrivals.hits.double().numpy(), arrivals.flux.double().numpy()

@@ -23,10 +23,11 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
             s.basis,
             torch.tensor(s.weights, dtype=torch.float32, requires_grad=True),
             torch.tensor(s.offset_mm, dtype=torch.float32, requires_grad=True),
+            Search(64, 30),
         )
         for s in (inner, outer)
     ]
-    arrivals = trace_exact(*surfaces, index, far, rays, Search(64, 30))
+    arrivals = trace_exact(*surfaces, index, far, rays)
     assert arrivals.hits.dtype == torch.float32
     is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.weights * (1.0 + 1e-6)), [
         parameter for s in surfaces for parameter in (s.weights, s.offset)

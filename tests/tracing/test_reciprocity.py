@@ -95,10 +95,13 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
         kept, hits, out, carried = _forth(lambda z: trace_tables(*tables, Scene(N, z, GRID), rays))
     else:
         exact = [
-            ExactSurface(s.basis, torch.tensor(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64)) for s in LENS
+            ExactSurface(
+                s.basis, torch.tensor(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64), Search(64, 50)
+            )
+            for s in LENS
         ]
         surfaces = LENS
-        kept, hits, out, carried = _forth(lambda z: trace_exact(*exact, N, z, rays, Search(64, 50)))
+        kept, hits, out, carried = _forth(lambda z: trace_exact(*exact, N, z, rays))
     assert kept.sum() > 100
     points, directions, share = _back(surfaces, hits, -out)
     assert np.abs(points - rays.origins[kept]).max() < 1e-12

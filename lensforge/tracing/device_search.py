@@ -1,0 +1,206 @@
+"""The first crossing of many rays at once with a table's surface: the proof of ``intersect_kernel``, in plain torch.
+
+The same safe steps, bounds and limits, step by step for all rays that are still under way; see there for why no root
+is jumped over. Rays lie along the last axis. No gradient.
+"""
+
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.tracing.device_table import DeviceTable
+from lensforge.tracing.intersect_kernel import (
+    BELOW, FOUND, LOST, MAX_CLOSING, MAX_STEPS, ROUNDING, TOLERANCE, WORTH_A_LEAP,
+)  # fmt: skip
+from lensforge.tracing.sequence import Crossing
+
+# States of a search besides the kernel's three.
+_GOING = 3
+_BRACKETED = 4  # the next root is the only one ahead: it may be closed in on
+
+
+class _Place(NamedTuple):
+    """Where rays are: chart, 1/(r + z), distance r, its growth along the ray (cosine, and times r), direction."""
+
+    X: Float[Tensor, " n"]
+    Y: Float[Tensor, " n"]
+    per_shift: Float[Tensor, " n"]
+    r: Float[Tensor, " n"]
+    climb: Float[Tensor, " n"]
+    outward: Float[Tensor, " n"]
+    dx: Float[Tensor, " n"]
+    dy: Float[Tensor, " n"]
+    dz: Float[Tensor, " n"]
+
+    @staticmethod
+    def of(points: Float[Tensor, "3 n"], directions: Float[Tensor, "3 n"]) -> "_Place":
+        r, outward = torch.sqrt((points * points).sum(dim=0)), (points * directions).sum(dim=0)
+        per_shift = 1.0 / (r + points[2])
+        return _Place(points[0] * per_shift, points[1] * per_shift, per_shift, r, outward / r, outward, *directions)
+
+    def descent(self, table: DeviceTable) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+        """F and F'."""
+        rho, rho_x, rho_y = table.value_and_slope(self.X, self.Y)
+        ahead = self.climb + self.dz
+        turn = rho_x * (self.dx - self.X * ahead) + rho_y * (self.dy - self.Y * ahead)
+        return rho - self.r, turn * self.per_shift - self.climb
+
+
+class _Ahead(NamedTuple):
+    """What bounds the surface near a ray: see ``SurfaceBounds``; and how far the bounds reach.
+
+    After a path s the ray has turned by ``atan(s sine / (r + s climb))``: ``s turning <= room`` stays in reach.
+    """
+
+    low: Float[Tensor, " n"]
+    leaning: Float[Tensor, " n"]
+    bending: Float[Tensor, " n"]
+    sine: Float[Tensor, " n"]
+    turning: Float[Tensor, " n"]
+    room: Float[Tensor, " n"]
+
+    @staticmethod
+    def of(table: DeviceTable, place: _Place) -> "_Ahead":
+        sine = torch.sqrt((1.0 - place.climb * place.climb).clamp(min=0.0))
+        reach = table.bounds.tan_reach
+        return _Ahead(*table.bounds_near(place.X, place.Y), sine, sine - reach * place.climb, place.r * reach)
+
+    def within(self, path: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+        """``path``, or as far of it as the bounds reach."""
+        return torch.where(path * self.turning <= self.room, path, self.room / self.turning)
+
+    def bend(self, place: _Place, least: float) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+        """``intersect_kernel.bend_ahead``: the bound C of F'', and the path up to which it holds besides the reach."""
+        per_r = 1.0 / place.r
+        twist = torch.where(self.sine < place.climb, 2.0 * self.sine * place.climb, 1.0)
+        outwards = (self.sine * self.sine * (1.0 + self.bending * per_r) + self.leaning * twist * per_r) * per_r
+        nearest = place.r * self.sine
+        to_ball = torch.sqrt((place.outward**2 - (place.r - least) * (place.r + least)).clamp(min=0.0))
+        path = torch.where(nearest < least, -place.outward - to_ball + 1e-12 * place.r, torch.inf)
+        nearest = nearest.clamp(min=least)
+        inwards = (1.0 + (self.bending + self.leaning) / nearest) / nearest
+        climbs = place.climb >= 0.0
+        return torch.where(climbs, outwards, inwards), torch.where(climbs, torch.inf, path)
+
+
+def first_crossing(
+    table: DeviceTable, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+) -> Crossing:
+    """Of rays from points with ``|p| <= rho`` and z >= 0."""
+    with torch.no_grad():
+        starts, along = origins.T.contiguous(), directions.T.contiguous()
+        lengths = torch.zeros_like(starts[0])
+        gaps, slopes = torch.empty_like(lengths), torch.empty_like(lengths)
+        states = torch.full_like(lengths, _GOING, dtype=torch.int8)
+        going = torch.arange(len(lengths), device=lengths.device)
+        for _ in range(MAX_STEPS):
+            if len(going) == 0:
+                break
+            lengths[going], states[going], gaps[going], slopes[going] = _stride(
+                table, starts[:, going], along[:, going], lengths[going]
+            )
+            going = going[states[going] == _GOING]
+        states[going] = LOST
+        last = torch.nonzero(states == _BRACKETED)[:, 0]
+        lengths[last], found = _close_in(
+            table, starts[:, last], along[:, last], lengths[last], gaps[last], slopes[last]
+        )
+        states[last] = torch.where(found, FOUND, LOST).to(torch.int8)
+        return Crossing(lengths, states == FOUND, states == LOST)
+
+
+def _stride(
+    table: DeviceTable, starts: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """One safe step of each ray: its path, its state, and F and F' where it has looked at the surface."""
+    points, least = starts + t * along, table.bounds.least
+    place = _Place.of(points, along)
+    ahead = _Ahead.of(table, place)
+    below = (points[2] < 0.0) & (along[2] <= 0.0)
+    in_ball = place.r < least  # F > 0 in the whole ball: go to its far side, whatever the reach
+    near_axis = place.r < WORTH_A_LEAP * ahead.low
+    radius = torch.where(in_ball, least, ahead.low)
+    leap = torch.sqrt(place.outward**2 + (radius - place.r) * (radius + place.r)) - place.outward
+    leap = torch.where(in_ball, leap * (1.0 + 1e-15) + 1e-15 * least, ahead.within(leap))
+    path, state = torch.where(below, t, t + leap), torch.where(below, BELOW, _GOING).to(torch.int8)
+    gap, slope = torch.zeros_like(t), torch.zeros_like(t)
+    look = torch.nonzero(~(below | in_ball | near_axis))[:, 0]
+    path[look], state[look], gap[look], slope[look] = _look(table, points[:, look], along[:, look], t[look])
+    return path, state, gap, slope
+
+
+def _look(
+    table: DeviceTable, points: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """At the root, before the only one, or a step by the parabola that bounds F from below; as ``_stride``."""
+    place = _Place.of(points, along)
+    ahead = _Ahead.of(table, place)
+    gap, slope = place.descent(table)
+    bend, path = ahead.bend(place, table.bounds.least)
+    farthest = -2.0 * gap / slope
+    only = (slope < 0.0) & (2.0 * bend * gap <= slope * slope)
+    only &= (farthest * ahead.turning <= ahead.room) & (farthest <= path)
+    root = torch.sqrt(slope * slope + 2.0 * bend * gap)
+    move = torch.where(slope < 0.0, 2.0 * gap / (root - slope), (slope + root) / bend)
+    move = ahead.within(torch.minimum(move, path))
+
+    at_root = ROUNDING * place.r >= gap  # to rounding, or started on or beyond it
+    reached = torch.where((-1e-12 * place.r < gap) & (t > 0.0), FOUND, LOST)
+    state = torch.where(only, _BRACKETED, torch.where(move <= 1e-13 * place.r, FOUND, _GOING))
+    state = torch.where(at_root, reached, state).to(torch.int8)
+    return torch.where(at_root | only, t, t + move), state, gap, slope
+
+
+class _Bracket(NamedTuple):
+    """Of each root: where it lies between, the next guess, and F, 1/F' at the guess before."""
+
+    low: Float[Tensor, " n"]
+    high: Float[Tensor, " n"]
+    t: Float[Tensor, " n"]
+    before: Float[Tensor, " n"]
+    F_before: Float[Tensor, " n"]
+    inverse_before: Float[Tensor, " n"]
+
+
+def _close_in(
+    table: DeviceTable,
+    starts: Float[Tensor, "3 n"],
+    along: Float[Tensor, "3 n"],
+    t: Float[Tensor, " n"],
+    F: Float[Tensor, " n"],
+    slope: Float[Tensor, " n"],
+) -> tuple[Float[Tensor, " n"], Bool[Tensor, " n"]]:
+    """The one root in ``[t, t - 2 F/slope]`` and whether it was reached: Newton, then inverse Hermite interpolation."""
+    roots, found = t.clone(), torch.zeros_like(t, dtype=torch.bool)
+    bracket = _Bracket(t, t - 2.0 * F / slope, t - F / slope, t, F, 1.0 / slope)
+    going = torch.arange(len(t), device=t.device)
+    for _ in range(MAX_CLOSING):
+        if len(going) == 0:
+            break
+        place = _Place.of(starts[:, going] + bracket.t * along[:, going], along[:, going])
+        F, slope = place.descent(table)
+        newton = -F / slope
+        done = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
+        roots[going] = bracket.t + torch.where(done, newton, 0.0)
+        found[going] = done
+        bracket = _Bracket(*(each[~done] for each in _narrowed(bracket, F, 1.0 / slope)))
+        going = going[~done]
+    return roots, found
+
+
+def _narrowed(bracket: _Bracket, F: Float[Tensor, " n"], inverse: Float[Tensor, " n"]) -> _Bracket:
+    """The bracket after a look at its guess, and a better guess: safeguarded, as ``intersect_kernel.close_in``."""
+    t, before = bracket.t, bracket.before
+    low, high = torch.where(F > 0.0, t, bracket.low), torch.where(F > 0.0, bracket.high, t)
+    # divided differences of t as a function of F, each point counted twice
+    per_F = 1.0 / (F - bracket.F_before)
+    secant = (t - before) * per_F
+    second = (inverse - secant) * per_F
+    third = (bracket.inverse_before - 2.0 * secant + inverse) * per_F * per_F
+    newton = t - F * inverse
+    guess = newton + F * F * (second - third * bracket.F_before)
+    for other in (newton, 0.5 * (low + high)):
+        guess = torch.where((low <= guess) & (guess <= high), guess, other)
+    return _Bracket(low, high, guess, t, F, inverse)

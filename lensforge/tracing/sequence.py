@@ -1,0 +1,140 @@
+"""Rays through both surfaces to the receiver's plane, one event after the other: in torch, for any surface.
+
+The surfaces say where a ray crosses them and which way they face there; what happens then is written here, once for
+the exact sum (``reference``) and for tables on any device (``on_device``). A crossing is made differentiable by one
+undamped Newton step, the implicit formula, Eq. (9).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import torch
+from jaxtyping import Bool, Float, Int8
+from torch import Tensor
+
+from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
+from lensforge.sources.bundle import RayBundle
+from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.trace_kernel import LEAST_RISE
+
+
+class Crossing(NamedTuple):
+    """First crossings: path lengths (mm); whether there is one; whether the search gave up. Neither: none above z = 0."""
+
+    lengths: Float[Tensor, " n"]
+    found: Bool[Tensor, " n"]
+    lost: Bool[Tensor, " n"]
+
+
+class TracedSurface(Protocol):
+    """A star-shaped surface ``|p| = rho(p/|p|)``; ``gap`` and ``normal`` are differentiable in points and shape."""
+
+    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+        """Of rays from inside, at z >= 0; without a gradient."""
+        ...
+
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``F = rho - |p|`` (mm), Eq. (5): positive inside, the origin included."""
+        ...
+
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
+        ...
+
+
+@dataclass(frozen=True)
+class TensorRays:
+    """A :class:`RayBundle` as tensors of one precision on one device, each ray with the body's index for it."""
+
+    origins: Float[Tensor, "n 3"]
+    directions: Float[Tensor, "n 3"]
+    weights: Float[Tensor, " n"]
+    indices: Float[Tensor, " n"]
+
+    @staticmethod
+    def of(rays: RayBundle, refractive_index: float, dtype: torch.dtype, device: torch.device) -> "TensorRays":
+        """Copies; ``refractive_index`` holds for rays without an index of their own."""
+        origins, directions, weights = (
+            torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.weights)
+        )
+        own = rays.refractive_indices
+        indices = torch.full_like(weights, refractive_index) if own is None else torch.as_tensor(own).to(weights)
+        return TensorRays(origins, directions, weights, indices)
+
+
+def trace_sequence(
+    inner: TracedSurface, outer: TracedSurface, rays: TensorRays, distance_mm: float, fresnel: bool = True
+) -> Arrivals:
+    """Trace ``rays`` to the plane ``z = distance_mm``; differentiable in what the surfaces are differentiable in.
+
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
+    """
+    fates, alive, origins, directions = _entered(inner, rays)
+    carried, sines = rays.weights.clone(), torch.zeros_like(rays.weights)
+    for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
+        crossing = surface.first_crossing(origins.detach(), directions.detach())
+        fates[alive] = _without_crossing(crossing, origins, directions, is_outer)
+        alive, origins, directions = (each[crossing.found] for each in (alive, origins, directions))
+        points, normals = _differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
+        above = points[:, 2].detach() >= 0.0
+        fates[alive[~above]] = int(Fate.BASE)
+        alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
+        ratio, cosine = ratios[alive], torch.sum(directions * normals, dim=1)
+        behind_squared = transmitted_cosine_squared(cosine, ratio)
+        if is_outer:
+            sines = sines.index_put((alive,), 1.0 - behind_squared)
+        passes = (behind_squared.detach() > 0.0) & (cosine.detach() > 0.0)
+        fates[alive[~passes]] = int(Fate.TOTAL_REFLECTION)
+        alive, cosine, ratio = alive[passes], cosine[passes], ratio[passes]
+        origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
+        if fresnel:
+            carried = carried.index_put((alive,), carried[alive] * fresnel_transmittance(cosine, ratio))
+    forward = directions[:, 2].detach() > LEAST_RISE
+    fates[alive[~forward]] = int(Fate.AVERTED)
+    alive, origins, directions = alive[forward], origins[forward], directions[forward]
+    reached = origins + ((distance_mm - origins[:, 2]) / directions[:, 2])[:, None] * directions
+    hits = torch.zeros_like(rays.origins[:, :2]).index_put((alive,), reached[:, :2])
+    return Arrivals(hits, carried, sines, fates)
+
+
+def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:
+    """Fates; the rays in the cavity, with their points and directions: those from below z = 0 start at its opening."""
+    rise, height = rays.directions[:, 2], rays.origins[:, 2]
+    rising = rise > 0.0
+    start = torch.clamp(-height / torch.where(rising, rise, 1.0), min=0.0)
+    points = rays.origins + start[:, None] * rays.directions
+    points[:, 2] = torch.clamp(height, min=0.0)
+    with torch.no_grad():
+        inside = inner.gap(points) > 0.0
+    fates = torch.where(inside, int(Fate.ARRIVED), int(Fate.OUTSIDE_CAVITY)).to(torch.int8)
+    fates[~rising] = int(Fate.BACKWARD)
+    alive = torch.nonzero(rising & inside)[:, 0]
+    return fates, alive, points[alive], rays.directions[alive]
+
+
+def _without_crossing(
+    crossing: Crossing, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], is_outer: bool
+) -> Int8[Tensor, " n"]:
+    """Why rays do not cross a surface; ``ARRIVED`` for those that do."""
+    below = (origins[:, 2] + crossing.lengths * directions[:, 2]).detach() < 0.0
+    given_up = torch.full_like(crossing.lengths, int(Fate.NOT_CONVERGED), dtype=torch.int8)
+    if is_outer:  # a ray that is not inside at its start has met the inner surface outside of the outer one
+        given_up[crossing.lengths == 0.0] = int(Fate.CROSSED)
+    unmet = torch.where(crossing.lost & ~below, given_up, int(Fate.BASE))
+    return torch.where(crossing.found, int(Fate.ARRIVED), unmet).to(torch.int8)
+
+
+def _differentiable_hit(
+    surface: TracedSurface, origins: Tensor, directions: Tensor, lengths: Tensor
+) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+    """The hit and its unit normal, with the derivative of the implicit function: one undamped Newton step."""
+    with torch.no_grad():
+        points = origins + lengths[:, None] * directions
+        slope = -torch.sum(surface.normal(points) * directions, dim=1)
+        slope = torch.where(slope < 0.0, slope, -torch.inf)  # a tangent has no step and no derivative
+    points = origins + lengths[:, None] * directions
+    exact = lengths - surface.gap(points) / slope
+    points = origins + exact[:, None] * directions
+    normals = surface.normal(points)
+    return points, normals / torch.linalg.norm(normals, dim=1, keepdim=True)
