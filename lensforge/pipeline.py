@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from lensforge.accuracy import PRESETS, Preset
 from lensforge.design.checkpoint import FILE_NAME as CHECKPOINT
@@ -37,15 +38,19 @@ def run(
     accuracy: Accuracy = "standard",
     seed: int = 0,
     rays: int | None = None,
+    device: torch.device | None = None,
     resume: bool = False,
     observer: Callable[[Progress], None] = lambda _: None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> list[Gate]:
     """Design, evaluate, export, check, verify, report into ``directory``; the gates of all stages.
 
-    ``observer`` sees every gradient step, ``announce`` the name of every later stage as it begins.
+    ``observer`` sees every gradient step, ``announce`` the name of every later stage as it begins. ``device`` is that
+    of the search alone: what judges the lens runs on the CPU.
     """
-    run_design(spec, directory, accuracy=accuracy, seed=seed, rays=rays, resume=resume, observer=observer)
+    run_design(
+        spec, directory, accuracy=accuracy, seed=seed, rays=rays, device=device, resume=resume, observer=observer
+    )
     for stage in (run_evaluate, run_export, run_check, run_verify, run_report):
         announce(stage.__name__.removeprefix("run_"))
         stage(directory)
@@ -60,10 +65,14 @@ def run_design(
     accuracy: Accuracy = "standard",
     seed: int = 0,
     rays: int | None = None,
+    device: torch.device | None = None,
     resume: bool = False,
     observer: Callable[[Progress], None] = lambda _: None,
 ) -> Lens:
-    """Search for the lens; writes ``lens.json`` and ``design.json``, and a checkpoint while it runs."""
+    """Search for the lens, on ``device`` as ``design`` has it.
+
+    Writes ``lens.json`` and ``design.json``, and a checkpoint while it runs.
+    """
     if spec.base.file is not None:  # a file that is no base is better known before the search than after it
         import_module("lensforge.geometry.step_base").read_base(spec.base.file)
     source = build_source(spec.source, spec.lens.dispersion)
@@ -73,6 +82,7 @@ def run_design(
         accuracy=accuracy,
         seed=seed,
         rays=rays,
+        device=device,
         checkpoint=directory / CHECKPOINT,
         resume=resume,
         observer=observer,

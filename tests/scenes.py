@@ -3,11 +3,18 @@
 from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.spline import TableGrid, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+
+# Where torch may trace: everywhere on the CPU, on a GPU where there is one.
+DEVICES = [
+    "cpu",
+    pytest.param("cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")),
+]
 
 
 def hemisphere_directions(count: int, seed: int = 0) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from lensforge.commands.options import RAYS, THREADS, pipeline, use_threads
+from lensforge.commands.options import DEVICE, RAYS, THREADS, pipeline, search_device, use_threads
 from lensforge.commands.printing import print_headline
 from lensforge.gates import require
 
@@ -22,6 +22,7 @@ from lensforge.gates import require
 @click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @RAYS
 @THREADS
+@DEVICE
 def design(
     spec: Path,
     out: Path | None,
@@ -31,11 +32,13 @@ def design(
     snapshots: bool,
     rays: int | None,
     threads: int | None,
+    device: str,
 ) -> None:
     """Go the whole way: design, evaluate, export, check, verify, report."""
     content = import_module("lensforge.spec").load_spec(spec)
     directory = out or Path("cad_out") / content.name
     use_threads(threads)
+    searched_on = search_device(device)
     observers = []
     if snapshots:
         taken = import_module("lensforge.report.snapshots").Snapshots(content, directory, resume=resume)
@@ -47,6 +50,7 @@ def design(
             accuracy=accuracy,
             seed=seed,
             rays=rays,
+            device=searched_on,
             resume=resume,
             observer=reporter.on_step,
             announce=reporter.on_stage,

@@ -15,10 +15,10 @@ from lensforge.spec import Spec
 FILE_NAME = "checkpoint.pt"
 
 
-def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None) -> str:
-    """What a checkpoint belongs to: another spec, seed, preset or ray count must not resume from it."""
+def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None, device: torch.device | None) -> str:
+    """What a checkpoint belongs to: another spec, seed, preset, ray count or device must not resume from it."""
     searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
-    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{rays}"
+    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{rays}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -39,6 +39,6 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any]:
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
         raise InputError(f"{path}: damaged checkpoint ({type(error).__name__}); run without --resume") from None
     if content["key"] != key:
-        raise InputError(f"{path}: belongs to another spec, seed, accuracy or --rays; run without --resume")
+        raise InputError(f"{path}: belongs to another spec, seed, accuracy, --rays or --device; run without --resume")
     state: dict[str, Any] = content["state"]
     return state

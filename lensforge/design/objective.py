@@ -7,15 +7,16 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from lensforge.design.augmented_lagrangian import AugmentedLagrangian
+from lensforge.design.light import LightPath
 from lensforge.design.parameters import Parametrisation
 from lensforge.optics.dielectric import normal_transmittance
-from lensforge.receiver.collect import Collected, collected
+from lensforge.receiver.collect import Collected
 from lensforge.receiver.losses import mirror_mean, nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene
 
 # Weights of the terms beside an NMSE of order 0.01 to 1. A scene that is judged by evenness and efficiency wants its
 # efficiency in every stage; where the image is judged, that is part of the NMSE.
@@ -41,30 +42,33 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class Objective:
-    """The scene of a design: receiver, wanted flux per pixel, and what rays meet on the way."""
+    """The scene of a design: what rays meet on the way to the receiver, and the flux wanted of each of its pixels."""
 
     spec: Spec
     parametrisation: Parametrisation
-    scene: Scene
-    receiver: Receiver
+    light: LightPath
     wanted: Float[Tensor, "p p"]
     mask: Bool[Tensor, "p p"] | None
-    window_mm: float
 
     @staticmethod
-    def of(spec: Spec, source: Source, parametrisation: Parametrisation) -> "Objective":
-        """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE."""
+    def of(
+        spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None = None
+    ) -> "Objective":
+        """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE.
+
+        Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU.
+        """
         receiver = Receiver(spec.target.receiver_mm, spec.optimise.pixels)
         fresnel = spec.optimise.fresnel
         limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
         wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
         scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid, fresnel)
-        window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
+        light = LightPath(scene, receiver, spec.evaluate.window_mm or spec.target.receiver_mm, device)
         mask = None
         if spec.target.uniform_mm is not None:
             # half a pixel more: the outermost strip of the region belongs to pixels whose centres are beside it
             mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm + receiver.pitch_mm))
-        return Objective(spec, parametrisation, scene, receiver, wanted * limit, mask, window_mm)
+        return Objective(spec, parametrisation, light, wanted * limit, mask)
 
     def evaluate(
         self,
@@ -76,8 +80,7 @@ class Objective:
     ) -> Evaluated:
         """Trace ``rays``; ``uniform`` lets the evenness of the mask lead, and the image follow."""
         inner, outer = self.parametrisation.tables(weights, offsets)
-        arrivals = trace_tables(inner, outer, self.scene, rays)
-        light = collected(arrivals, rays, self.receiver, self.window_mm)
+        light = self.light.collect(inner, outer, rays)
         flux = mirror_mean(light.image, self.spec.lens.basis.symmetry)
         emitted_w = float(rays.weights.sum())
         nmse = nmse_loss(flux, self.wanted)

@@ -96,11 +96,12 @@ def design(
     accuracy: Accuracy = "standard",
     seed: int = 0,
     rays: int | None = None,
+    device: torch.device | None = None,
     checkpoint: Path | None = None,
     resume: bool = False,
     observer: Callable[[Progress], None] = lambda _: None,
 ) -> Design:
-    """Search for the lens of ``spec``.
+    """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by their twin on ``device``.
 
     ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and
     ends with the same bits as an uninterrupted one. ``observer`` is called after every gradient step.
@@ -108,9 +109,9 @@ def design(
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     stages = plan(spec, preset, rays)
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
-    objective = Objective.of(spec, source, parametrisation)
+    objective = Objective.of(spec, source, parametrisation, device)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    key = fingerprint(spec, seed, accuracy, rays)
+    key = fingerprint(spec, seed, accuracy, rays, device)
     state = _fresh_state(parametrisation, constraints)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))

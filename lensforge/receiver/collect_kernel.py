@@ -10,8 +10,8 @@ from lensforge.tracing.jit import inline, kernel
 
 _ARRIVED = 0
 # Squared exit sine from which a ray is pulled back from total reflection, and the excess that counts as one.
-_SAFE_SINE = 0.97
-_SINE_SCALE = 0.1
+SAFE_SINE = 0.97
+SINE_SCALE = 0.1
 
 
 @inline
@@ -25,7 +25,7 @@ def collect(hits, carried, sines, fates, weights, side, window, image, sums):
     """Add all rays to ``image`` (pixels, pixels) and to ``sums``: flux in the window, stray, totally reflected."""
     half = 0.5 * side
     for k in range(len(weights)):
-        excess = (sines[k] - _SAFE_SINE) / _SINE_SCALE
+        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
         if excess > 0.0:
             sums[2] += weights[k] * excess / (1.0 + excess)
         if fates[k] != _ARRIVED:
@@ -48,9 +48,9 @@ def collect_adjoint(
     half = 0.5 * side
     for k in range(len(weights)):
         by_hits[k, 0], by_hits[k, 1], by_carried[k], by_sines[k] = 0.0, 0.0, 0.0, 0.0
-        excess = (sines[k] - _SAFE_SINE) / _SINE_SCALE
+        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
         if excess > 0.0:
-            by_sines[k] = by_sums[2] * weights[k] / ((1.0 + excess) * (1.0 + excess) * _SINE_SCALE)
+            by_sines[k] = by_sums[2] * weights[k] / ((1.0 + excess) * (1.0 + excess) * SINE_SCALE)
         if fates[k] != _ARRIVED:
             continue
         x, y = hits[k, 0], hits[k, 1]

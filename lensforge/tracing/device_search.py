@@ -12,8 +12,15 @@ from torch import Tensor
 
 from lensforge.tracing.device_table import DeviceTable
 from lensforge.tracing.intersect_kernel import (
-    BELOW, FOUND, LOST, MAX_CLOSING, MAX_STEPS, ROUNDING, TOLERANCE, WORTH_A_LEAP,
-)  # fmt: skip
+    BELOW,
+    FOUND,
+    LOST,
+    MAX_CLOSING,
+    MAX_STEPS,
+    ROUNDING,
+    TOLERANCE,
+    WORTH_A_LEAP,
+)
 from lensforge.tracing.sequence import Crossing
 
 # States of a search besides the kernel's three.
@@ -63,9 +70,10 @@ class _Ahead(NamedTuple):
 
     @staticmethod
     def of(table: DeviceTable, place: _Place) -> "_Ahead":
+        low, leaning, bending = table.bounds_near(place.X, place.Y).unbind()
         sine = torch.sqrt((1.0 - place.climb * place.climb).clamp(min=0.0))
         reach = table.bounds.tan_reach
-        return _Ahead(*table.bounds_near(place.X, place.Y), sine, sine - reach * place.climb, place.r * reach)
+        return _Ahead(low, leaning, bending, sine, sine - reach * place.climb, place.r * reach)
 
     def within(self, path: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
         """``path``, or as far of it as the bounds reach."""
@@ -85,9 +93,7 @@ class _Ahead(NamedTuple):
         return torch.where(climbs, outwards, inwards), torch.where(climbs, torch.inf, path)
 
 
-def first_crossing(
-    table: DeviceTable, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
-) -> Crossing:
+def first_crossing(table: DeviceTable, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
     """Of rays from points with ``|p| <= rho`` and z >= 0."""
     with torch.no_grad():
         starts, along = origins.T.contiguous(), directions.T.contiguous()

@@ -15,7 +15,7 @@ from lensforge.tracing.bounds_kernel import SurfaceBounds
 
 @dataclass(frozen=True)
 class DeviceTable:
-    """``coefficients`` (mm) with their bounds, as ``intersect_kernel`` wants them: ``tiles`` are those of ``bounds``."""
+    """``coefficients`` (mm), and the bounds that a search goes by; ``tiles`` are those of ``bounds``, on the device."""
 
     coefficients: Float[Tensor, "side side"]
     grid: TableGrid

@@ -20,7 +20,10 @@ from lensforge.tracing.trace_kernel import LEAST_RISE
 
 
 class Crossing(NamedTuple):
-    """First crossings: path lengths (mm); whether there is one; whether the search gave up. Neither: none above z = 0."""
+    """First crossings: path lengths (mm), whether there is one, whether the search gave up.
+
+    A ray with neither has left through the plane z = 0.
+    """
 
     lengths: Float[Tensor, " n"]
     found: Bool[Tensor, " n"]

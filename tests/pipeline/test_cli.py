@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from click.testing import CliRunner
 
 from lensforge.cli import cli
@@ -244,3 +245,13 @@ def test_help_is_quick_to_ask_for() -> None:
     help_text = CliRunner().invoke(cli, ["--help"]).stdout
     for command in ("design", "evaluate", "export", "check", "verify", "rays"):
         assert command in help_text
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    spec = write_spec(tmp_path)
+    done = lensforge("design", spec, "--device", "cuda", "--snapshots", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "--device cuda" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
+    assert list(tmp_path.iterdir()) == [spec]

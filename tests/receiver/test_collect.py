@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from scenes import DEVICES
 
 from lensforge.receiver.collect import Collected, collected
+from lensforge.receiver.collect_on_device import collected_on_device
 from lensforge.receiver.plane import Receiver
 from lensforge.receiver.splat import splat_flux
 from lensforge.sources.bundle import RayBundle
@@ -86,3 +88,28 @@ def test_lost_rays_are_drawn_back_and_none_outvotes_the_rest() -> None:
     assert pull[0].abs().max() == 0 and pull[1, 0] > 0 and pull[2, 1] < 0
     assert torch.autograd.grad(light.reflected, sines)[0].gt(0).tolist() == [False, True, True]
     assert light.reflected.item() < 2.0
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_any_device_collects_the_same(device: str) -> None:
+    """Rays at random, on the edges of pixels, window and receiver, and far beyond."""
+    arrivals, rays = _arrivals(3000)
+    edges = torch.tensor([-1e15, -155.0, -150.0, -145.3125, -120.0, 0.0, 9.375, 120.0, 150.0, 154.6875, 1e9])
+    corners = torch.cartesian_prod(edges, edges).double()
+    with torch.no_grad():
+        arrivals.hits[: len(corners)] = corners
+    inputs = (arrivals.hits, arrivals.carried, arrivals.sines)
+    there = Arrivals(*(each.to(device) for each in (*inputs, arrivals.fates)))
+    wanted = collected(arrivals, rays, RECEIVER, WINDOW_MM)
+    found = collected_on_device(there, torch.from_numpy(rays.weights).to(device), RECEIVER, WINDOW_MM)
+    assert found.image.device.type == device
+    assert torch.allclose(found.image.cpu(), wanted.image, rtol=1e-12, atol=1e-14)
+    for one, other in zip(_sums(found), _sums(wanted), strict=True):
+        assert one.item() == pytest.approx(other.item(), rel=1e-12)
+    mixer = torch.from_numpy(np.random.default_rng(1).normal(size=(32, 32)))
+    one, other = (
+        torch.autograd.grad((light.image.cpu() * mixer).sum() + sum(s.cpu() for s in _sums(light)), inputs)
+        for light in (found, wanted)
+    )
+    for by_found, by_wanted in zip(one, other, strict=True):
+        assert torch.allclose(by_found, by_wanted, rtol=1e-10, atol=1e-14)

@@ -2,45 +2,14 @@
 
 import numpy as np
 import pytest
+from hard_rays import all_hits, gap, hard_rays
 from scenes import random_surface
-from scipy.ndimage import map_coordinates
 
 from lensforge.surfaces.spline import TableGrid, tabulate
 from lensforge.tracing.bounds_kernel import surface_bounds
-from lensforge.tracing.intersect_kernel import BELOW, FOUND, first_hit
-from lensforge.tracing.jit import kernel
+from lensforge.tracing.intersect_kernel import BELOW, FOUND
 
 SCAN = 1500
-
-
-@kernel
-def _all_hits(origins, directions, table, origin, inverse_step, bounds, lengths, states):
-    for k in range(len(lengths)):
-        o, d = origins[k], directions[k]
-        t, state, _, _ = first_hit(o[0], o[1], o[2], d[0], d[1], d[2], table, origin, inverse_step, bounds)
-        lengths[k], states[k] = t, state
-
-
-def _gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:
-    """rho - |p| with scipy's spline evaluation."""
-    r = np.linalg.norm(points, axis=-1)
-    position = (points[..., :2] / (r + points[..., 2])[..., None] - grid.origin) / grid.step
-    return map_coordinates(table, np.moveaxis(position, -1, 0), order=3, prefilter=False) - r
-
-
-def _hard_rays(table: np.ndarray, grid: TableGrid, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Starts from deep inside to a hair below the surface; directions from radial to tangent, up and down."""
-    rng = np.random.default_rng(seed)
-    u = rng.normal(size=(count, 3))
-    u[:, 2] = np.abs(u[:, 2])
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    rho = _gap(u, table, grid) + 1.0
-    starts = u * (rho * (1.0 - 10.0 ** rng.uniform(-9, -0.01, count)))[:, None]
-    across = np.cross(u, rng.normal(size=u.shape))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    lean = rng.normal(size=count) * 10.0 ** rng.uniform(-6, 0.5, count)
-    d = across + lean[:, None] * u
-    return starts, d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
 def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
@@ -48,10 +17,10 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     surface = random_surface(seed, 2.0, roughness, levels=(25, 81, 289))
     grid = TableGrid(100)
     table = tabulate(grid, surface)
-    starts, directions = _hard_rays(table, grid, count, seed)
+    starts, directions = hard_rays(table, grid, count, seed)
     bounds = surface_bounds(table, grid.origin, grid.step)
     lengths, states = np.empty(count), np.empty(count, dtype=np.int64)
-    _all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
+    all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
 
     # quadratically denser near the start, where tangent rays cross
     t = 2.2 * bounds.most * np.linspace(0, 1, SCAN) ** 2
@@ -59,7 +28,7 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     for part in np.array_split(np.arange(count), max(1, count // 1000)):
         points = starts[part, None] + t[None, :, None] * directions[part, None]
         above = points[..., 2] >= 0.0
-        inside = _gap(np.where(above[..., None], points, [0.0, 0.0, 1e-3]), table, grid) > 0.0
+        inside = gap(np.where(above[..., None], points, [0.0, 0.0, 1e-3]), table, grid) > 0.0
         crossing = inside[:, :-1] & ~inside[:, 1:] & above[:, 1:]
         hit = crossing.any(axis=1)
         several += int((crossing.sum(axis=1) > 1).sum())
@@ -72,7 +41,7 @@ def _wrong(seed: int, roughness: float, count: int) -> tuple[int, int]:
     found = (states == FOUND) & (ends[:, 2] >= 0.0)
     late = found & (lengths > first + 1e-9)
     missed = ~found & np.isfinite(first)
-    astray = found & (np.abs(_gap(np.where(found[:, None], ends, 1.0), table, grid)) > 1e-9)
+    astray = found & (np.abs(gap(np.where(found[:, None], ends, 1.0), table, grid)) > 1e-9)
     lost = ~np.isin(states, (FOUND, BELOW))
     return int((late | missed | astray | lost).sum()), several
 

@@ -1,0 +1,129 @@
+"""The tracer in plain torch against the kernels: the same tables, so every ray agrees, and so do the gradients."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hard_rays import all_hits, hard_rays
+from scenes import DEVICES, random_surface, sphere, table_of
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.square import SquareEmitter
+from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.bounds_kernel import surface_bounds
+from lensforge.tracing.device_search import first_crossing
+from lensforge.tracing.device_table import DeviceTable
+from lensforge.tracing.fates import Fate
+from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.intersect_kernel import FOUND, LOST
+from lensforge.tracing.on_device import search_device, trace_on_device
+
+GRID = TableGrid(64)
+SCENE = Scene(1.4936, 100.0, GRID)
+pytestmark = pytest.mark.parametrize("device", DEVICES)
+
+
+def _tables(seed: int, roughness: float, *radii: float) -> list[torch.Tensor]:
+    inner, outer = radii or (0.8, 2.45)
+    surfaces = random_surface(seed, inner, roughness), random_surface(seed + 1, outer, 0.8 * roughness)
+    return [table_of(surface, GRID).requires_grad_() for surface in surfaces]
+
+
+def _both(device: str, tables: list[torch.Tensor], rays: RayBundle, scene: Scene = SCENE) -> tuple[Arrivals, Arrivals]:
+    """By the kernels, and on the device, copied back."""
+    found = trace_on_device(torch.device(device), *tables, scene, rays)
+    back = Arrivals(found.hits.cpu(), found.carried.cpu(), found.sines.cpu(), found.fates.cpu())
+    return trace_tables(*tables, scene, rays), back
+
+
+def _agree(kernels: Arrivals, found: Arrivals) -> None:
+    assert torch.equal(found.fates, kernels.fates)
+    assert torch.allclose(found.carried, kernels.carried, rtol=1e-10, atol=0.0)
+    assert torch.allclose(found.sines, kernels.sines, rtol=0.0, atol=1e-11)
+    gentle = kernels.sines < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
+    assert torch.allclose(found.hits[gentle], kernels.hits[gentle], rtol=1e-10, atol=1e-9)
+    assert torch.allclose(found.hits, kernels.hits, rtol=1e-7, atol=1e-7)
+
+
+def _gradients(arrivals: Arrivals, tables: list[torch.Tensor]) -> list[torch.Tensor]:
+    """Of a scalar in which every output has a random say; far hits a bounded one."""
+    rng = np.random.default_rng(0)
+    by_hits, by_flux, by_sines = (
+        torch.from_numpy(rng.normal(size=shape)) for shape in (arrivals.hits.shape, *2 * [arrivals.sines.shape])
+    )
+    mixed = (torch.tanh(arrivals.hits / SCENE.distance_mm) * by_hits).sum() + (arrivals.sines * by_sines).sum()
+    return list(torch.autograd.grad(mixed + 100.0 * (arrivals.flux * by_flux).sum(), tables))
+
+
+@pytest.mark.parametrize(("seed", "roughness"), [(1, 0.0), (1, 0.01), (3, 0.03), (5, 0.06), (8, 0.1)])
+def test_rays_and_gradients_are_those_of_the_kernels(device: str, seed: int, roughness: float) -> None:
+    rays, tables = SquareEmitter(0.8).sample(2048, seed), _tables(seed, roughness)
+    kernels, found = _both(device, tables, rays)
+    assert kernels.arrived.sum() > 1500
+    _agree(kernels, found)
+    for one, other in zip(_gradients(found, tables), _gradients(kernels, tables), strict=True):
+        assert torch.linalg.norm(one - other) < 1e-10 * torch.linalg.norm(other)
+
+
+def test_losses_can_be_left_out_and_each_ray_has_its_index(device: str) -> None:
+    rays, tables = SquareEmitter(0.8).sample(1024, 1), _tables(3, 0.03)
+    indices = np.random.default_rng(0).uniform(1.3, 1.7, len(rays))
+    bare, colours = replace(SCENE, fresnel=False), replace(rays, refractive_indices=indices)
+    for scene, light in ((bare, rays), (SCENE, colours), (bare, colours)):
+        kernels, found = _both(device, tables, light, scene)
+        _agree(kernels, found)
+        for one, other in zip(_gradients(found, tables), _gradients(kernels, tables), strict=True):
+            assert torch.linalg.norm(one - other) < 1e-10 * torch.linalg.norm(other)
+
+
+def test_every_fate_is_that_of_the_kernels(device: str) -> None:
+    """From everywhere to everywhere, through lenses that reflect, and whose surfaces cross."""
+    rng, count = np.random.default_rng(0), 4000
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = rng.normal(size=(count, 3)) * 0.5
+    origins[:10], directions[10:20] = 0.0, [0.0, 0.0, 1.0]
+    rays = RayBundle(origins, directions, rng.random(count))
+    seen: set[int] = set()
+    for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
+        kernels, found = _both(device, _tables(seed, roughness, *radii), rays, replace(SCENE, refractive_index=1.6))
+        _agree(kernels, found)
+        seen |= set(kernels.fates.tolist())
+    assert seen == set(Fate) - {Fate.NOT_CONVERGED}
+
+
+def test_totally_reflected_rays_pull_as_in_the_kernels(device: str) -> None:
+    tables = [table_of(sphere(0.8), GRID), table_of(random_surface(8, 2.45, 0.05), GRID).requires_grad_()]
+    kernels, found = _both(device, tables, SquareEmitter(0.9).sample(2048, 3))
+    reflected = kernels.sines > 1.0
+    assert reflected.sum() > 20
+    one, other = (torch.autograd.grad(each.sines[reflected].sum(), tables[1])[0] for each in (found, kernels))
+    assert torch.linalg.norm(one - other) < 1e-10 * torch.linalg.norm(other)
+
+
+@pytest.mark.parametrize(("seed", "roughness"), [(1, 0.01), (2, 0.03), (3, 0.06)])
+def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness: float) -> None:
+    count, grid = 4000, TableGrid(100)
+    table = tabulate(grid, random_surface(seed, 2.0, roughness, levels=(25, 81, 289)))
+    starts, directions = hard_rays(table, grid, count, seed)
+    bounds = surface_bounds(table, grid.origin, grid.step)
+    lengths, states = np.empty(count), np.empty(count, dtype=np.int64)
+    all_hits(starts, directions, table, grid.origin, 1 / grid.step, bounds, lengths, states)
+    on_device = DeviceTable.of(torch.from_numpy(table), grid, bounds, torch.device(device))
+    found = first_crossing(on_device, *(torch.from_numpy(array).to(device) for array in (starts, directions)))
+    assert np.array_equal(found.found.cpu().numpy(), states == FOUND)
+    assert np.array_equal(found.lost.cpu().numpy(), states == LOST)
+    assert np.abs(found.lengths.cpu().numpy() - lengths)[states == FOUND].max() < 1e-9
+
+
+def test_a_surface_through_the_origin_is_refused_in_one_line(device: str) -> None:
+    inner, outer = _tables(1, 0.0)
+    with pytest.raises(InputError, match=r"outer surface: its radius falls to -0\.05"):
+        trace_on_device(torch.device(device), inner, outer - 2.5, SCENE, SquareEmitter(0.1).sample(8, 0))
+
+
+def test_a_device_is_found_by_its_name(device: str) -> None:
+    assert search_device(device) == (None if device == "cpu" else torch.device("cuda"))
