@@ -8,8 +8,8 @@ from jaxtyping import install_import_hook
 import lensforge
 
 _PACKAGES = [
-    "surfaces", "optics", "receiver", "sources", "evaluation", "photometry", "design", "geometry", "manufacturing",
-    "verification", "measurement",
+    "surfaces", "optics", "sources", "tracing", "receiver", "evaluation", "photometry", "design", "geometry",
+    "manufacturing", "verification", "measurement",
 ]  # fmt: skip
 # Kernels are compiled by numba and cannot be wrapped; what takes arrays elsewhere is checked. (The hook takes a name
 # for all that begins with it, so a package that holds kernels is named module by module.)

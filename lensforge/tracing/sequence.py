@@ -6,7 +6,7 @@ undamped Newton step, the implicit formula, Eq. (9).
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int8
@@ -30,6 +30,7 @@ class Crossing(NamedTuple):
     lost: Bool[Tensor, " n"]
 
 
+@runtime_checkable
 class TracedSurface(Protocol):
     """A star-shaped surface ``|p| = rho(p/|p|)``; ``gap`` and ``normal`` are differentiable in points and shape."""
 
@@ -57,7 +58,7 @@ class TensorRays:
 
     @staticmethod
     def of(rays: RayBundle, refractive_index: float, dtype: torch.dtype, device: torch.device) -> "TensorRays":
-        """Copies; ``refractive_index`` holds for rays without an index of their own."""
+        """The same numbers; ``refractive_index`` holds for rays without an index of their own."""
         origins, directions, weights = (
             torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.weights)
         )

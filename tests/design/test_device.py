@@ -74,9 +74,10 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 
 
-def test_the_same_rays_give_the_same_bits_on_a_device() -> None:
-    step = _Step({})
-    assert all(torch.equal(a, b) for a, b in zip(step(device=CPU), step(device=CPU), strict=True))
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_same_rays_give_the_same_bits_on_the_same_device(device: str) -> None:
+    step, where = _Step({}), torch.device(device)
+    assert all(torch.equal(a, b) for a, b in zip(step(device=where), step(device=where), strict=True))
 
 
 @pytest.mark.parametrize("device", DEVICES)
