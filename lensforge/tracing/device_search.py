@@ -126,13 +126,13 @@ def _stride(
     ahead = _Ahead.of(table, place)
     below = (points[2] < 0.0) & (along[2] <= 0.0)
     in_ball = place.r < least  # F > 0 in the whole ball: go to its far side, whatever the reach
-    near_axis = place.r < WORTH_A_LEAP * ahead.low
+    deep = place.r < WORTH_A_LEAP * ahead.low
     radius = torch.where(in_ball, least, ahead.low)
     leap = torch.sqrt(place.outward**2 + (radius - place.r) * (radius + place.r)) - place.outward
     leap = torch.where(in_ball, leap * (1.0 + 1e-15) + 1e-15 * least, ahead.within(leap))
     path, state = torch.where(below, t, t + leap), torch.where(below, BELOW, _GOING).to(torch.int8)
     gap, slope = torch.zeros_like(t), torch.zeros_like(t)
-    look = torch.nonzero(~(below | in_ball | near_axis))[:, 0]
+    look = torch.nonzero(~(below | in_ball | deep))[:, 0]
     path[look], state[look], gap[look], slope[look] = _look(table, points[:, look], along[:, look], t[look])
     return path, state, gap, slope
 

@@ -105,7 +105,7 @@ def trace_sequence(
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:
     """Fates; the rays in the cavity, with their points and directions: those from below z = 0 start at its opening."""
     rise, height = rays.directions[:, 2], rays.origins[:, 2]
-    rising = rise > 0.0
+    rising = ~(rise <= 0.0)  # in this form also where rise is no number: such a ray is outside
     start = torch.clamp(-height / torch.where(rising, rise, 1.0), min=0.0)
     points = rays.origins + start[:, None] * rays.directions
     points[:, 2] = torch.clamp(height, min=0.0)

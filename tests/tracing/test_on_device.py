@@ -86,6 +86,7 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins = rng.normal(size=(count, 3)) * 0.5
     origins[:10], directions[10:20] = 0.0, [0.0, 0.0, 1.0]
+    origins[20], directions[21] = np.nan, np.nan
     rays = RayBundle(origins, directions, rng.random(count))
     seen: set[int] = set()
     for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
