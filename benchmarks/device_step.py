@@ -5,6 +5,9 @@
 Prints the median over the repeats of forward and gradient, and how well the twin agrees with the kernels.
 """
 
+import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+
+# isort: split
 import argparse
 import statistics
 import time

@@ -5,6 +5,9 @@
 Prints the median of each part over the repeats, and ratios within this one run; absolute times are this machine's.
 """
 
+import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+
+# isort: split
 import argparse
 import resource
 import statistics

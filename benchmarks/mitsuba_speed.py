@@ -12,6 +12,9 @@ its meshes, as a step of lensforge includes its bounds; the search's own part (l
 neither.
 """
 
+import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+
+# isort: split
 import argparse
 from typing import Any
 

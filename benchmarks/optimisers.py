@@ -8,6 +8,9 @@ at every restart. The judge is the same for all: NMSE of 2^20 rays that no searc
 Rates are the best of a ladder for each method. Writes a table (Markdown) and a plot.
 """
 
+import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+
+# isort: split
 import argparse
 import time
 from collections.abc import Callable, Iterator

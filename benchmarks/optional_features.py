@@ -7,6 +7,9 @@ cad_out/quickstart. On: processor time of the stage with the feature over that w
 one thread. Off: the share of the profiled time of the same stage that is spent in the feature's own modules.
 """
 
+import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+
+# isort: split
 import argparse
 import cProfile
 import pstats

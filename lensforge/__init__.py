@@ -2,13 +2,20 @@
 
 Units everywhere: mm, rad, nm, W; float64. The axis of the lens is +z, the source sits at the origin.
 The names below load on first use, so that importing one part never pays for another.
+
+Import it before torch: the wait policy counts only if it is set before torch loads its OpenMP.
 """
 
+import os
 from importlib import import_module
 from typing import Any
 
 from lensforge.errors import GateFailed, InputError, LensforgeError
 from lensforge.version import __version__
+
+# Threads of torch that wait for work sleep: by default they spin, on the cores that trace the rays at that moment, and
+# two programs on one machine then bring each other to a halt.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 _LAZY = {
     "Spec": "lensforge.spec",
