@@ -101,7 +101,7 @@ def trace_adjoint(
     origins, directions, weights, indices, inner, outer, scene, lengths, fates,
     by_hits, by_carried, by_sines, inner_gradient, outer_gradient,
 ):  # fmt: skip
-    """Add to the tables' gradients what every ray's sensitivities (to hit, flux and sin^2) say."""
+    """Add to the tables' gradients what every ray's sensitivities say: to hit and flux if it arrived, and to sin^2."""
     distance, fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
         index = indices[min(k, len(indices) - 1)]
@@ -109,7 +109,7 @@ def trace_adjoint(
         left_or_reflected = fates[k] == _AVERTED or (fates[k] == _TOTAL_REFLECTION and lengths[k, 1] > 0.0)
         if not (arrived or left_or_reflected):
             continue
-        gx, gy, gw, gs = by_hits[k, 0], by_hits[k, 1], by_carried[k], by_sines[k]
+        gx, gy, gw, gs = by_hits[k, 0], by_hits[k, 1], by_carried[k] if arrived else 0.0, by_sines[k]
         if gx == 0.0 and gy == 0.0 and gw == 0.0 and gs == 0.0:
             continue
         # the ray again, forwards

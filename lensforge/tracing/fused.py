@@ -105,6 +105,7 @@ def checked_bounds(
 def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Arrivals:
     """Trace ``rays`` through two tables (side, side), float64 on the CPU; differentiable in both tables.
 
-    Raises :class:`InputError` when a surface has a radius that is not positive.
+    The flux that a lost ray carried counts as a constant. Raises :class:`InputError` when a surface has a radius that
+    is not positive.
     """
     return Arrivals(*_Trace.apply(inner, outer, scene, rays))

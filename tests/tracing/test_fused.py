@@ -53,6 +53,16 @@ def test_fused_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
     assert np.log2(errors[0] / errors[1]) > 2.5  # the normal converges with the third power of the step
 
 
+def test_the_flux_of_lost_rays_is_a_constant() -> None:
+    grid = TableGrid(64)
+    tables = [table_of(random_surface(3, *shape), grid).requires_grad_() for shape in ((0.8, 0.1), (2.45, 0.1))]
+    arrivals = trace_tables(*tables, Scene(N, Z, grid), SquareEmitter(0.9).sample(4096, 1))
+    lost = ~arrivals.arrived
+    assert {Fate.AVERTED, Fate.TOTAL_REFLECTION} <= set(arrivals.fates[lost].tolist())
+    for gradient in torch.autograd.grad(arrivals.carried[lost].sum(), tables):
+        assert not gradient.any()
+
+
 def test_gradients_agree_with_finite_differences_of_the_fused_tracer() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     rays = SquareEmitter(0.9).sample(256, 1)
