@@ -180,6 +180,7 @@ def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
         filter_variance=spec.evaluate.filter_variance,
         step=step if step.exists() else None,
         mitsuba_rays=mitsuba.RAYS if mitsuba.installed() else 0,
+        threads=torch.get_num_threads(),
     )
     return result
 

@@ -5,6 +5,7 @@ lens, and gets to some hundred rays per second. Here each ray walks through the 
 Woo 1987), all rays in step, and trimesh tests the triangles of the cells that it visits until the first hit.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from trimesh.triangles import points_to_barycentric
 
 CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
 MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
+_BLOCK = 2**18  # cells of boxes looked at together: they stay in the cache
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 
 
@@ -70,17 +72,35 @@ class Grid:
         pad = 1e-6 * self.cell
         first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
         span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
-        count = span.prod(axis=1)
-        owner = np.repeat(np.arange(len(count)), count)
+        upto = np.cumsum(span.prod(axis=1))
+        reach = 0.5 * self.cell * np.abs(self.normals).sum(axis=1) + pad
+        blocks = np.unique([0, *np.searchsorted(upto, np.arange(_BLOCK, upto[-1], _BLOCK)), len(upto)])
+        crossed = [self._crossed(np.arange(*ends), first, span, reach) for ends in itertools.pairwise(blocks)]
+        keys, owner = (np.concatenate(column) for column in zip(*crossed, strict=True))
+        self.members = owner[np.argsort(keys, kind="stable")]
+        self.starts = np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=int(self.shape.prod())))])
+
+    def _crossed(
+        self,
+        triangles: Int[np.ndarray, " k"],
+        first: Int[np.ndarray, "t 3"],
+        span: Int[np.ndarray, "t 3"],
+        reach: Float[np.ndarray, " t"],
+    ) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
+        """Cells that the planes of some triangles cross within their boxes, and which triangle each belongs to.
+
+        The boxes begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (mm) is how far a plane may pass
+        by a cell's centre.
+        """
+        count = span[triangles].prod(axis=1)
+        owner = np.repeat(triangles, count)
         rank = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         plane, depth = np.divmod(rank, span[owner, 2])
         cells = first[owner] + np.stack([*np.divmod(plane, span[owner, 1]), depth], axis=1)
         centres = self.corner + (cells + 0.5) * self.cell
         height = np.sum((centres - self.triangles[owner, 0]) * self.normals[owner], axis=1)
-        crossed = np.abs(height) <= 0.5 * self.cell * np.abs(self.normals).sum(axis=1)[owner] + pad
-        keys, owner = (cells @ self.strides)[crossed], owner[crossed]
-        self.members = owner[np.argsort(keys, kind="stable")]
-        self.starts = np.concatenate([[0], np.cumsum(np.bincount(keys, minlength=int(self.shape.prod())))])
+        crossed = np.abs(height) <= reach[owner]
+        return (cells @ self.strides)[crossed], owner[crossed]
 
     def first_hits(self, leg: Leg) -> Hits:
         """First hit of each ray."""

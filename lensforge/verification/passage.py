@@ -3,6 +3,7 @@
 The first triangle that a ray meets decides, whatever it belongs to. Reflected light is not followed.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -14,7 +15,7 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Hits, Leg
 from lensforge.verification.part import Part
 
-_CHUNK = 16384  # rays cast at a time: bounds the memory, and stays in the cache
+_CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
 
@@ -122,12 +123,16 @@ def outside_leg(rays: RayBundle) -> Leg:
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
-def send_through(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
+def send_through(
+    part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float, threads: int = 1
+) -> Passage:
     """Cast every ray into the part, out of it, and to the plane z = ``distance_mm``; air outside, n = 1."""
-    pieces = []
-    for start in range(0, len(rays), _CHUNK):
-        some = slice(start, start + _CHUNK)
-        pieces.append(_send(part, grid, rays.take(some), refractive_index, distance_mm))
+
+    def send(start: int) -> Passage:
+        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), refractive_index, distance_mm)
+
+    with ThreadPoolExecutor(threads) as pool:
+        pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 

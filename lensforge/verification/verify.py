@@ -81,6 +81,7 @@ def verify_part(
     step: Path | None = None,
     step_rays: int = RAYS,
     mitsuba_rays: int = 0,
+    threads: int = 1,
 ) -> dict[str, Any]:
     """Cast ``rays`` into the part in ``stl`` (mm), compare with the design, write verify.json and verify.npz.
 
@@ -88,8 +89,9 @@ def verify_part(
     (0: none); ``design_hits`` (mm) and ``design_weights`` (W) are where the design lands the same rays. Efficiency
     counts the centred square of ``window_mm``. ``step`` is the same part as a STEP file, through which the CAD kernel
     casts ``step_rays`` of the rays; without it the key ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays
-    through the mesh; with 0 it is not loaded, and the key ``mitsuba`` is None. Raises :class:`InputError` for a file
-    that is no mesh or no solid and for arrays that do not fit; a part that is wrong fails its gates instead.
+    through the mesh; with 0 it is not loaded, and the key ``mitsuba`` is None. The result does not depend on
+    ``threads``. Raises :class:`InputError` for a file that is no mesh or no solid and for arrays that do not fit; a
+    part that is wrong fails its gates instead.
     """
     start = perf_counter()
     expected = Expected(design_irradiance, design_hits, design_weights)
@@ -98,7 +100,7 @@ def verify_part(
     part = load_part(stl)
     grid = Grid(part.mesh)
     casting = perf_counter()
-    passage = send_through(part, grid, rays, refractive_index, distance_mm)
+    passage = send_through(part, grid, rays, refractive_index, distance_mm, threads)
     cast_seconds = perf_counter() - casting
     image = receiver.irradiance(passage.landings, passage.flux)
     figures = _part_figures(part, passage) | _picture_figures(case, passage, image) | _ray_figures(case, passage)
