@@ -1,6 +1,7 @@
 """The one-way order of imports, held by walking the syntax trees."""
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -96,6 +97,17 @@ def test_a_part_loads_only_what_it_needs(module: str, absent: list[str]) -> None
     code = f"import sys, {module}; print([name for name in {absent!r} if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert found.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
+def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | None, kept: str) -> None:
+    others = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    code = "import lensforge, os; print(os.environ['OMP_WAIT_POLICY'])"
+    environment = others if given is None else others | {"OMP_WAIT_POLICY": given}
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", env=environment, check=True
+    )
+    assert run.stdout.strip() == kept
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
