@@ -23,7 +23,7 @@ _FAR = 1e-14  # a spline's coefficient forgets a sample by 2 - sqrt(3) a node: w
 _FINER = 1.3  # a coarse level's nodes per sigma over the finest's: its error is then a third of the table's
 _SURVEYED = 128  # functions whose samples are counted, to know how many there will be
 _MOST_BYTES = 8 * 2**30
-_BYTES_PER_SAMPLE = 12  # value and index
+_BYTES_PER_SAMPLE = 48  # while the map is built; 12 stay, value and index
 
 
 @dataclass(frozen=True)
