@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 from extremes import bundle, fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,22 +37,27 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
     return np.where(near.arrived.numpy()[:, None], np.column_stack([near.hits.numpy(), slope]), np.nan)
 
 
-@fuzzed(10)
-@given(INDEX, st.integers(0, 2**31))
-def test_etendue_is_kept_by_any_lens(index: float, seed: int) -> None:
-    """The map of (x, y, p, q) through both surfaces has determinant 1 (Liouville), by central differences."""
-    grid = TableGrid(60)
-    tables = [quick_table_of(random_surface(seed + k, r, 0.01, (9, 25)), grid) for k, r in ((0, 1.0), (1, 2.0))]
-    count, h = 40, 1e-5
-    rng = np.random.default_rng(seed)
-    states = np.column_stack([rng.uniform(-0.3, 0.3, (count, 2)), 0.6 * hemisphere_directions(count, seed)[:, :2]])
+def _liouville_error(
+    states: np.ndarray, tables: list[torch.Tensor], index: float, grid: TableGrid, h: float
+) -> np.ndarray:
+    """How far the determinant of the map is from 1, by central differences; they lose digits where it stretches."""
     columns = []
     for axis in range(4):
         ahead, behind = (_phase_space(states + s * h * np.eye(4)[axis], tables, index, grid) for s in (1, -1))
         columns.append((ahead - behind) / (2.0 * h))
     jacobian = np.stack(columns, axis=-1)
-    arrived = np.isfinite(jacobian).all(axis=(1, 2))
-    assert arrived.sum() > 20
-    # differences lose digits where the map stretches
-    tolerance = 1e-8 * np.linalg.norm(jacobian[arrived], axis=(1, 2)) ** 2
-    assert (np.abs(np.linalg.det(jacobian[arrived]) - 1.0) < tolerance).all()
+    return np.abs(np.linalg.det(jacobian) - 1.0) / np.linalg.norm(jacobian, axis=(1, 2)) ** 2
+
+
+@fuzzed(10)
+@given(INDEX, st.integers(0, 2**31))
+def test_etendue_is_kept_by_any_lens(index: float, seed: int) -> None:
+    """The map of (x, y, p, q) through both surfaces has determinant 1 (Liouville)."""
+    grid = TableGrid(60)
+    tables = [quick_table_of(random_surface(seed + k, r, 0.01, (9, 25)), grid) for k, r in ((0, 1.0), (1, 2.0))]
+    count, rng = 40, np.random.default_rng(seed)
+    states = np.column_stack([rng.uniform(-0.3, 0.3, (count, 2)), 0.6 * hemisphere_directions(count, seed)[:, :2]])
+    # where a knot of the spline lies between, its third derivative jumps: then the other step tells
+    error = np.fmin(*(_liouville_error(states, tables, index, grid, h) for h in (1e-5, 3e-6)))
+    assert np.isfinite(error).sum() > 20
+    assert np.nanmax(error) < 1e-8
