@@ -84,7 +84,7 @@ def test_bounds_hold_as_far_as_they_reach() -> None:
     assert np.median(slope / gradient) < 4.0 and slope.max() < 3.0 * gradient.max() and bend.max() < 5.0 * second.max()
 
 
-if __name__ == "__main__":  # the long run: python tests/tracing/test_first_hit.py
+if __name__ == "__main__":  # the long run: PYTHONPATH=tests python tests/tracing/test_first_hit.py 4000
     import sys
 
     per_surface = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
