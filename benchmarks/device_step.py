@@ -9,26 +9,21 @@ import lensforge  # noqa: F401  before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
-import statistics
-import time
 from dataclasses import replace
+from functools import partial
 
 import torch
-from gradient_step import Step
+from gradient_step import Step, median_seconds
 
 from lensforge.design.objective import Objective
 
 
-def timed_gradients(step: Step, objective: Objective, repeat: int) -> tuple[float, list[torch.Tensor]]:
-    """Median seconds, and the loss with its gradients by weights and offsets; they lie on the CPU, so all is done."""
-    parameters, times, found = (step.weights, step.offsets), [], []
-    for _ in range(repeat + 1):  # the first one compiles, or fills caches
-        start = time.perf_counter()
-        # in the uniformity stage light outweighs the constraints, so that the agreement is that of the light
-        loss = objective.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss
-        found = [loss.detach(), *torch.autograd.grad(loss, parameters)]
-        times.append(time.perf_counter() - start)
-    return statistics.median(times[1:]), found
+def gradients(step: Step, objective: Objective) -> list[torch.Tensor]:
+    """The loss, and its gradients by weights and offsets; they lie on the CPU, so all is done."""
+    parameters = step.weights, step.offsets
+    # in the uniformity stage light outweighs the constraints, so that the agreement is that of the light
+    loss = objective.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss
+    return [loss.detach(), *torch.autograd.grad(loss, parameters)]
 
 
 def main() -> None:
@@ -38,12 +33,14 @@ def main() -> None:
     options = parser.parse_args()
     step = Step(options.rays)
     print(f"{options.rays} rays, {torch.get_num_threads()} threads, float64, torch {torch.__version__}")
-    seconds, wanted = timed_gradients(step, step.objective, options.repeat)
+    seconds = median_seconds(partial(gradients, step, step.objective), options.repeat)
+    wanted = gradients(step, step.objective)
     print(f"{'kernels':24s} {1e3 * seconds:9.1f} ms")
     for name in ("cpu", *(["cuda"] if torch.cuda.is_available() else [])):
         light = replace(step.objective.light, device=torch.device(name))
-        seconds, found = timed_gradients(step, replace(step.objective, light=light), options.repeat)
-        errors = ((a - b).norm() / b.norm() for a, b in zip(found, wanted, strict=True))
+        work = partial(gradients, step, replace(step.objective, light=light))
+        seconds = median_seconds(work, options.repeat)
+        errors = ((a - b).norm() / b.norm() for a, b in zip(work(), wanted, strict=True))
         label = torch.cuda.get_device_name() if name == "cuda" else "torch on the CPU"
         print(f"{label:24s} {1e3 * seconds:9.1f} ms  loss, gradients to {', '.join(f'{e:.0e}' for e in errors)}")
 

@@ -13,8 +13,7 @@ from typing import Any
 from lensforge.errors import GateFailed, InputError, LensforgeError
 from lensforge.version import __version__
 
-# Threads of torch that wait for work sleep: by default they spin, on the cores that trace the rays at that moment, and
-# two programs on one machine then bring each other to a halt.
+# Threads of torch that wait for work sleep: by default they spin, on the cores that trace the rays at that moment.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 _LAZY = {

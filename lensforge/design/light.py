@@ -18,9 +18,21 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.device_table import DeviceTable
 from lensforge.tracing.fused import Scene, trace_tables
 from lensforge.tracing.on_device import TableSurface, tables_on
-from lensforge.tracing.sequence import TensorRays, trace_sequence
+from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 
 _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
+
+
+@dataclass
+class _SearchedOnce(TableSurface):
+    """For one chunk of rays: when its graph is built again, the search for their crossings is not made again."""
+
+    found: Crossing | None = None
+
+    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+        if self.found is None:
+            self.found = super().first_crossing(origins, directions)
+        return self.found
 
 
 @dataclass(frozen=True)
@@ -48,8 +60,7 @@ class LightPath:
         return Collected(*(torch.stack(sums).sum(dim=0).cpu() for sums in zip(*parts, strict=True)))
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
-        """One chunk; the search for crossings is not made again with the graph."""
-        inner, outer = (TableSurface(table) for table in tables)
+        inner, outer = (_SearchedOnce(table) for table in tables)
         on_device = TensorRays.of(rays, self.scene.refractive_index, torch.float64, tables[0].coefficients.device)
 
         def light() -> tuple[Tensor, ...]:

@@ -1,5 +1,6 @@
 """A fixed sparse matrix in a differentiable computation."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -37,30 +38,31 @@ def _packed(matrix: csr_matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return matrix.indptr, matrix.indices, matrix.data
 
 
+def _run(work: Callable[[int, slice], None], count: int, shared: bool) -> None:
+    if shared:
+        in_chunks(work, count)
+    else:
+        work(0, slice(0, count))
+
+
 def _times(matrix: csr_matrix, factor: Float[np.ndarray, "s c"]) -> Float[np.ndarray, "r c"]:
     product = np.empty((matrix.shape[0], factor.shape[1]))
 
     def work(_: int, part: slice) -> None:
         multiply_rows(*_packed(matrix), factor, part.start, part.stop, product)
 
-    if matrix.nnz * factor.shape[1] < _WORTH_SHARING:
-        work(0, slice(0, len(product)))
-    else:
-        in_chunks(work, len(product))
+    _run(work, len(product), matrix.nnz * factor.shape[1] >= _WORTH_SHARING)
     return product
 
 
 def _transposed_times(matrix: csr_matrix, factor: Float[np.ndarray, "r 2"]) -> Float[np.ndarray, "s 2"]:
-    alone = 2 * matrix.nnz < _WORTH_SHARING
-    totals = np.zeros((1 if alone else CHUNKS, matrix.shape[1], 2))
+    shared = 2 * matrix.nnz >= _WORTH_SHARING
+    totals = np.zeros((CHUNKS if shared else 1, matrix.shape[1], 2))
 
     def work(chunk: int, part: slice) -> None:
         add_transposed(*_packed(matrix), factor, part.start, part.stop, totals[chunk])
 
-    if alone:
-        work(0, slice(0, len(factor)))
-    else:
-        in_chunks(work, len(factor))
+    _run(work, len(factor), shared)
     return totals.sum(axis=0)
 
 

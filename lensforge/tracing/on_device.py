@@ -17,19 +17,13 @@ from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 
 @dataclass
 class TableSurface:
-    """A table as the sequential pass sees it, for one set of rays: what its search has found it finds no second time.
-
-    So a graph that is built again in the backward pass (``torch.utils.checkpoint``) costs no second search.
-    """
+    """A table as the sequential pass sees it."""
 
     table: DeviceTable
-    found: Crossing | None = None
 
     def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-        """The crossings of the first rays that it was asked for."""
-        if self.found is None:
-            self.found = first_crossing(self.table, origins, directions)
-        return self.found
+        """Of rays from inside, at z >= 0; without a gradient."""
+        return first_crossing(self.table, origins, directions)
 
     def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
