@@ -19,8 +19,8 @@ from lensforge.geometry.mesh_union import join_mesh
 from lensforge.geometry.step_base import read_base
 from lensforge.geometry.stl import write_stl
 from lensforge.lens import Lens, load_lens
-from lensforge.receiver.plane import Receiver as Plane
-from lensforge.receiver.targets import target_irradiance
+from lensforge.receivers.plane import Receiver as Plane
+from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.build import build_source
 from lensforge.spec import BaseSection
 from lensforge.verification.casting import Grid

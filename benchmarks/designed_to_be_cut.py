@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.optimiser import design
+from lensforge.optimisation.optimiser import design
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.manufacturing.check import check_lens
 from lensforge.sources.build import build_source

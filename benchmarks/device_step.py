@@ -15,7 +15,7 @@ from functools import partial
 import torch
 from gradient_step import Step, median_seconds
 
-from lensforge.design.objective import Objective
+from lensforge.optimisation.objective import Objective
 
 
 def gradients(step: Step, objective: Objective) -> list[torch.Tensor]:

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.design.augmented_lagrangian import AugmentedLagrangian
-from lensforge.design.objective import Objective
-from lensforge.design.parameters import Parametrisation
-from lensforge.design.rays_ahead import rays_ahead
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.rays_ahead import rays_ahead
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 

@@ -28,8 +28,8 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces import chart
 from lensforge.surfaces.surface import Surface
 from lensforge.tracing.fused import trace_tables
-from lensforge.tradeoff.tables import table_normals
-from lensforge.tradeoff.truth import directions
+from lensforge.studies.tradeoff.tables import table_normals
+from lensforge.studies.tradeoff.truth import directions
 
 LADDER = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
 

@@ -25,9 +25,9 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.augmented_lagrangian import AugmentedLagrangian
-from lensforge.design.objective import Evaluated, Objective
-from lensforge.design.parameters import Parametrisation
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.objective import Evaluated, Objective
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source

@@ -26,18 +26,18 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.augmented_lagrangian import AugmentedLagrangian
-from lensforge.design.objective import Objective
-from lensforge.design.parameters import Parametrisation
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
 from lensforge.pipeline import run_stray, run_verify
-from lensforge.receiver.losses import mirror_mean
-from lensforge.receiver.plane import Receiver
-from lensforge.receiver.splat import splat_flux
+from lensforge.receivers.losses import mirror_mean
+from lensforge.receivers.plane import Receiver
+from lensforge.receivers.splat import splat_flux
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.rayfile_source import RayfileEmitter

@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.optimiser import design
+from lensforge.optimisation.optimiser import design
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
 from lensforge.spec import load_spec

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lensforge.files import read_json, replacing
-from lensforge.tradeoff.page import PRESET_HEAD, preset_rows, sections_of
+from lensforge.studies.tradeoff.page import PRESET_HEAD, preset_rows, sections_of
 
 PAGE = Path(__file__).parent / "accuracy.md"
 

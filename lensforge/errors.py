@@ -20,3 +20,17 @@ class GateFailed(LensforgeError):
     """A result was reached but fails a gate: a constraint, watertightness, a form error."""
 
     exit_code = 1
+
+
+class MissingResult(InputError, AttributeError):
+    """A stage has not run yet, so its result is not there to be had: ``hasattr`` answers False."""
+
+
+class OutdatedResult(InputError):
+    """A record of another version of the program: the stage has to run again."""
+
+
+class Cancelled(LensforgeError):
+    """The caller's ``progress`` said stop; the checkpoint, where one was asked for, holds the state."""
+
+    exit_code = 130

@@ -50,11 +50,20 @@ def write_json(path: Path, content: Any) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def read_json(path: Path) -> Any:
-    """Read JSON; a missing or broken file is an :class:`InputError` of one line."""
+def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
+    """Read JSON; a missing or broken file is an :class:`InputError` of one line, ``missing`` the remedy for none.
+
+    NaN and infinity, which JSON does not know, are refused.
+    """
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse)
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; run `lensforge design` first") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: no such file; {missing}") from None
+    except RecursionError:
+        raise InputError(f"{path}: not readable as JSON (nested too deep)") from None
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: not readable as JSON ({error})") from None
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no JSON")

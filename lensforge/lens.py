@@ -3,25 +3,30 @@
 The design stage writes it, the geometry stage reads it; NumPy only. ``lens.json`` holds all of it.
 """
 
-from dataclasses import asdict, dataclass
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pydantic import JsonValue, ValidationError
 
 from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
-from lensforge.spec import Spec, parse_spec
-from lensforge.surfaces.conic import Asphere
+from lensforge.lens_file import EARLIER_FORMAT, SCHEMA, LensRecord, record_of
+from lensforge.records.record import refused
+from lensforge.records.result import reject_outdated
+from lensforge.spec import Accuracy, Spec, parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 from lensforge.version import __version__
 
-FORMAT = "lensforge-lens-1"
+_REMEDY = "run `lensforge design` again"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lens:
     """Two surfaces, one of them perhaps fixed: ``inner`` faces the source, ``outer`` the target; lengths in mm."""
 
@@ -29,7 +34,7 @@ class Lens:
     outer: Surface
     spec: Spec
     seed: int
-    accuracy: str
+    accuracy: Accuracy
     version: str = __version__
 
     @property
@@ -47,21 +52,34 @@ class Lens:
         """Of the narrowest feature of both surfaces, the sigma (rad) that a common table must resolve."""
         return min(self.inner.detail_rad, self.outer.detail_rad)
 
-    def save(self, path: Path) -> None:
+    def to_json(self) -> dict[str, JsonValue]:
+        """The content of ``lens.json``, all digits of every weight."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "seed": self.seed,
+            "accuracy": self.accuracy,
+            "units": {"length": "mm", "angle": "rad"},
+            "inner": record_of(self.inner).model_dump(mode="json"),
+            "outer": record_of(self.outer).model_dump(mode="json"),
+            "spec": self.spec.model_dump(mode="json"),
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """The lens's own hash, by which a result names the lens that it belongs to."""
+        return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether ``other`` is the same lens, to the bit."""
+        return self.to_json() == other.to_json() if isinstance(other, Lens) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
+    def save(self, path: Path | str) -> None:
         """Write ``lens.json``; weights are written with all of their digits."""
-        write_json(
-            path,
-            {
-                "format": FORMAT,
-                "version": self.version,
-                "seed": self.seed,
-                "accuracy": self.accuracy,
-                "units": {"length": "mm", "angle": "rad"},
-                "inner": _surface_to_json(self.inner),
-                "outer": _surface_to_json(self.outer),
-                "spec": self.spec.model_dump(mode="json"),
-            },
-        )
+        write_json(Path(path), self.to_json())
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a section at y = 0, and the numbers that name the lens."""
@@ -91,22 +109,28 @@ def _section_svg(lens: Lens) -> str:
     )
 
 
-def load_lens(path: Path) -> Lens:
-    """Read what :meth:`Lens.save` wrote. Raises :class:`InputError` for anything else."""
+def load_lens(path: Path | str) -> Lens:
+    """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else."""
+    path = Path(path)
     content = read_json(path)
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{path}: not a lens file; its 'format' should be {FORMAT!r}")
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds a {type(content).__name__}, not a lens; {_REMEDY}")
+    if content.get("format") == EARLIER_FORMAT:
+        content = {"schema": SCHEMA, **{key: value for key, value in content.items() if key != "format"}}
+        for side in ("inner", "outer"):
+            if isinstance(content.get(side), dict):
+                content[side].setdefault("kind", "srbf")
+    reject_outdated(content, SCHEMA, path, _REMEDY)
     try:
-        return Lens(
-            inner=_surface_from_json(content["inner"]),
-            outer=_surface_from_json(content["outer"]),
-            spec=parse_spec(content["spec"], str(path)),
-            seed=int(content["seed"]),
-            accuracy=str(content["accuracy"]),
-            version=str(content["version"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: damaged lens file ({type(error).__name__}: {error})") from None
+        record = LensRecord.model_validate({key: value for key, value in content.items() if key != "schema"})
+    except ValidationError as error:
+        raise refused(error, str(path), _REMEDY) from None
+    spec = parse_spec(record.spec, str(path))
+    try:
+        inner, outer = record.inner.surface(), record.outer.surface()
+    except InputError as error:
+        raise InputError(f"{path}: {error}; {_REMEDY}") from None
+    return Lens(inner, outer, spec, record.seed, record.accuracy, record.version)
 
 
 def _describe(surface: Surface) -> str:
@@ -114,32 +138,3 @@ def _describe(surface: Surface) -> str:
         basis = surface.basis
         return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
     return f"fixed {type(surface).__name__.lower()}"
-
-
-def _surface_to_json(surface: Surface) -> dict[str, Any]:
-    match surface:
-        case SrbfSurface():
-            return _srbf_to_json(surface)
-        case Asphere():
-            return {"kind": "asphere", **asdict(surface)}
-    raise TypeError(f"{type(surface).__name__} has no place in a lens file")
-
-
-def _srbf_to_json(surface: SrbfSurface) -> dict[str, Any]:
-    basis = surface.basis
-    return {
-        "kind": "srbf",
-        "levels": list(basis.levels),
-        "sigma_c": basis.sigma_c,
-        "symmetry": basis.symmetry,
-        "offset_mm": surface.offset_mm,
-        "weights_mm": surface.weights.tolist(),
-    }
-
-
-def _surface_from_json(content: dict[str, Any]) -> Surface:
-    if content.get("kind", "srbf") == "asphere":
-        vertex, radius, conic = (float(content[name]) for name in ("vertex_mm", "radius_mm", "conic"))
-        return Asphere(vertex, radius, conic, tuple(float(value) for value in content["coefficients"]))
-    basis = SrbfBasis(tuple(content["levels"]), float(content["sigma_c"]), content["symmetry"])
-    return SrbfSurface(basis, np.array(content["weights_mm"], dtype=np.float64), float(content["offset_mm"]))

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS, Preset
-from lensforge.design.checkpoint import FILE_NAME as CHECKPOINT
-from lensforge.design.optimiser import Progress, design
+from lensforge.optimisation.checkpoint import FILE_NAME as CHECKPOINT
+from lensforge.optimisation.optimiser import Progress, design
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.simulate import TracedLens
@@ -150,7 +150,7 @@ def run_sensitivity(directory: Path, *, rays: int | None = None) -> dict[str, An
 
 def run_handover(directory: Path) -> dict[str, Any]:
     """What goes to the shop with the STEP file."""
-    result: dict[str, Any] = import_module("lensforge.handover.build").build_handover(directory)
+    result: dict[str, Any] = import_module("lensforge.drawings.build").build_handover(directory)
     return result
 
 

@@ -86,5 +86,5 @@ def compare(directory: Path, on: Path | None, points: Path | None, rays: int | N
 def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
     use_threads(threads)
-    export = import_module("lensforge.photometry.export").export_photometry
+    export = import_module("lensforge.far_field.export").export_photometry
     finish(export(directory, rays=rays, lumens=lumens), directory)

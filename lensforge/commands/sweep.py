@@ -43,8 +43,8 @@ def sweep(
         --scale lens.inner_offset_mm --scale lens.outer_offset_mm
     """
     content = import_module("lensforge.spec").load_spec(spec)
-    variation = import_module("lensforge.sweep.vary").parse_variation(vary, scale)
-    runs = import_module("lensforge.sweep.runs")
+    variation = import_module("lensforge.studies.sweep.vary").parse_variation(vary, scale)
+    runs = import_module("lensforge.studies.sweep.runs")
     directory = out or Path("cad_out") / f"{content.name}_sweep"
     use_threads(threads)
     result = runs.run_sweep(

@@ -25,7 +25,7 @@ def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) 
     content = import_module("lensforge.spec").load_spec(spec)
     directory = out or Path("cad_out") / content.name
     use_threads(threads)
-    measure = import_module("lensforge.tradeoff.measure")
+    measure = import_module("lensforge.studies.tradeoff.measure")
     effort = measure.Effort.up_to(most_rays)
     found = measure.run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
     print_table(found["presets"])

@@ -16,9 +16,9 @@ from lensforge.evaluation.simulate import Simulation, TracedLens, simulate
 from lensforge.files import replacing, write_json
 from lensforge.gates import Gate
 from lensforge.lens import Lens
-from lensforge.receiver.filter import gaussian3
-from lensforge.receiver.plane import Receiver
-from lensforge.receiver.targets import target_irradiance
+from lensforge.receivers.filter import gaussian3
+from lensforge.receivers.plane import Receiver
+from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 from lensforge.tracing.fates import Fate

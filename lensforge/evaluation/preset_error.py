@@ -15,9 +15,9 @@ from lensforge.evaluation.exact import ExactHits, trace_exact_sum
 from lensforge.evaluation.metrics import jackknife, relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receiver.bins import flux_in_square
-from lensforge.receiver.plane import Receiver
-from lensforge.receiver.splat import splat_flux
+from lensforge.receivers.bins import flux_in_square
+from lensforge.receivers.plane import Receiver
+from lensforge.receivers.splat import splat_flux
 from lensforge.sources.bundle import RayBundle, Source
 
 _SCRAMBLES, _RAYS = 8, 2**8  # few: the exact surface is asked for each of them, and no run may wait for it

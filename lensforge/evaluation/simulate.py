@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 
 from lensforge.lens import Lens
-from lensforge.receiver.bins import bin_flux, flux_in_square
-from lensforge.receiver.plane import Receiver
+from lensforge.receivers.bins import bin_flux, flux_in_square
+from lensforge.receivers.plane import Receiver
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
 from lensforge.tracing.arrivals import Arrivals

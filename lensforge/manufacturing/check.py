@@ -17,7 +17,7 @@ from lensforge.manufacturing.relief_check import check_relief, relief_verdicts
 from lensforge.manufacturing.scallop import scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
 from lensforge.manufacturing.tooling import check_tools, tool_verdicts
 from lensforge.manufacturing.verdicts import (
-    Verdict,
+    ShopVerdict,
     cutter_verdict,
     draft_verdict,
     tilt_verdict,
@@ -124,7 +124,7 @@ def _scallop_json(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> dict[str, A
 
 def _verdicts(
     lens: Lens, inner: FaceCheck, outer: FaceCheck, wall: ThinnestWall, relief: dict[str, Any]
-) -> list[Verdict]:
+) -> list[ShopVerdict]:
     cutter_mm = lens.spec.manufacture.cutter_radius_mm
     faces = (inner, outer)
     least_deg = {face.name: float(np.degrees(draft_rad(face.samples).min())) for face in faces}

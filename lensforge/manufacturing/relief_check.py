@@ -8,7 +8,7 @@ from jaxtyping import Float
 from lensforge.manufacturing.face_check import FaceCheck
 from lensforge.manufacturing.own_base import OwnBase
 from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
-from lensforge.manufacturing.verdicts import Verdict, own_base_verdict, relief_verdict
+from lensforge.manufacturing.verdicts import ShopVerdict, own_base_verdict, relief_verdict
 from lensforge.spec import BaseSection
 
 
@@ -38,7 +38,7 @@ def check_relief(
     }
 
 
-def relief_verdicts(relief: dict[str, Any]) -> list[Verdict]:
+def relief_verdicts(relief: dict[str, Any]) -> list[ShopVerdict]:
     """One statement for each face that has a base beside it."""
     outer, inner = relief["outer"], relief["inner"]
     if outer is None or inner is None:

@@ -11,7 +11,7 @@ from lensforge.manufacturing.face_check import FaceCheck
 from lensforge.manufacturing.own_base import OwnBase
 from lensforge.manufacturing.sampling import sample_face
 from lensforge.manufacturing.tool import tool_reach
-from lensforge.manufacturing.verdicts import Verdict
+from lensforge.manufacturing.verdicts import ShopVerdict
 from lensforge.spec import BaseSection, Tool
 
 _CONTACT_NODES, _OBSTACLE_NODES = 41, 61
@@ -49,7 +49,7 @@ def check_tools(
     return content
 
 
-def tool_verdicts(entries: list[dict[str, Any]]) -> list[Verdict]:
+def tool_verdicts(entries: list[dict[str, Any]]) -> list[ShopVerdict]:
     """Whether each tool cuts all of each face, and what stops it."""
     verdicts = []
     for entry in entries:
@@ -62,7 +62,7 @@ def tool_verdicts(entries: list[dict[str, Any]]) -> list[Verdict]:
                 reason += f"; its ball alone {100.0 * ball:.1f} %: shank or holder is in the way, a longer one may do"
             if ball < 1.0 - 1e-9:
                 reason += f"; the largest ball that reaches all of it is {reach['largest_radius_mm']:.4g} mm"
-            verdicts.append(Verdict("tool", name, whole >= 1.0 - 1e-9, reason))
+            verdicts.append(ShopVerdict(name="tool", surface=name, holds=whole >= 1.0 - 1e-9, reason=reason))
     return verdicts
 
 

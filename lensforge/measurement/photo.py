@@ -17,7 +17,7 @@ from lensforge.measurement.photo_figure import draw_comparison
 from lensforge.measurement.photograph import Photograph, lit_only, read_photograph
 from lensforge.measurement.rectify import rectify
 from lensforge.measurement.similarity import displacement, moved_back, normalised, similarity
-from lensforge.receiver.plane import Receiver
+from lensforge.receivers.plane import Receiver
 
 CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
 _LEAST_PIXELS = 11  # the window of SSIM

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 
 from lensforge.errors import InputError
-from lensforge.receiver.plane import Receiver
+from lensforge.receivers.plane import Receiver
 
 _MOST_SAMPLES = 16  # a side, for each pixel of the result
 _ORDER = "top left, top right, bottom right, bottom left of the simulated picture (y upwards)"

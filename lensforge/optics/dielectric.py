@@ -33,8 +33,3 @@ def fresnel_transmittance(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Te
     senkrecht = (ratio * cosine - behind) / (ratio * cosine + behind)
     parallel = (cosine - ratio * behind) / (cosine + ratio * behind)
     return 1.0 - 0.5 * (senkrecht**2 + parallel**2)
-
-
-def normal_transmittance(refractive_index: float) -> float:
-    """Transmittance of one surface at normal incidence; two of them bound a lens's efficiency, 0.923 for PMMA."""
-    return 1.0 - ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lensforge.receiver.plane import Receiver
-from lensforge.report.light import WATTS, light_unit
+from lensforge.receivers.plane import Receiver
+from lensforge.figures.light_unit import WATTS, light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
-from lensforge.report.light import WATTS, LightUnit, light_unit
+from lensforge.figures.light_unit import WATTS, LightUnit, light_unit
 from lensforge.report.measured_pictures import RELATIVE
 from lensforge.report.numerals import number
 from lensforge.report.pictures import Picture, picture, source_outline

@@ -14,7 +14,7 @@ from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
 from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
-from lensforge.report.light import WATTS, LightUnit
+from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.report.numerals import number
 
 Image = Float[np.ndarray, "p p"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.report import irradiance_figures, surface_figures
-from lensforge.report.light import LightUnit, light_unit
+from lensforge.figures.light_unit import LightUnit, light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.part_records import JudgedRecord, PhotoRecord
 from lensforge.report.pictures import Picture, picture

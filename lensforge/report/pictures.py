@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import to_svg
-from lensforge.report.light import light_unit
+from lensforge.figures.light_unit import light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.records import FaceRecord
 from lensforge.report.results import Results

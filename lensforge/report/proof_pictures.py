@@ -1,7 +1,7 @@
 """Pictures of the proof: the part's light against the design's, how far rays land off, and the light gone astray."""
 
 from lensforge.report import flux_figures, irradiance_figures, proof_figures
-from lensforge.report.light import light_unit
+from lensforge.figures.light_unit import light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.pictures import Picture, picture
 from lensforge.report.results import Results

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from lensforge.report.drawing import add_colour_bar, in_house_style
 from lensforge.report.irradiance_figures import drawn
-from lensforge.report.light import WATTS, LightUnit
+from lensforge.figures.light_unit import WATTS, LightUnit
 
 _WIDTH, _HEIGHT = 2.7, 5.0
 _SLOPES, _LIGHT = "coolwarm", "inferno"

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.optimiser import Progress
+from lensforge.optimisation.optimiser import Progress
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.files import replacing
 from lensforge.lens import Lens
 from lensforge.report.drawing import save_picture
-from lensforge.report.light import light_unit
+from lensforge.figures.light_unit import light_unit
 from lensforge.report.snapshot_figure import snapshot_figure
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec

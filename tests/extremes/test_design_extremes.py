@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import small_spec
 
-from lensforge.design.optimiser import design
+from lensforge.optimisation.optimiser import design
 from lensforge.sources.square import SquareEmitter
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.optics.dielectric import normal_transmittance
+from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.fused import Scene, trace_tables

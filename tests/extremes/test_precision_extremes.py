@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.optics.dielectric import normal_transmittance
+from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
-from lensforge.optics.dielectric import normal_transmittance
+from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid

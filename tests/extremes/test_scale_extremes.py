@@ -13,23 +13,23 @@ from hypothesis import strategies as st
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
-from lensforge.design.optimiser import design
+from lensforge.optimisation.optimiser import design
 from lensforge.errors import InputError
 from lensforge.evaluation import simulate
 from lensforge.evaluation.evaluate import Evaluation, evaluate_lens
 from lensforge.lens import Lens
-from lensforge.optics.dielectric import normal_transmittance
-from lensforge.receiver.bins import bin_flux, flux_in_square
-from lensforge.receiver.collect import Collected, collected
-from lensforge.receiver.losses import (
+from lensforge.optics.transmittance import normal_transmittance
+from lensforge.receivers.bins import bin_flux, flux_in_square
+from lensforge.receivers.collect import Collected, collected
+from lensforge.receivers.losses import (
     mirror_mean,
     nmse_loss,
     shortfall_loss,
     uniformity_loss,
 )
-from lensforge.receiver.plane import Receiver
-from lensforge.receiver.splat import splat_flux
-from lensforge.receiver.targets import target_irradiance
+from lensforge.receivers.plane import Receiver
+from lensforge.receivers.splat import splat_flux
+from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.square import SquareEmitter

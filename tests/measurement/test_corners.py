@@ -13,7 +13,7 @@ from lensforge.measurement.orientation import _WAYS, _turned
 from lensforge.measurement.photo import Shot, compare_photo
 from lensforge.measurement.quadrilateral import clockwise, enclosing
 from lensforge.measurement.rectify import rectify
-from lensforge.receiver.plane import Receiver
+from lensforge.receivers.plane import Receiver
 
 
 def error_px(found, corners=CORNERS):

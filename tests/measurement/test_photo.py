@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.measurement.photo import Shot, compare_photo, section
 from lensforge.measurement.rectify import rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
-from lensforge.receiver.plane import Receiver
+from lensforge.receivers.plane import Receiver
 
 SIDE, PIXELS = 200.0, 64
 RECEIVER = Receiver(SIDE, PIXELS)

@@ -194,7 +194,7 @@ def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_full_disk_is_one_line_and_the_old_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from lensforge.design.checkpoint import save_checkpoint
+    from lensforge.optimisation.checkpoint import save_checkpoint
     from lensforge.errors import InputError
 
     path = tmp_path / "checkpoint.pt"

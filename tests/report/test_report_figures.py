@@ -8,7 +8,7 @@ from result_folders import CONTENT, check_arrays, small_lens
 
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import INK, to_svg
-from lensforge.report.light import WATTS, LightUnit
+from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.report.records import Level
 from lensforge.spec import BaseSection
 

@@ -3,7 +3,7 @@ import pytest
 from result_folders import make_folder, small_lens
 from scenes import small_spec
 
-from lensforge.design.optimiser import design
+from lensforge.optimisation.optimiser import design
 from lensforge.errors import InputError
 from lensforge.report import snapshots
 from lensforge.report.build import build_report

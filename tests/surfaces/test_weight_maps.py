@@ -5,7 +5,7 @@ import pytest
 import torch
 from scenes import small_spec, weight_matrix
 
-from lensforge.design.parameters import Parametrisation
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface

@@ -6,7 +6,7 @@ import torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of, weight_matrix
 
 from lensforge.errors import InputError
-from lensforge.optics.dielectric import normal_transmittance
+from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid

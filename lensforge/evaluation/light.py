@@ -1,0 +1,126 @@
+"""The result of the evaluation: the light on the receiver, its metrics with their standard errors, and the flux."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.gates import Gate
+from lensforge.records import (
+    Array,
+    Count,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Share,
+    StageResult,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Map = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+
+
+class Flux(Record):
+    """The flux budget: shares of what is emitted by what became of it; they add up to 1.
+
+    ``detected``: in the window. ``outside``: on the receiver's plane beside the window. ``missed``: never reached that
+    plane. ``absorbed_fresnel``: reflected at either surface, which a sequential design does not follow.
+    """
+
+    detected: Share
+    outside: Share
+    missed: Share
+    total_reflection: Share
+    not_converged: Share
+    absorbed_fresnel: Share
+
+
+class MissedByCause(Record):
+    """Of the flux that missed the receiver's plane: why; shares of what is emitted."""
+
+    backward: Share
+    outside_cavity: Share
+    base: Share
+    averted: Share
+    crossed: Share
+
+
+class TableError(Record):
+    """What the tables of a stage leave against the exact surfaces, by the same rays: an upper bound.
+
+    ``hit_mm``: root mean square over rays that arrive both ways, and ``hit_max_mm``.
+    """
+
+    table_error_nm: NotNegative
+    hit_max_mm: NotNegative
+    hit_mm: Metric
+    irradiance_nmse: Metric
+    efficiency: Metric
+
+
+class PresetError(Record):
+    """What the accuracy preset was measured to leave on this scene."""
+
+    rays: Count
+    scrambles: Count
+    design: TableError
+    evaluation: TableError
+
+
+class Light(StageResult):
+    """The light of a lens on its receiver, simulated with independent replicates of rays.
+
+    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2) [row y, column x] after the filter, before it, and wanted,
+    scaled to the flux that arrives; ``axis_mm``: centres of the pixels along either axis. ``nmse``: Eq. (7) with the
+    target scaled to the flux that arrives; ``nmse_of_noise``: what ray noise alone makes of it. ``efficiency``: share
+    of the emitted flux in the window; ``share_in_target``: where the target is above a tenth of its maximum.
+    ``uniformity``, ``rsd``: in the centred square of ``uniform_mm``, None where the spec names none.
+    """
+
+    stage: ClassVar[str] = "evaluate"
+
+    nmse: Metric
+    efficiency: Metric
+    share_in_target: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    nmse_of_noise: NotNegative | None
+    flux: Flux
+    missed_by_cause: MissedByCause
+    rays: Count
+    replicates: Count
+    pixels: Count
+    filter: Text
+    receiver_mm: Positive
+    window_mm: Positive
+    uniform_mm: Positive | None
+    distance_mm: Positive
+    lumens_per_watt: Positive | None
+    table_nodes: Count
+    table_error_nm: dict[Literal["inner", "outer"], NotNegative]
+    preset_error: PresetError | None
+    seconds: NotNegative
+    gates: tuple[Gate, ...]
+    map: Map
+    raw_map: Map
+    target_map: Map
+    axis_mm: Annotated[Float[np.ndarray, " p"], Array("p")]
+
+    def plot(
+        self, which: Literal["map", "raw_map", "target_map"] = "map", axes: "Axes | None" = None
+    ) -> "Axes":
+        """The light on the receiver in false colour with its scale, in lux where the source's lumens are known."""
+        from lensforge.figures.light_unit import light_unit
+        from lensforge.figures.plots import plot_map
+
+        return plot_map(getattr(self, which), self.receiver_mm, light_unit(self.lumens_per_watt), axes)
+
+
+def difference(value: Metric | None, before: Metric | None) -> Number | None:
+    """``value`` less ``before``; None where either is not defined."""
+    return None if value is None or before is None else value.value - before.value

@@ -1,0 +1,75 @@
+"""The result of the photometry: the light of the lens as IES, EULUMDAT and TM-25 files, and what they hold."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.files import replacing
+from lensforge.gates import Gate
+from lensforge.records import Array, Count, InFile, Metric, NotNegative, Positive, Record, StageResult, Text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+IES_FILE, LDT_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.tm25ray"
+
+
+class WrittenFile(Record):
+    """One file as read back: what it holds, in lumens or in watts, and how far that is from the rays' flux."""
+
+    lumens: NotNegative | None = None
+    watts: NotNegative | None = None
+    rays: Count | None = None
+    relative_error: NotNegative
+
+
+class Photometry(StageResult):
+    """The light that leaves the lens upwards. ``lost_w``: what did not, by fate.
+
+    ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the y
+    axis. ``ies``, ``ldt``, ``tm25``: the bytes of the files.
+    """
+
+    stage: ClassVar[str] = "photometry"
+
+    rays: Count
+    source_w: Positive
+    exit_w: Metric
+    light_output_ratio: Metric
+    lost_w: dict[Text, NotNegative]
+    absorbed_fresnel_w: NotNegative
+    source_lm: Positive
+    exit_lm: NotNegative
+    peak_cd: NotNegative
+    files: dict[Text, WrittenFile]
+    seconds: NotNegative
+    gates: tuple[Gate, ...]
+    c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
+    gamma_deg: Annotated[Float[np.ndarray, " g"], Array("g")]
+    candela: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
+    ies: Annotated[bytes, InFile(IES_FILE)]
+    ldt: Annotated[bytes, InFile(LDT_FILE)]
+    tm25: Annotated[bytes, InFile(TM25_FILE)]
+
+    def save(self, path: Path | str) -> None:
+        """Write one of the files by the suffix of ``path``: .ies, .ldt, .tm25ray, or the record as .json."""
+        path = Path(path)
+        contents = {".ies": self.ies, ".ldt": self.ldt, ".tm25ray": self.tm25}
+        if path.suffix.lower() == ".json":
+            super().save(path)
+            return
+        if path.suffix.lower() not in contents:
+            raise InputError(f"{path}: photometry is saved as one of {', '.join(contents)} or .json; give such a name")
+        with replacing(path) as temporary:
+            temporary.write_bytes(contents[path.suffix.lower()])
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Candela over the angle from the axis, in the planes C = 0 and C = 90 degrees."""
+        from lensforge.figures.plots import plot_curves
+
+        planes = {f"C = {wanted:g}°": int(np.argmin(np.abs(self.c_deg - wanted))) for wanted in (0.0, 90.0)}
+        curves = {name: (self.gamma_deg, self.candela[row]) for name, row in planes.items()}
+        return plot_curves(curves, ("gamma (degrees)", "intensity (cd)"), axes)

@@ -1,0 +1,25 @@
+"""In what light is shown: W/m^2, or lux where it is known how many lumens a watt of the source is."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LightUnit:
+    """The quantity on a receiver, its unit, and how much of it 1 W/m^2 is."""
+
+    quantity: str
+    symbol: str
+    per_w_m2: float
+
+    @property
+    def label(self) -> str:
+        """For an axis or a scale."""
+        return f"{self.quantity} ({self.symbol})"
+
+
+WATTS = LightUnit("irradiance", "W/m²", 1.0)
+
+
+def light_unit(lumens_per_watt: float | None) -> LightUnit:
+    """Lux by the source's luminous efficacy, without it W/m^2."""
+    return WATTS if lumens_per_watt is None else LightUnit("illuminance", "lx", lumens_per_watt)

@@ -1,0 +1,78 @@
+"""Plots of arrays, on axes of the caller's or on new ones; each returns its axes."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from lensforge.figures.light_unit import WATTS, LightUnit
+
+Map = Float[np.ndarray, "p p"]
+
+
+def plot_map(image: Map, side_mm: float, unit: LightUnit = WATTS, axes: Axes | None = None) -> Axes:
+    """Light (W/m^2, [row y, column x]) on a square ``side_mm`` wide in false colour, with its scale in ``unit``."""
+    axes, half = new_axes(axes), 0.5 * side_mm
+    extent = (-half, half, -half, half)
+    shown = axes.imshow(unit.per_w_m2 * image, origin="lower", extent=extent, cmap="inferno", vmin=0.0)
+    axes.figure.colorbar(shown, ax=axes, label=unit.label)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    return axes
+
+
+def plot_face(values: Map, label: str, axes: Axes | None = None) -> Axes:
+    """A quantity over the chart of a face ([X, Y], NaN outside of it), equal colours for either sign."""
+    axes = new_axes(axes)
+    known = values[np.isfinite(values)]
+    reach = float(np.abs(known).max()) if len(known) else 1.0
+    extent = (-1.25, 1.25, -1.25, 1.25)
+    shown = axes.imshow(values.T, origin="lower", extent=extent, cmap="RdBu_r", vmin=-reach, vmax=reach)
+    axes.figure.colorbar(shown, ax=axes, label=label)
+    axes.set(xlabel="X of the chart", ylabel="Y of the chart")
+    return axes
+
+
+def plot_curves(
+    curves: Mapping[str, tuple[Sequence[float] | Float[np.ndarray, " n"], Sequence[float] | Float[np.ndarray, " n"]]],
+    labels: tuple[str, str],
+    axes: Axes | None = None,
+    logarithmic: tuple[bool, bool] = (False, False),
+) -> Axes:
+    """Named lines; ``labels`` of the two axes, each ``logarithmic`` or not."""
+    axes = new_axes(axes)
+    for name, (across, up) in curves.items():
+        axes.plot(across, up, label=name)
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set(**{f"{axis}scale": "log" for axis, wanted in zip("xy", logarithmic, strict=True) if wanted})
+    if len(curves) > 1:
+        axes.legend()
+    return axes
+
+
+def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axes: Axes | None = None) -> Axes:
+    """Closed outlines of a section (position ``across`` the axis and z, mm), filled and to scale."""
+    axes = new_axes(axes)
+    for outline in outlines:
+        axes.fill(*outline.T, facecolor="#2f7fd1", alpha=0.2, edgecolor="black", linewidth=1.0)
+    axes.set(xlabel=f"{across} (mm)", ylabel="z (mm)", aspect="equal")
+    return axes
+
+
+def plot_bars(values: Mapping[str, float], label: str, axes: Axes | None = None) -> Axes:
+    """A bar for each named value, the first at the top."""
+    axes = new_axes(axes)
+    axes.barh(list(values), list(values.values()))
+    axes.invert_yaxis()
+    axes.set(xlabel=label)
+    return axes
+
+
+def new_axes(axes: Axes | None) -> Axes:
+    """The caller's axes, or new ones that a notebook shows by itself."""
+    if axes is not None:
+        return axes
+    import matplotlib.pyplot as plt
+
+    created: Axes = plt.subplots(layout="constrained")[1]
+    return created

@@ -1,0 +1,159 @@
+"""The result of the geometry stage: the part as the bytes of its files, and what reading them back has proven."""
+
+import hashlib
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import model_validator
+
+from lensforge.errors import InputError
+from lensforge.files import replacing
+from lensforge.gates import Gate
+from lensforge.lens import Lens
+from lensforge.records import (
+    Count,
+    Extent,
+    Flag,
+    Given,
+    InFile,
+    NotNegative,
+    Positive,
+    Record,
+    Sha256,
+    StageResult,
+    Text,
+)
+
+if TYPE_CHECKING:
+    import trimesh
+    from matplotlib.axes import Axes
+
+STEP_FILE, STL_FILE, THREEMF_FILE, SURFACES_FILE = "lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"
+
+
+class FileStamp(Record):
+    """Size and hash of a file."""
+
+    bytes: Count
+    sha256: Sha256
+
+    @staticmethod
+    def of(content: bytes) -> "FileStamp":
+        """That of ``content``."""
+        return FileStamp(bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+
+
+class Faces(Record):
+    """Faces of the solid as read back: how many, and the names that they carry."""
+
+    count: Count
+    names: tuple[Text, ...]
+
+
+class Triangulation(Record):
+    """The mesh, and how far its facets are from the optical surfaces."""
+
+    triangles: Count
+    vertices: Count
+    rings: Count
+    chord_error_um: NotNegative
+    normal_error_mrad: NotNegative
+
+
+class UntrimmedSurfaces(Record):
+    """The optical faces that go on beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back."""
+
+    runout_deg: Positive
+    form_error_nm: NotNegative
+    normal_error_mrad: NotNegative
+
+
+class Part(StageResult):
+    """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
+
+    ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh.
+    ``files``: size and hash of each file; bytes that have other ones are refused.
+    """
+
+    stage: ClassVar[str] = "export"
+
+    lens: Annotated[Lens, Given()]
+    form_error_nm: Extent
+    normal_error_mrad: Extent
+    volume_mm3: Positive
+    volume_mesh_mm3: Positive
+    watertight: Flag
+    genus: int
+    faces: Faces
+    nodes: dict[Literal["inner", "outer"], Count]
+    step_schema: Literal["AP214", "AP242"]
+    untrimmed_surfaces: UntrimmedSurfaces | None
+    triangulation: Triangulation
+    files: dict[Text, FileStamp]
+    seconds: NotNegative
+    gates: tuple[Gate, ...]
+    step: Annotated[bytes, InFile(STEP_FILE)]
+    stl: Annotated[bytes, InFile(STL_FILE)]
+    threemf: Annotated[bytes, InFile(THREEMF_FILE)]
+    surfaces_step: Annotated[bytes | None, InFile(SURFACES_FILE)] = None
+
+    @model_validator(mode="after")
+    def _bytes_are_those_of_the_record(self) -> "Part":
+        for name, content in self._contents().items():
+            if name not in self.files or self.files[name] != FileStamp.of(content):
+                raise ValueError(f"{name}: not the file that export.json describes")
+        return self
+
+    def _contents(self) -> dict[str, bytes]:
+        contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
+        return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
+
+    @cached_property
+    def solid(self) -> Any:
+        """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
+        from lensforge.geometry.step import solid_of_step
+
+        return solid_of_step(self.step)
+
+    @cached_property
+    def mesh(self) -> "trimesh.Trimesh":
+        """The part as a ``trimesh.Trimesh`` (mm), read from the STL, equal vertices merged."""
+        import trimesh
+
+        from lensforge.geometry.stl import parse_stl
+
+        return trimesh.Trimesh(*parse_stl(self.stl), process=False)
+
+    def save(self, path: Path | str) -> None:
+        """Write the part's own bytes as STEP, STL or 3MF, by the suffix of ``path``, or its record as JSON."""
+        path = Path(path)
+        contents = {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
+        if path.suffix.lower() == ".json":
+            super().save(path)
+            return
+        if path.suffix.lower() not in contents:
+            raise InputError(f"{path}: a part is saved as one of {', '.join(contents)} or .json; give such a name")
+        with replacing(path) as temporary:
+            temporary.write_bytes(contents[path.suffix.lower()])
+
+    def plot(self, azimuth_deg: float = 0.0, axes: "Axes | None" = None) -> "Axes":
+        """The section through the axis at ``azimuth_deg``, to scale."""
+        from lensforge.figures.plots import plot_outlines
+        from lensforge.geometry.section import body_outlines
+
+        return plot_outlines(body_outlines(self.lens, azimuth_deg), f"across the axis at {azimuth_deg:g}°", axes)
+
+    def show(self, *, cut: bool = False, off_screen: bool | None = None) -> Any:
+        """The mesh in three dimensions, ``cut`` open at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
+        import pyvista
+
+        mesh = pyvista.wrap(self.mesh)
+        if cut:
+            mesh = mesh.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
+        plotter = pyvista.Plotter(off_screen=off_screen)
+        plotter.add_mesh(mesh, color="#a3bfd8", smooth_shading=True, split_sharp_edges=True, feature_angle=35.0)
+        plotter.add_axes()
+        if not off_screen:
+            plotter.show()
+        return plotter

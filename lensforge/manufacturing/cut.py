@@ -1,0 +1,215 @@
+"""The result of the manufacturing check: what either face asks of a tool, the wall, and what the shop can do."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.gates import Gate
+from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.records import (
+    Array,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Record,
+    Share,
+    StageResult,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
+FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
+
+
+class Sphere(Record):
+    """A best-fit sphere and the face's departure from it, along the sphere's normal."""
+
+    variant: Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+    radius_mm: Positive
+    centre_mm: Point
+    pv_mm: NotNegative
+    rms_mm: NotNegative
+    slope_departure_mrad: NotNegative
+
+
+class Curvature(Record):
+    """Principal curvatures as the air sees them: a hollow is negative. None: the face is convex everywhere."""
+
+    kappa_min_per_mm: Number
+    kappa_max_per_mm: Number
+    smallest_concave_radius_mm: Positive | None
+
+
+class Cutter(Record):
+    """How the ball of ``radius_mm`` fares on a face.
+
+    ``largest_radius_mm``: None where a ball of any radius reaches the whole face. ``residual_mm``: material left
+    uncut; None where the cutter reaches nothing.
+    """
+
+    radius_mm: Positive
+    reachable_fraction: Share
+    local_ok_fraction: Share
+    largest_radius_mm: Positive | None
+    residual_mm: NotNegative | None
+
+
+class Draft(Record):
+    """Draft towards the axis (degrees), and the shares of the area that have less than half a degree, and than two."""
+
+    min: Number
+    area_fraction_below_half: Share
+    area_fraction_below_two: Share
+
+
+class FaceResult(Record):
+    """One optical face."""
+
+    best_fit_sphere: Sphere
+    other_spheres: tuple[Sphere, ...]
+    curvature: Curvature
+    cutter: Cutter
+    draft_deg: Draft
+    undercut_fraction: Share
+    largest_tilt_deg: NotNegative
+    area_mm2: Positive
+
+
+class Wall(Record):
+    """Where the wall is thinnest."""
+
+    thickness_mm: Number
+    inner_point_mm: Point
+    outer_point_mm: Point
+
+
+class Walls(Record):
+    """The thinnest wall along the cavity's normal, and along the ray from the origin."""
+
+    normal: Wall
+    radial: Wall
+
+
+class OuterRelief(Record):
+    """The step that the base needs for the ball, and how far its wall must stand back; None: nothing is reached."""
+
+    smallest_step_mm: NotNegative | None
+    step_clearance_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class InnerRelief(Record):
+    """By how much the bore must be wider than the cavity; None: nothing is reached."""
+
+    bore_clearance_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class OwnBaseRelief(Record):
+    """By how much a base from a STEP file is in the ball's way; None: nothing is reached."""
+
+    retreat_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class Relief(Record):
+    """Room for the cutter beside the base; ``note`` says why there is none to be had."""
+
+    outer: OuterRelief | OwnBaseRelief | None
+    inner: InnerRelief | OwnBaseRelief | None
+    note: Text | None = None
+
+
+class Scallop(Record):
+    """Cusps between passes where the face is most convex; None where there are none to speak of."""
+
+    height_nm: NotNegative | None
+    slope_mrad: NotNegative | None
+    stepover_for_slope_limit_mm: NotNegative | None
+
+
+class Scallops(Record):
+    """Cusps of both faces at the spec's stepover."""
+
+    stepover_mm: Positive
+    slope_limit_mrad: Positive
+    inner: Scallop
+    outer: Scallop
+
+
+class ToolReach(Record):
+    """What a tool reaches of a face: its ball alone, along the axis, and tilted as far as the spec allows."""
+
+    ball_reachable_fraction: Share
+    reachable_fraction_untilted: Share
+    reachable_fraction: Share
+    largest_radius_mm: Positive | None
+
+
+class ToolResult(Record):
+    """One tool of the spec on both faces."""
+
+    name: Text
+    radius_mm: Positive
+    shank_radius_mm: Positive
+    length_mm: Positive
+    holder_half_angle_deg: NotNegative
+    inner: ToolReach
+    outer: ToolReach
+
+
+class Check(StageResult):
+    """Can it be made, and with what. ``gates`` judge the design, ``verdicts`` the tools.
+
+    Maps over the chart of each face, [X, Y], NaN outside of the rim: points (mm), departure from the best-fit sphere
+    (mm), principal curvatures (1/mm), uncut height (mm), and 1 where the cutter reaches.
+    """
+
+    stage: ClassVar[str] = "check"
+
+    make: Literal["part", "insert"]
+    inner: FaceResult
+    outer: FaceResult
+    min_wall_mm: Number
+    wall: Walls
+    relief: Relief
+    scallop: Scallops
+    tools: tuple[ToolResult, ...]
+    gates: tuple[Gate, ...]
+    verdicts: tuple[ShopVerdict, ...]
+    seconds: NotNegative
+    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
+    inner_xyz: FacePoints
+    inner_sag_mm: FaceMap
+    inner_kappa_min: FaceMap
+    inner_kappa_max: FaceMap
+    inner_residual_mm: FaceMap
+    inner_reachable: FaceMap
+    outer_xyz: FacePoints
+    outer_sag_mm: FaceMap
+    outer_kappa_min: FaceMap
+    outer_kappa_max: FaceMap
+    outer_residual_mm: FaceMap
+    outer_reachable: FaceMap
+
+    def plot(
+        self,
+        surface: Literal["inner", "outer"] = "outer",
+        quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
+        axes: "Axes | None" = None,
+    ) -> "Axes":
+        """``quantity`` of one face over its chart."""
+        from lensforge.figures.plots import plot_face
+
+        labels = {
+            "sag_mm": "departure from the best-fit sphere (mm)",
+            "kappa_min": "smaller curvature (1/mm)",
+            "kappa_max": "larger curvature (1/mm)",
+            "residual_mm": "left uncut (mm)",
+        }
+        return plot_face(getattr(self, f"{surface}_{quantity}"), f"{surface}: {labels[quantity]}", axes)

@@ -1,0 +1,162 @@
+"""The results of measuring the part: a photograph of its light, and points on one of its surfaces."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.gates import Gate
+from lensforge.records import (
+    Array,
+    Count,
+    Metric,
+    NotNegative,
+    Number,
+    Positive,
+    Record,
+    Share,
+    StageResult,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+Line = Annotated[Float[np.ndarray, " p"], Array("p")]
+Pixel = tuple[Number, Number]  # column, row
+Side = Literal["inner", "outer"]
+
+
+class Located(Record):
+    """How the corners were found that were not given: in which picture, and how straight (pixels) their edges are."""
+
+    seen_in: Text
+    lit: bool
+    edge_rms_px: NotNegative
+    edge_bow_px: NotNegative
+
+
+class Similarity(Record):
+    """How alike two pictures are; SSIM 1 is equal."""
+
+    ssim: Number
+    nmse: NotNegative
+
+
+class Evenness(Record):
+    """In the mask of the spec; None where it has none."""
+
+    uniformity: Number | None
+    rsd: Number | None
+
+
+class PhotoComparison(StageResult):
+    """A photograph of the part's light against the simulation, both scaled to a mean of 1.
+
+    ``measured``, ``simulated``: [row y, column x] on a receiver ``receiver_mm`` wide; ``section_*``: lines through its
+    centre. ``aligned``: after the picture has been moved by ``displacement_mm``. ``clipped``: share of the target.
+    """
+
+    stage: ClassVar[str] = "compare"
+    command: ClassVar[str] = "compare --on"
+
+    on: Text
+    off: Text | None
+    corners: tuple[Pixel, Pixel, Pixel, Pixel]
+    corners_located: Located | None
+    target_mm: Positive
+    receiver_mm: Positive
+    gamma: Positive
+    pixels: Count
+    ssim: Number
+    nmse: NotNegative
+    displacement_mm: tuple[Number, Number]
+    aligned: Similarity
+    measured_evenness: Evenness
+    simulated_evenness: Evenness
+    clipped: Share
+    gates: tuple[Gate, ...]
+    measured: Image
+    simulated: Image
+    axis_mm: Line
+    section_x_measured: Line
+    section_x_simulated: Line
+    section_y_measured: Line
+    section_y_simulated: Line
+
+    def plot(self, axis: Literal["x", "y"] = "x", axes: "Axes | None" = None) -> "Axes":
+        """Photograph and simulation along a line through the centre."""
+        from lensforge.figures.plots import plot_curves
+
+        curves = {
+            name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")
+        }
+        return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
+
+
+class Pose(Record):
+    """How the points were moved onto the design, with standard errors."""
+
+    rotation_deg: tuple[Number, Number, Number]
+    rotation_standard_error_deg: tuple[Number, Number, Number]
+    translation_mm: tuple[Number, Number, Number]
+    translation_standard_error_mm: tuple[Number, Number, Number]
+
+
+class Departure(Record):
+    """The size of a signed deviation over a surface."""
+
+    pv: NotNegative
+    rms: NotNegative
+    min: Number
+    max: Number
+
+
+class Judged(Record):
+    """What the light of a lens is worth; None where a metric has no meaning."""
+
+    nmse: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    efficiency: Metric
+
+
+class SurfaceComparison(StageResult):
+    """A measured surface against the design's, and the light that it would make.
+
+    ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
+    NaN outside; irradiance (W/m^2) of the design and with the measured surface. ``nmse_between`` the two.
+    """
+
+    stage: ClassVar[str] = "compare_surface"
+    command: ClassVar[str] = "compare --points"
+
+    surface: Side
+    registration: Literal["rigid", "shift", "none"]
+    point_count: Count
+    used_share: Share
+    covered_share: Share
+    pose: Pose
+    point_deviation_um: Departure
+    form_deviation_um: Departure
+    residual_rms_um: NotNegative
+    rays: Count
+    receiver_mm: Positive
+    design: Judged
+    measured: Judged
+    nmse_between: NotNegative
+    gates: tuple[Gate, ...]
+    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
+    distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
+    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
+    deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
+    irradiance_design: Image
+    irradiance_measured: Image
+    axis_mm: Line
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """The form deviation over the chart of the face."""
+        from lensforge.figures.plots import plot_face
+
+        return plot_face(self.deviation_um.T, f"{self.surface}: form deviation (µm)", axes)

@@ -1,0 +1,77 @@
+"""Constraints in a search: sequential unconstrained minimisation with multipliers.
+
+The paper takes the minimum over the hemisphere, whose gradient sees one point. Here every watched point carries its
+own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, a smoother way there.
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.optimisation.constraints import Constraint, constraints_of
+from lensforge.optimisation.watch import Watch, watched_points
+from lensforge.spec import Spec
+from lensforge.surfaces.spline import TableGrid
+
+
+@dataclass
+class AugmentedLagrangian:
+    """Multipliers of ``c`` constraints at ``k`` watched points; the fields are scaled by each constraint's share."""
+
+    constraints: tuple[Constraint, ...]
+    watch: Watch
+    stringency: float = 2e4
+    multipliers: Float[Tensor, "c k"] = field(init=False)
+
+    @staticmethod
+    def of(spec: Spec, grid: TableGrid, stringency: float = 2e4) -> "AugmentedLagrangian":
+        """For the spec's constraints, watched on ``grid``."""
+        constraints = constraints_of(spec)
+        derivatives = any(constraint.derivatives for constraint in constraints)
+        points = watched_points(grid, spec.lens.basis.symmetry)
+        return AugmentedLagrangian(constraints, Watch.of(grid, points, derivatives), stringency)
+
+    def __post_init__(self) -> None:
+        area = self.watch.points.scale**2
+        self._area = area / area.sum()
+        self._share, self._margin = (
+            torch.tensor(values, dtype=torch.float64)[:, None]
+            for values in (
+                [constraint.share for constraint in self.constraints],
+                [constraint.share * constraint.margin for constraint in self.constraints],
+            )
+        )
+        self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
+
+    def fresh(self, stringency: float) -> "AugmentedLagrangian":
+        """The same constraints with multipliers of 0."""
+        return AugmentedLagrangian(self.constraints, self.watch, stringency)
+
+    def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
+        """The constraints at the watched points of two tables, each times its share."""
+        at_inner, at_outer = self.watch.jets(inner, outer)
+        values = [each.field(at_inner, at_outer, self.watch.points) for each in self.constraints]
+        return self._share * torch.stack(values)
+
+    def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
+        """The minimum of each constraint over the points, in its unit; the history of a search keeps it."""
+        least = (fields.detach() / self._share).amin(dim=1).tolist()
+        return {constraint.key: value for constraint, value in zip(self.constraints, least, strict=True)}
+
+    def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
+        """The regularisation term of Eq. (15), averaged over the hemisphere."""
+        push = self._push(fields)
+        return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
+
+    def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
+        """What the worst point lacks, as a multiple of its constraint's margin: 1 at the limit, 0 where all is kept."""
+        return float(torch.clamp(1.0 - fields.detach() / self._margin, min=0.0).max())
+
+    def update(self, fields: Float[Tensor, "c k"]) -> None:
+        """First-order multiplier update; call it between rounds of minimisation."""
+        self.multipliers = self._push(fields.detach())
+
+    def _push(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, "c k"]:
+        return torch.clamp(self.multipliers - self.stringency * (fields - self._margin), min=0.0)

@@ -1,0 +1,152 @@
+"""What makes a lens feasible: the paper's three constraints, Eqs. (10) to (14), and those of the shop on request.
+
+g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. g4 lets no hollow be tighter than the ball that mills
+it (curvature alone: the gouge test of ``check`` is global), g5 gives each face a draft, so that a mould opens along
+the axis. A constraint that the spec does not ask for is not computed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import radians
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
+from lensforge.optimisation.watch import ChartPoints, RadiusJet
+from lensforge.spec import Spec
+
+# The search aims this far inside of the limits, relative to the largest radius, to the cutter's curvature, and in
+# degrees: its last steps still move by that much, and no set of points sees the very peak.
+_LENGTH_MARGIN = 3e-4
+_CURVATURE_MARGIN = 0.01
+_DRAFT_MARGIN_DEG = 0.1
+# What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
+_CURVATURE_TOLERANCE = 1e-3
+_DRAFT_TOLERANCE_DEG = 0.01
+_STEEP = 0.5  # sine of the draft from which more draft is worth nothing: the arcsine's slope is endless at the apex
+
+Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A field over both surfaces that is at least 0 where the lens is feasible.
+
+    ``key`` ends with the unit of field, ``margin`` (how far inside the search aims) and ``tolerance``. ``share`` of
+    the field is a number of order 1 for all constraints alike: lengths count relative to the largest radius, angles
+    and curvatures by the height that they make over the narrowest function.
+    """
+
+    key: str
+    unit: str
+    field: Field
+    share: float
+    margin: float
+    tolerance: float
+    remedy: str
+    derivatives: bool = False
+
+    @property
+    def name(self) -> str:
+        """As the gate calls it."""
+        return "constraint " + self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace(
+            "_", " "
+        )
+
+
+def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
+    """The paper's three, and what the spec asks for besides."""
+    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec))
+
+
+def _of_paper(spec: Spec) -> list[Constraint]:
+    limits = spec.constraints
+
+    def cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        squared = (inner.rho**2) * (1.0 - points.cosine**2)
+        paraboloid = limits.cavity_height_mm / limits.cavity_radius_mm**2 * squared
+        return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
+
+    def wall(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return outer.rho - inner.rho - limits.min_thickness_mm
+
+    def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
+        return limits.max_radius_mm - outer.rho
+
+    length = partial(
+        Constraint,
+        unit="mm",
+        share=1.0 / limits.max_radius_mm,
+        margin=_LENGTH_MARGIN * limits.max_radius_mm,
+        tolerance=limits.tolerance_mm,
+    )
+    return [
+        length("g1_mm", field=cavity, remedy="raise lens.inner_offset_mm or lower constraints.cavity_*"),
+        length("g2_mm", field=wall, remedy="raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
+        length("g3_mm", field=size, remedy="raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
+    ]
+
+
+def _of_cutter(spec: Spec) -> list[Constraint]:
+    sigma = spec.lens.basis.detail_rad
+    found = []
+    for surface, limit_mm in (
+        ("inner", spec.constraints.inner_concave_radius_mm),
+        ("outer", spec.constraints.outer_concave_radius_mm),
+    ):
+        if limit_mm is None:
+            continue
+        # the cutter touches the lens from the air; a mould's insert it touches where the lens will be
+        air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
+        found.append(
+            Constraint(
+                f"g4_{surface}_per_mm",
+                "1/mm",
+                partial(_room_for_ball, surface, air, 1.0 / limit_mm),
+                share=0.5 * sigma**2 * spec.constraints.max_radius_mm,
+                margin=_CURVATURE_MARGIN / limit_mm,
+                tolerance=_CURVATURE_TOLERANCE / limit_mm,
+                remedy=f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm",
+                derivatives=True,
+            )
+        )
+    return found
+
+
+def _of_mould(spec: Spec) -> list[Constraint]:
+    sigma = spec.lens.basis.detail_rad
+    return [
+        Constraint(
+            f"g5_{surface}_deg",
+            "deg",
+            partial(_draft_to_spare, surface, limit_deg),
+            share=radians(sigma),
+            margin=_DRAFT_MARGIN_DEG,
+            tolerance=_DRAFT_TOLERANCE_DEG,
+            remedy=f"lower constraints.{surface}_draft_deg or take more steps",
+            derivatives=True,
+        )
+        for surface, limit_deg in (
+            ("inner", spec.constraints.inner_draft_deg),
+            ("outer", spec.constraints.outer_draft_deg),
+        )
+        if limit_deg is not None
+    ]
+
+
+def _room_for_ball(
+    surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """By how much (1/mm) the surface may still be hollowed until the ball of the given curvature touches twice."""
+    return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
+
+
+def _draft_to_spare(
+    surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Draft (deg) beyond the limit."""
+    sine = torch.clamp(pull_cosine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
+    return torch.rad2deg(torch.asin(sine)) - limit_deg

@@ -1,0 +1,75 @@
+"""The result of the design stage: the lens, how it was found, and by how much it keeps its constraints."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from lensforge.gates import Gate
+from lensforge.lens import Lens
+from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult
+from lensforge.sources.account import SourceAccount
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class Margins(Record):
+    """By how much a lens keeps its constraints, Eqs. (10) to (14), at the worst place; below 0 it does not.
+
+    ``cavity_clearance_mm``: what the paraboloid of the cavity leaves free. ``wall_margin_mm``: wall beyond the least
+    one. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec asks for it: curvature that
+    a hollow may still gain before the ball no longer fits, and draft beyond the least one.
+    """
+
+    cavity_clearance_mm: Number
+    wall_margin_mm: Number
+    radius_margin_mm: Number
+    inner_curvature_margin_per_mm: Number | None = None
+    outer_curvature_margin_per_mm: Number | None = None
+    inner_draft_margin_deg: Number | None = None
+    outer_draft_margin_deg: Number | None = None
+
+
+class Level(Record):
+    """One level's turn in the search: a value for each step; ``constraints`` by name as in :class:`Margins`."""
+
+    level: Count
+    functions: Count
+    loss: tuple[Number, ...]
+    nmse: tuple[NotNegative, ...]
+    efficiency: tuple[Number, ...]
+    constraints: dict[str, tuple[Number, ...]]
+
+
+class Design(StageResult):
+    """A finished search.
+
+    ``forward_evaluations``: gradient steps and what else traced rays. ``source_outline_mm``: a polygon around the
+    emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
+    """
+
+    stage: ClassVar[str] = "design"
+
+    lens: Annotated[Lens, Given()]
+    steps: Count
+    forward_evaluations: Count
+    rays_per_step: Count
+    seconds: NotNegative
+    max_radius_mm: Positive
+    height_mm: Positive
+    constraints: Margins
+    source: SourceAccount
+    source_outline_mm: tuple[Point, ...]
+    history: tuple[Level, ...]
+    gates: tuple[Gate, ...]
+
+    def plot(
+        self, quantity: Literal["nmse", "loss", "efficiency"] = "nmse", axes: "Axes | None" = None
+    ) -> "Axes":
+        """``quantity`` at every step of the search, one line for each level."""
+        from lensforge.figures.plots import plot_curves
+
+        curves, start = {}, 1
+        for level in self.history:
+            values = getattr(level, quantity)
+            curves[f"{level.functions} functions"] = (range(start, start + len(values)), values)
+            start += len(values)
+        return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))

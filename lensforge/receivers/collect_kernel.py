@@ -1,0 +1,66 @@
+"""Fused kernels of the receiver: what a search wants to know of every ray, in one pass, and the adjoint.
+
+Besides the image these are the pulls on rays that the image cannot see: they have no weight and no derivative in it,
+so plain descent never fetches them back. Each pull is bounded, ``e/(1+e)``, so that a few wild rays cannot outvote
+the image, and counts the flux that a ray left the source with.
+"""
+
+from lensforge.receivers.splat_kernel import add_to_pixels, pixels_adjoint
+from lensforge.tracing.jit import inline, kernel
+
+_ARRIVED = 0
+# Squared exit sine from which a ray is pulled back from total reflection, and the excess that counts as one.
+SAFE_SINE = 0.97
+SINE_SCALE = 0.1
+
+
+@inline
+def excess_beside(x, y, half):
+    """How far a hit lies beside the receiver, in half widths: the excess in x and in y."""
+    return max(abs(x) - half, 0.0) / half, max(abs(y) - half, 0.0) / half
+
+
+@kernel
+def collect(hits, carried, sines, fates, weights, side, window, image, sums):
+    """Add all rays to ``image`` (pixels, pixels) and to ``sums``: flux in the window, stray, totally reflected."""
+    half = 0.5 * side
+    for k in range(len(weights)):
+        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
+        if excess > 0.0:
+            sums[2] += weights[k] * excess / (1.0 + excess)
+        if fates[k] != _ARRIVED:
+            continue
+        x, y = hits[k, 0], hits[k, 1]
+        add_to_pixels(x, y, carried[k], side, image)
+        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+            sums[0] += carried[k]
+        if abs(x) > half or abs(y) > half:
+            ex, ey = excess_beside(x, y, half)
+            excess = ex * ex + ey * ey
+            sums[1] += weights[k] * excess / (1.0 + excess)
+
+
+@kernel
+def collect_adjoint(
+    hits, carried, sines, fates, weights, side, window, by_image, by_sums, by_hits, by_carried, by_sines
+):
+    """Fill the sensitivities to hits (n, 2), carried flux (n,) and squared sines (n,)."""
+    half = 0.5 * side
+    for k in range(len(weights)):
+        by_hits[k, 0], by_hits[k, 1], by_carried[k], by_sines[k] = 0.0, 0.0, 0.0, 0.0
+        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
+        if excess > 0.0:
+            by_sines[k] = by_sums[2] * weights[k] / ((1.0 + excess) * (1.0 + excess) * SINE_SCALE)
+        if fates[k] != _ARRIVED:
+            continue
+        x, y = hits[k, 0], hits[k, 1]
+        by_x, by_y, by_flux = pixels_adjoint(x, y, carried[k], side, by_image)
+        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+            by_flux += by_sums[0]
+        if abs(x) > half or abs(y) > half:
+            ex, ey = excess_beside(x, y, half)
+            bounded = 1.0 + ex * ex + ey * ey
+            pull = 2.0 * by_sums[1] * weights[k] / (half * bounded * bounded)
+            by_x += pull * ex if x > 0.0 else -pull * ex
+            by_y += pull * ey if y > 0.0 else -pull * ey
+        by_hits[k, 0], by_hits[k, 1], by_carried[k] = by_x, by_y, by_flux

@@ -1,0 +1,17 @@
+"""Irradiance by the paper's area weights: the four-pixel splat, outside of a search."""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.receivers.plane import Receiver
+from lensforge.receivers.splat_kernel import splat
+from lensforge.tracing.chunks import CHUNKS, in_chunks
+
+
+def splat_flux(
+    hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], receiver: Receiver
+) -> Float[np.ndarray, "p p"]:
+    """Flux (W) in each pixel, from hits (mm) and flux (W); ``receiver.collect`` has the gradient."""
+    images = np.zeros((CHUNKS, receiver.pixels, receiver.pixels))
+    in_chunks(lambda chunk, part: splat(hits[part], flux[part], receiver.side_mm, images[chunk]), len(flux))
+    return images.sum(axis=0)

@@ -1,0 +1,54 @@
+"""Arrays as fields of a record: float64, of a stated shape, finite, and read-only."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+
+@dataclass(frozen=True)
+class Array:
+    """Marks a field ``Annotated[Float[np.ndarray, "p p"], Array("p", "p")]`` that is kept in the stage's npz file.
+
+    ``axes``: a name or a number for each axis; axes of one name have one size in all arrays of a record. ``gaps``:
+    values may be NaN, as maps of a face have outside of it; never infinite.
+    """
+
+    axes: tuple[str | int, ...]
+    gaps: bool = False
+
+    def __init__(self, *axes: str | int, gaps: bool = False) -> None:
+        object.__setattr__(self, "axes", axes)
+        object.__setattr__(self, "gaps", gaps)
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate by :meth:`checked`; in JSON, where no array is expected, nested lists."""
+        lists = core_schema.plain_serializer_function_ser_schema(lambda array: array.tolist())
+        return core_schema.no_info_plain_validator_function(self.checked, serialization=lists)
+
+    def checked(self, value: Any) -> np.ndarray:
+        """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"no array of numbers ({error})") from None
+        if array.ndim != len(self.axes):
+            raise ValueError(f"shape {array.shape}, must have {len(self.axes)} axes ({self._named()})")
+        bind(self.axes, array.shape, {})
+        if np.isinf(array).any() or (not self.gaps and np.isnan(array).any()):
+            raise ValueError("holds numbers that are not finite")
+        array.flags.writeable = False
+        return array
+
+    def _named(self) -> str:
+        return ", ".join(map(str, self.axes))
+
+
+def bind(axes: tuple[str | int, ...], shape: tuple[int, ...], sizes: dict[str, int]) -> None:
+    """Hold ``shape`` against ``axes`` and the ``sizes`` known so far, which grow. Raises :class:`ValueError`."""
+    for axis, size in zip(axes, shape, strict=True):
+        known = axis if isinstance(axis, int) else sizes.setdefault(axis, size)
+        if size != known:
+            raise ValueError(f"shape {shape}, must be ({', '.join(map(str, axes))}) with {axis} = {known}")

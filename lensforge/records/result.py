@@ -1,0 +1,184 @@
+"""Results of a stage: a record with a name, a version, the hashes of its inputs, and files to be kept in.
+
+What is an array goes into the stage's npz file, what is marked :class:`InFile` into a file of its own, all else into
+its JSON file. What is marked :class:`Given` belongs to another stage: the reader hands it in.
+"""
+
+import base64
+import hashlib
+import io
+import json
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from pydantic import ValidationError
+
+from lensforge.errors import InputError, OutdatedResult
+from lensforge.files import read_json, replacing
+from lensforge.records.arrays import Array
+from lensforge.records.fields import Sha256, Text
+from lensforge.records.record import Record, marker, refused
+from lensforge.version import __version__
+
+SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
+
+
+@dataclass(frozen=True)
+class Given:
+    """Marks a field that another file holds."""
+
+
+@dataclass(frozen=True)
+class InFile:
+    """Marks a field of bytes that are the file ``name`` of a result folder."""
+
+    name: str
+
+
+class StageResult(Record):
+    """What one stage found. ``inputs``: SHA-256 of what it was made from, by name."""
+
+    stage: ClassVar[str]
+    command: ClassVar[str] = ""  # what makes it anew, where that is not the stage's name
+
+    version: Text = __version__
+    inputs: dict[Text, Sha256] = {}
+
+    @classmethod
+    def schema_name(cls) -> str:
+        """Name and version of the schema, as the JSON file states it."""
+        return f"lensforge-{cls.stage}-{SCHEMA_VERSION}"
+
+    @classmethod
+    def again(cls) -> str:
+        """What to run when the files are no use."""
+        return f"run `lensforge {cls.command or cls.stage}` again"
+
+    @cached_property
+    def sha256(self) -> str:
+        """The hash of what was found: not of the time that it took, nor of the program's version."""
+        digest = hashlib.sha256()
+        skipped = {*_NOT_OF_THE_RESULT}
+        for field, info in type(self).model_fields.items():
+            value = getattr(self, field)
+            if marker(info, Given) is not None:
+                skipped.add(field)
+            elif marker(info, Array) is not None or marker(info, InFile) is not None:
+                skipped.add(field)
+                if value is not None:
+                    digest.update(field.encode() + (value if isinstance(value, bytes) else value.tobytes()))
+        digest.update(self.model_dump_json(exclude=skipped).encode())
+        return digest.hexdigest()
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the plot, and the row as a table."""
+        draw = getattr(self, "plot", None)
+        return (_picture(draw, type(self).__name__) if draw else "") + super()._repr_html_()
+
+    def files(self, stem: str | None = None) -> dict[str, bytes]:
+        """Every file of the result by name: JSON, npz, and what stands in files of its own."""
+        name, elsewhere, arrays, files = stem or self.stage, set(), {}, {}
+        for field, info in type(self).model_fields.items():
+            value = getattr(self, field)
+            if marker(info, Given) is not None:
+                elsewhere.add(field)
+            elif marker(info, Array) is not None:
+                elsewhere.add(field)
+                if value is not None:
+                    arrays[field] = value
+            elif (own := marker(info, InFile)) is not None:
+                elsewhere.add(field)
+                if value is not None:
+                    files[own.name] = value
+        content = {"schema": self.schema_name(), **self.model_dump(mode="json", exclude=elsewhere)}
+        files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+        if arrays:
+            archive = io.BytesIO()
+            np.savez_compressed(archive, allow_pickle=False, **arrays)
+            files[f"{name}.npz"] = archive.getvalue()
+        return files
+
+    def write(self, folder: Path, stem: str | None = None) -> None:
+        """Write all files into ``folder``, the JSON file last: it vouches for the others."""
+        files = self.files(stem)
+        for name in sorted(files, key=lambda each: each.endswith(".json")):
+            with replacing(Path(folder) / name) as temporary:
+                temporary.write_bytes(files[name])
+
+    def save(self, path: Path | str) -> None:
+        """Write the record as JSON to ``path``, its arrays beside it as npz."""
+        path = Path(path)
+        if path.suffix != ".json":
+            raise InputError(f"{path}: a {type(self).__name__} is saved as .json; give such a name")
+        self.write(path.parent, path.stem)
+
+    @classmethod
+    def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
+        """Read what :meth:`write` wrote; ``given``: the fields marked so. Raises :class:`InputError`, one line."""
+        folder, name = Path(folder), stem or cls.stage
+        path = folder / f"{name}.json"
+        content = read_json(path, f"run `lensforge {cls.command or cls.stage}` first")
+        if not isinstance(content, dict):
+            raise InputError(f"{path}: holds a {type(content).__name__}, must be an object; {cls.again()}")
+        reject_outdated(content, cls.schema_name(), path, cls.again())
+        content = {key: value for key, value in content.items() if key != "schema"}
+        content |= given
+        fields = type_fields(cls)
+        if any(marker(info, Array) is not None for info in fields.values()):
+            content |= _arrays(cls, folder / f"{name}.npz")
+        for field, info in fields.items():
+            if (own := marker(info, InFile)) is not None and (folder / own.name).is_file():
+                content[field] = (folder / own.name).read_bytes()
+        try:
+            return cls.model_validate(content)
+        except ValidationError as error:
+            raise refused(error, str(path), cls.again()) from None
+
+
+def _picture(draw: Callable[..., Any], description: str) -> str:
+    """What ``draw`` draws on axes of its own, as HTML."""
+    from matplotlib.figure import Figure
+
+    figure, png = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
+    draw(axes=figure.add_subplot())
+    figure.savefig(png, format="png", dpi=100)
+    encoded = base64.b64encode(png.getvalue()).decode()
+    return f'<img alt="{description}" style="max-width:30em" src="data:image/png;base64,{encoded}">'
+
+
+def type_fields(cls: type[Record]) -> Mapping[str, Any]:
+    """The fields of a record's class by name."""
+    return cls.model_fields
+
+
+def reject_outdated(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
+    """Raise :class:`InputError` unless ``content`` states ``schema``; :class:`OutdatedResult` for an earlier one."""
+    found = content.get("schema")
+    if found is None or (isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)):
+        what = "written before version 0.2.0" if found is None else f"schema = {found!r}"
+        if found != schema:
+            raise OutdatedResult(f"{path}: {what}, must be {schema!r}; {remedy}")
+    elif found != schema:
+        raise InputError(f"{path}: schema = {json.dumps(found)[:60]}, must be {schema!r}; {remedy}")
+
+
+def _arrays(cls: type[StageResult], path: Path) -> dict[str, np.ndarray]:
+    """The arrays of ``cls`` in an npz file; absent ones are for the validation to name."""
+    names = [name for name, info in type_fields(cls).items() if marker(info, Array) is not None]
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: np.asarray(archive[name], dtype=np.float64) for name in names if name in archive}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {cls.again()}") from None
+    except (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {cls.again()}") from None
+
+
+_NOT_OF_THE_RESULT = ("seconds", "cast_seconds", "version")  # the same result may take another time

@@ -1,0 +1,157 @@
+"""The results of all stages for one lens, in memory or as a result folder holds them."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from lensforge.errors import MissingResult, OutdatedResult
+from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
+from lensforge.gates import Gate
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens, load_lens
+from lensforge.manufacturing.cut import Check
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.optimisation.design import Design
+from lensforge.records import StageResult
+from lensforge.spec import Spec
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.verdict import Verdict, judge
+from lensforge.verification.proof import Proof, StrayLight
+
+# What a whole run leaves, in the order of the data.
+STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof)
+# Written on request, or where there is a part to measure; by the stem of their files.
+EXTRAS: dict[str, type[StageResult]] = {
+    "stray": StrayLight,
+    "compare": PhotoComparison,
+    "compare_inner": SurfaceComparison,
+    "compare_outer": SurfaceComparison,
+    "sensitivity": Sensitivity,
+    "photometry": Photometry,
+}
+_FILES: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
+_HOLD_LENS = (Design, Part)
+
+_Result = TypeVar("_Result", bound=StageResult)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """A lens and what its stages found, by the stem of their files.
+
+    ``outdated``: stages whose files belong to another lens, another part or another version, and why; they count as
+    not run.
+    """
+
+    lens: Lens
+    found: Mapping[str, StageResult] = field(default_factory=dict)
+    outdated: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def spec(self) -> Spec:
+        """What was asked for."""
+        return self.lens.spec
+
+    def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
+        """The result of class ``kind``; None where that stage has not run."""
+        result = self.found.get(stem or kind.stage)
+        return result if isinstance(result, kind) else None
+
+    def take(self, kind: type[_Result]) -> _Result:
+        """The result of class ``kind``. Raises :class:`MissingResult` where that stage has not run."""
+        result = self.find(kind)
+        if result is None:
+            why = self.outdated.get(kind.stage, f"there is no result of this stage; run `lensforge {kind.stage}`")
+            raise MissingResult(f"{self.spec.name}: {kind.stage}: {why}")
+        return result
+
+    @property
+    def design(self) -> Design:
+        """The search. Like all of these: raises :class:`MissingResult` where it has not run."""
+        return self.take(Design)
+
+    @property
+    def light(self) -> Light:
+        """The light on the receiver."""
+        return self.take(Light)
+
+    @property
+    def part(self) -> Part:
+        """The part and its files."""
+        return self.take(Part)
+
+    @property
+    def check(self) -> Check:
+        """What the shop can do."""
+        return self.take(Check)
+
+    @property
+    def proof(self) -> Proof:
+        """The part under rays."""
+        return self.take(Proof)
+
+    @property
+    def surfaces(self) -> dict[str, SurfaceComparison]:
+        """Measured surfaces by side."""
+        measured = (self.find(SurfaceComparison, f"compare_{side}") for side in ("inner", "outer"))
+        return {each.surface: each for each in measured if each is not None}
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether light, files and cutting are as they should be."""
+        return judge(
+            self.lens, self.find(Design), self.find(Light), self.find(Part), self.find(Check), self.find(Proof)
+        )
+
+    @property
+    def missing(self) -> list[str]:
+        """Stages of a whole run that have not run."""
+        return [kind.stage for kind in STAGES if kind.stage not in self.found]
+
+    def gates(self) -> Iterator[tuple[str, Gate]]:
+        """(stage, gate) of all that has run."""
+        for stem, result in self.found.items():
+            for gate in getattr(result, "gates", ()):
+                yield stem, gate
+
+    def __eq__(self, other: object) -> bool:
+        """Whether lens and results are the same, to the bit."""
+        if not isinstance(other, Results):
+            return NotImplemented
+        return self.lens == other.lens and dict(self.found) == dict(other.found)
+
+    __hash__ = None  # type: ignore[assignment]  # results hold arrays
+
+
+def load_results(folder: Path) -> Results:
+    """Read all that is in ``folder``; only lens.json must be there. Raises :class:`InputError` for a damaged file."""
+    folder = Path(folder)
+    lens = load_lens(folder / "lens.json")
+    found: dict[str, StageResult] = {}
+    outdated: dict[str, str] = {}
+    for stem, kind in _FILES.items():
+        if not (folder / f"{stem}.json").exists():
+            continue
+        given = {"lens": lens} if kind in _HOLD_LENS else {}
+        try:
+            result = kind.read(folder, stem, **given)
+        except OutdatedResult as error:
+            outdated[stem] = str(error)
+            continue
+        why = _foreign(result, lens, found)
+        if why:
+            outdated[stem] = f"{why}; {kind.again()}"
+        else:
+            found[stem] = result
+    return Results(lens, found, outdated)
+
+
+def _foreign(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
+    """Why ``result`` does not belong to what is there; empty where it does."""
+    known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
+    for name, digest in result.inputs.items():
+        if name in known and known[name] != digest:
+            return f"it was made from another {name}"
+    return ""

@@ -1,0 +1,57 @@
+"""What a source is and what was done to its files: the account that a design keeps of its light."""
+
+from typing import Literal
+
+from lensforge.records import Count, NotNegative, Number, Point, Positive, Record, Share, Text
+
+
+class FileAccount(Record):
+    """One ray file: what it holds, what was left out of it, and the power that it was given.
+
+    ``wavelengths_nm``, ``refractive_indices``: least and largest, where the lens disperses its light.
+    """
+
+    file: Text
+    format: Text
+    rays: Count
+    rays_dropped: dict[Text, Count]
+    effective_rays: NotNegative
+    file_flux: Number | None
+    file_ray_sum: Number
+    file_flux_unit: Text
+    flux_w: Positive
+    virtual_focus_mm: Point | None
+    warnings: tuple[Text, ...] = ()
+    wavelengths_nm: tuple[Positive, Positive] | None = None
+    refractive_indices: tuple[Positive, Positive] | None = None
+
+
+class PlacementAccount(Record):
+    """How measured rays came to lie in lens coordinates, and which share of them can be of no use.
+
+    ``origin_mm``: the point of the file that became the lens origin.
+    """
+
+    origin_mm: Point
+    scale: Positive
+    axis: Text
+    mirror: Literal["none", "x", "y"]
+    rotate_z_deg: Number
+    backward_share: Share
+    below_plane_share: Share
+
+
+class SourceAccount(Record):
+    """What emits: its power, its mirror symmetry, and of measured rays their files and placement."""
+
+    title: Text
+    flux_w: Positive
+    symmetry: Text
+    rays: Count | None = None
+    effective_rays: NotNegative | None = None
+    virtual_focus_mm: Point | None = None
+    warnings: tuple[Text, ...] = ()
+    wavelengths_nm: tuple[Positive, Positive] | None = None
+    refractive_indices: tuple[Positive, Positive] | None = None
+    files: tuple[FileAccount, ...] = ()
+    placement: PlacementAccount | None = None

@@ -1,0 +1,57 @@
+"""The result of the sensitivity study: the metrics of the lens as designed, and of it with each error."""
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from lensforge.records import Count, Metric, NotNegative, Number, Record, StageResult, Text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
+
+
+class Judged(Record):
+    """The metrics of one lens; None where a metric has no meaning."""
+
+    uniformity: Metric | None
+    rsd: Metric | None
+    nmse: Metric
+    efficiency: Metric
+
+
+class Change(Record):
+    """Metrics less those of the lens as designed, by the same rays: most of the noise of both cancels."""
+
+    uniformity: Number | None
+    rsd: Number | None
+    nmse: Number
+    efficiency: Number
+
+
+class ErrorRow(Record):
+    """One error of form, position, source or index: its amount, and what it does."""
+
+    name: Text
+    amount: Number
+    unit: Text
+    metrics: Judged
+    change: Change
+
+
+class Sensitivity(StageResult):
+    """What small errors of making and mounting do to the light; ``amounts`` by the name of the kind of error."""
+
+    stage: ClassVar[str] = "sensitivity"
+
+    nominal: Judged
+    rows: tuple[ErrorRow, ...]
+    amounts: dict[Text, Number]
+    rays: Count
+    seconds: NotNegative
+
+    def plot(self, metric: MetricName = "nmse", axes: "Axes | None" = None) -> "Axes":
+        """By how much each error changes ``metric``."""
+        from lensforge.figures.plots import plot_bars
+
+        changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) or 0.0 for row in self.rows}
+        return plot_bars(changes, f"change of {metric}", axes)

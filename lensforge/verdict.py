@@ -1,0 +1,124 @@
+"""The verdict on a lens: is its light what was asked for, are its files sound, can it be cut.
+
+Without limits of the spec's own, light fails where its pattern is far from the target or too little of it lands there.
+Both bounds are calibrated on the shipped specs at standard accuracy: the worst of them has an NMSE of 0.02 and puts
+0.93 of what two faces transmit into its target, while lenses that are of no use (a 6 mm source in an 8 mm lens, a word
+finer than the image of its source) have an NMSE of 0.15 to 0.46, or a tenth of the light where it is wanted.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from lensforge.evaluation.light import Light
+from lensforge.gates import Gate
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens
+from lensforge.manufacturing.cut import Check
+from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optimisation.design import Design
+from lensforge.records import Record, State, Text
+from lensforge.verification.proof import Proof
+
+LARGEST_NMSE = 0.10
+LEAST_SHARE = 0.7  # of the flux that two faces transmit at normal incidence must lie in the target
+_CERTAIN = 2.0  # standard errors from a bound: nearer than that nothing is decided
+
+
+class Verdict(Record):
+    """``light``, ``files`` and ``cutting``: each "pass", "fail" or "undecided"; ``reasons`` for all that is no pass."""
+
+    light: State
+    files: State
+    cutting: State
+    reasons: tuple[Text, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether neither the light nor the files fail."""
+        return "fail" not in (self.light, self.files)
+
+
+def judge(
+    lens: Lens, design: Design | None, light: Light | None, part: Part | None, check: Check | None, proof: Proof | None
+) -> Verdict:
+    """The verdict by what has run; what has not leaves its part undecided."""
+    of_light = list(_light(lens, light)) if light else [("undecided", "the light has not been evaluated")]
+    of_files = list(_files(design, part, check, proof))
+    of_cutting = list(_cutting(lens, check)) if check else [("undecided", "the part has not been checked")]
+    reasons = tuple(reason for _, reason in (*of_light, *of_files, *of_cutting))
+    return Verdict(light=_worst(of_light), files=_worst(of_files), cutting=_worst(of_cutting), reasons=reasons)
+
+
+_Finding = tuple[State, str]
+
+
+def _worst(findings: Sequence[_Finding]) -> State:
+    states = {state for state, _ in findings}
+    return "fail" if "fail" in states else "undecided" if "undecided" in states else "pass"
+
+
+def _failed(gates: Iterable[Gate]) -> Iterator[_Finding]:
+    for gate in gates:
+        if not gate.passed:
+            yield "fail", str(gate)
+
+
+def _light(lens: Lens, light: Light) -> Iterator[_Finding]:
+    yield from _failed(light.gates)
+    possible = normal_transmittance(lens.refractive_index) ** 2
+    nmse, share = light.nmse, light.share_in_target
+    yield from _against(
+        "NMSE less its noise",
+        nmse.value - (light.nmse_of_noise or 0.0) - LARGEST_NMSE,
+        nmse.standard_error,
+        f"{nmse.value - (light.nmse_of_noise or 0.0):.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or "
+        "a coarser pattern",
+    )
+    yield from _against(
+        "share of the light in the target",
+        LEAST_SHARE * possible - share.value,
+        share.standard_error,
+        f"{share.value:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit: a larger lens, a "
+        "smaller source or a wider target",
+    )
+
+
+def _against(name: str, excess: float, error: float | None, words: str) -> Iterator[_Finding]:
+    """Whether a figure exceeds its bound by ``excess``, as far as its standard error lets one tell."""
+    if abs(excess) <= _CERTAIN * (error or 0.0):
+        yield "undecided", f"{name} is within two standard errors of its bound: {words}"
+    elif excess > 0.0:
+        yield "fail", f"{name} = {words}"
+
+
+def _files(design: Design | None, part: Part | None, check: Check | None, proof: Proof | None) -> Iterator[_Finding]:
+    for result in (design, part, check, proof):
+        if result is not None:
+            yield from _failed(result.gates)
+    if part is None:
+        yield "undecided", "no files have been exported"
+    elif proof is None:
+        yield "undecided", "the exported part has not been verified"
+
+
+def _cutting(lens: Lens, check: Check) -> Iterator[_Finding]:
+    limits, mould = lens.spec.constraints, lens.spec.manufacture.make == "insert"
+    drafted = {"inner": limits.inner_draft_deg is not None, "outer": limits.outer_draft_deg is not None}
+    tools = [verdict for verdict in check.verdicts if verdict.name == "tool"]
+    for verdict in check.verdicts:
+        if verdict.holds or verdict.name == "tool":
+            continue
+        if verdict.name == "draft" and not (mould or drafted.get(verdict.surface, False)):
+            continue
+        if verdict.name == "wall" and mould:
+            continue
+        yield "fail", verdict.reason
+    yield from _no_tool(tools)
+
+
+def _no_tool(tools: Sequence[ShopVerdict]) -> Iterator[_Finding]:
+    """A face fails where none of the shop's tools cuts all of it."""
+    for surface in ("inner", "outer"):
+        of_face = [verdict for verdict in tools if verdict.surface == surface]
+        if of_face and not any(verdict.holds for verdict in of_face):
+            yield "fail", "; ".join(verdict.reason for verdict in of_face)

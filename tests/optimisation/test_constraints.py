@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+import torch
+from scenes import random_surface, small_spec, sphere, table_of
+
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
+from lensforge.lens import Lens
+from lensforge.surfaces.spline import TableGrid
+
+
+def test_spheres_have_the_constraints_that_geometry_gives() -> None:
+    spec = small_spec()
+    found = measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    limits = spec.constraints
+    # on a sphere of radius r, (a/b^2) r^2 sin^2 + r cos - a is least at the rim or at the pole
+    a, b = limits.cavity_height_mm, limits.cavity_radius_mm
+    assert found["g1_mm"] == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
+    assert found["g2_mm"] == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=1e-12)
+    assert found["g3_mm"] == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
+    assert all(gate.passed for gate in constraint_gates(spec, found))
+
+
+def test_a_violated_constraint_fails_its_gate_by_name() -> None:
+    spec = small_spec()
+    found = measure_constraints(Lens(sphere(3.0), sphere(7.5), spec, 0, "draft"))
+    failed = [gate for gate in constraint_gates(spec, found) if not gate.passed]
+    assert [gate.name for gate in failed] == ["constraint g3"]
+    assert "fails by 0.5 mm" in str(failed[0])
+
+
+def test_what_the_history_keeps_is_the_least_over_the_nodes_in_mm() -> None:
+    spec, grid = small_spec(), TableGrid(64)
+    constraints = AugmentedLagrangian.of(spec, grid)
+    inner, outer = random_surface(1, 3.0), random_surface(2, 6.0)
+    kept = constraints.least(constraints.fields(table_of(inner, grid), table_of(outer, grid)))
+    exact = measure_constraints(Lens(inner, outer, spec, 0, "draft"))
+    assert list(kept) == list(exact)
+    assert list(kept.values()) == pytest.approx(list(exact.values()), abs=0.02)
+
+
+def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> None:
+    grid = TableGrid(32)
+    constraints = AugmentedLagrangian.of(small_spec(), grid)
+    inner = table_of(sphere(3.0), grid)
+    assert constraints.term(constraints.fields(inner, table_of(sphere(6.0), grid))).item() == 0.0
+    outer = (table_of(sphere(7.5), grid)).requires_grad_()
+    term = constraints.term(constraints.fields(inner, outer))
+    violation = 0.5 / 7.0 + 3e-4  # and the margin inside of the limit at which the search aims
+    assert term.item() == pytest.approx(0.5 * constraints.stringency * violation**2, rel=1e-9)
+    gradient = torch.autograd.grad(term, outer)[0].sum().item()  # all coefficients up by 1 mm: the sphere grows
+    assert gradient == pytest.approx(constraints.stringency * violation / 7.0, rel=1e-9)
+
+
+def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
+    """Minimise -r subject to r <= 7 for a sphere: the penalty alone overshoots, the multipliers close the gap."""
+    grid = TableGrid(24)
+    constraints = AugmentedLagrangian.of(small_spec(), grid, stringency=10.0)
+    one, inner = table_of(sphere(1.0), grid), table_of(sphere(3.0), grid)
+    radius = torch.tensor(6.0, dtype=torch.float64, requires_grad=True)
+    for _ in range(30):
+        optimiser = torch.optim.LBFGS([radius], line_search_fn="strong_wolfe")
+
+        def closure(optimiser=optimiser) -> torch.Tensor:
+            optimiser.zero_grad()
+            loss = -radius + constraints.term(constraints.fields(inner, radius * one))
+            loss.backward()
+            return loss
+
+        optimiser.step(closure)
+        constraints.update(constraints.fields(inner, radius.detach() * one))
+    assert radius.item() == pytest.approx(7.0 * (1.0 - 3e-4), abs=1e-4)
+
+
+def test_the_nodes_see_what_the_exact_sum_sees() -> None:
+    grid = TableGrid(100)
+    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
+    constraints = AugmentedLagrangian.of(lens.spec, grid)
+    fields = constraints.fields(table_of(lens.inner, grid), table_of(lens.outer, grid)) * 7.0
+    exact = measure_constraints(lens)
+    assert np.allclose(fields.min(dim=1).values.numpy(), list(exact.values()), atol=5e-3)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e4])
+def test_a_gate_does_not_know_how_long_a_millimetre_is(size: float) -> None:
+    """Outside of its limits by half of the tolerance, and by twice of it, at any size."""
+    limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 7.0}
+    lengths = {name: value * size for name, value in limits.items()} | {"outer_concave_radius_mm": 5.0 * size}
+    spec = small_spec(
+        constraints=lengths,
+        lens={"levels": [4, 9], "inner_offset_mm": 3.0 * size, "outer_offset_mm": 6.0 * size},
+        target__distance_mm=1e6,
+    )
+    for excess, passes in ((3.5e-5, True), (1.4e-4, False)):
+        lens = Lens(sphere(3.0 * size), sphere(7.0 * size * (1.0 + excess)), spec, 0, "draft")
+        found = measure_constraints(lens)
+        gates = {gate.name: gate.passed for gate in constraint_gates(spec, found)}
+        assert gates == {
+            "constraint g1": True,
+            "constraint g2": True,
+            "constraint g3": passes,
+            "constraint g4 outer": True,
+        }
+        assert found["g4_outer_per_mm"] * size == pytest.approx(1.0 / 5.0 + 1.0 / (7.0 * (1.0 + excess)), rel=1e-6)
+    assert spec.constraints.tolerance_mm <= 1e-3 * size

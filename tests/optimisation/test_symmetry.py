@@ -1,0 +1,37 @@
+"""The symmetry that a scene has is found, and none that it has not."""
+
+import pytest
+from scenes import small_spec
+
+from lensforge.optimisation.optimiser import design
+from lensforge.optimisation.symmetry import settled_symmetry
+from lensforge.sources.planar import planar_emitter
+from lensforge.sources.square import SquareEmitter
+from lensforge.spec import Spec
+from lensforge.spec.source import RectangleSource
+
+PLACE = {"distance_mm": 100.0, "receiver_mm": 200.0}
+OBLONG = planar_emitter(RectangleSource(kind="rectangle", width_mm=1.0, height_mm=0.5))
+
+
+def _scene(target: dict) -> Spec:
+    return small_spec(lens__symmetry="auto", optimise__pixels=64, target={**target, **PLACE})
+
+
+@pytest.mark.parametrize(
+    ("target", "source", "symmetry"),
+    [
+        ({"kind": "flat_top", "half_width_mm": 80.0}, SquareEmitter(1.0), "square"),
+        ({"kind": "flat_top", "half_width_mm": 80.0}, OBLONG, "rectangle"),
+        ({"kind": "cross", "length_mm": 120.0, "stroke_mm": 40.0}, SquareEmitter(1.0), "square"),
+        ({"kind": "text", "text": "L", "width_mm": 50.0}, SquareEmitter(1.0), "none"),
+        ({"kind": "text", "text": "E", "width_mm": 50.0}, OBLONG, "none"),  # its bars are not quite alike
+    ],
+)
+def test_auto_is_the_largest_that_source_and_target_share(target: dict, source, symmetry: str) -> None:
+    assert settled_symmetry(_scene(target), source).lens.symmetry == symmetry
+
+
+def test_a_lens_records_the_symmetry_that_was_found() -> None:
+    lens = design(small_spec(lens__symmetry="auto"), SquareEmitter(1.0), accuracy="draft").lens
+    assert lens.spec.lens.symmetry == "square" == lens.outer.basis.symmetry

@@ -1,0 +1,124 @@
+import json
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scenes import random_surface, small_spec
+
+from lensforge.accuracy import PRESETS
+from lensforge.errors import InputError
+from lensforge.lens import Lens, load_lens
+from lensforge.sources.build import build_source
+from lensforge.sources.bundle import RayBundle
+from lensforge.spec import parse_spec
+from lensforge.studies.tradeoff.measure import Effort, measure, run_tradeoff
+
+NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.judge_nodes_per_sigma)}))
+EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5,), (0, 40), (12,), cad=False)
+SPEC = small_spec(base={"kind": "none"})
+
+
+def small_lens():
+    return Lens(random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25)), SPEC, 0, "draft")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A source of which there are only so many rays."""
+
+    rays: RayBundle
+    flux_w: float = 1.0
+    symmetry: str = "none"
+
+    @property
+    def population(self):
+        return len(self.rays)
+
+    def sample(self, count, seed):
+        rows = np.random.default_rng(seed).permutation(len(self.rays))[:count]
+        weights = self.rays.weights[rows]
+        return RayBundle(self.rays.origins[rows], self.rays.directions[rows], weights / weights.sum())
+
+    def outline(self):
+        return build_source(SPEC.source).outline()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tradeoff")
+    small_lens().save(path / "lens.json")
+    run_tradeoff(SPEC, path, effort=EFFORT)
+    return path
+
+
+def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
+    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
+    assert list(content["ladders"]) == [
+        *("rays", "tables", "degrees", "precision", "search"),
+        *("pixels", "filter", "nurbs", "mesh", "casting"),
+    ]
+    for name, ladder in content["ladders"].items():
+        errors = list(ladder["unit"])
+        assert all(list(row["error"]) == errors for row in ladder["rows"])
+        if name != "pixels":  # hard bins are the reference of the splat at each number of pixels
+            (reference,) = [row for row in ladder["rows"] if row["reference"]]
+            assert [reference["error"][error] for error in errors if error != "noise_nmse"] == [0.0] * (
+                len(errors) - (name == "filter")
+            )
+
+
+def test_the_presets_say_what_the_rows_say(folder):
+    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
+    assert set(content["presets"]) == set(PRESETS)
+    rows = {row["setting"]: row for row in content["ladders"]["tables"]["rows"]}
+    for name, preset in PRESETS.items():
+        price = content["presets"][name]
+        assert price["design"]["table_rho"] == rows[preset.nodes_per_sigma]["error"]["rho"]
+        assert price["evaluation"]["table_rho"] == rows[preset.judge_nodes_per_sigma]["error"]["rho"]
+    shares = [content["presets"][name]["evaluation"]["noise_nmse"] for name in PRESETS]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_the_page_needs_nothing_else(folder):
+    page = (folder / "tradeoff.html").read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
+    assert page.count("<svg") == 16
+    assert "mathdefault" not in page
+
+
+def test_the_lens_of_another_scene_is_refused(folder):
+    other = small_spec(base={"kind": "none"}, target__half_width_mm=70.0)
+    with pytest.raises(InputError, match=r"another \[target\]"):
+        run_tradeoff(other, folder, effort=EFFORT)
+
+
+def test_without_a_lens_a_draft_is_designed(tmp_path):
+    heard = []
+    spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
+    content = run_tradeoff(spec, tmp_path, effort=replace(EFFORT, rays=(2**8, 2**10)), announce=heard.append)
+    assert load_lens(tmp_path / "lens.json").accuracy == content["lens"]["accuracy"] == "draft"
+    assert "draft" in heard[0]
+
+    def stop(heard: str) -> None:
+        raise StopIteration(heard)
+
+    with pytest.raises(StopIteration, match="tables"):  # the lens is that of its spec, whose symmetry it names
+        run_tradeoff(spec, tmp_path, effort=EFFORT, announce=stop)
+
+
+def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
+    source = Measured(build_source(SPEC.source).sample(5000, 1))
+    content = measure(small_lens(), source, EFFORT, lambda _: None)
+    rows = content["ladders"]["rays"]["rows"]
+    assert {row["series"] for row in rows} == {"plain Monte Carlo", "reference"}
+    assert [row["setting"] for row in rows] == [2**8, 2**10, 2**12, 5000]
+    assert content["ladders"]["rays"]["order"]["plain Monte Carlo"]["irradiance_nmse"]["value"] == pytest.approx(
+        -1.0, abs=0.1
+    )
+    assert content["presets"]["standard"]["evaluation"]["rays"] == 5000
+
+
+def test_the_spec_of_a_lens_file_is_the_scene_it_was_designed_for(folder):
+    lens = load_lens(folder / "lens.json")
+    assert parse_spec(lens.spec.model_dump(mode="json"), "lens.json") == SPEC
