@@ -8,24 +8,25 @@ python benchmarks/base_effect.py cad_out/flat_top cad_out/pi cad_out/quickstart
 """
 
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from lensforge.evaluation.metrics import nmse
-from lensforge.geometry import build_mesh, fit_patch, make_plan
+from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.mesh_union import join_mesh
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan
 from lensforge.geometry.step_base import read_base
-from lensforge.geometry.stl import write_stl
+from lensforge.geometry.stl import stl_bytes
 from lensforge.lens import Lens, load_lens
-from lensforge.receivers.plane import Receiver as Plane
+from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.build import build_source
 from lensforge.spec import BaseSection
 from lensforge.verification.casting import Grid
 from lensforge.verification.nonsequential import Base, Body, Cause, Limits, follow
-from lensforge.verification.part import Part, load_part
+from lensforge.verification.part import Part, read_part
 from lensforge.verification.picture import Receiver, within
 
 RAYS, SEED, RINGS, PIXELS = 2**14, 2**42, 96, 32
@@ -37,9 +38,7 @@ def part_of(lens: Lens, base: BaseSection) -> Part:
     mesh = build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), base), RINGS)
     if base.file is not None:
         mesh = join_mesh(mesh, read_base(base.file).solid, 1e-3)
-    with tempfile.TemporaryDirectory() as folder:
-        write_stl(mesh, Path(folder) / "part.stl")
-        return load_part(Path(folder) / "part.stl")
+    return read_part(stl_bytes(mesh))
 
 
 def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
@@ -49,13 +48,14 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     rays = source.sample(min(count, source.population or count), SEED)
     emitted, side = float(rays.weights.sum()), spec.target.receiver_mm
     receiver = Receiver(side, PIXELS, spec.evaluate.filter_variance)
-    target = target_irradiance(spec.target, Plane(side, PIXELS))
+    target = target_irradiance(spec.target, PixelGrid(side, PIXELS))
     cases: list[tuple[str, BaseSection, Base]] = [
         ("none", BaseSection(kind="none"), "polished"),
         ("polished", spec.base, "polished"),
         ("black", spec.base, "black"),
     ]
-    found, before = [], None
+    found: list[tuple[str, ...]] = []
+    before = None
     for name, base, finish in cases:
         part = part_of(lens, base)
         body = Body(part, Grid(part.mesh), lens.refractive_index, spec.lens.absorption_per_mm, finish)

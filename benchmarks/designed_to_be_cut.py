@@ -7,14 +7,13 @@ Without any of them: the spec as it is. Designs, evaluates and checks; prints on
 """
 
 import argparse
-import tempfile
 from pathlib import Path
-from typing import Any
 
 from lensforge.accuracy import PRESETS
-from lensforge.optimisation.optimiser import design
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.manufacturing.check import check_lens
+from lensforge.manufacturing.cut import FaceResult
+from lensforge.optimisation.optimiser import search
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
 
@@ -39,9 +38,9 @@ def wish(options: argparse.Namespace) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in asked.items() if value is not None) or "nothing"
 
 
-def largest(check: dict[str, Any], face: str) -> str:
+def largest(face: FaceResult) -> str:
     """The largest ball (mm) that reaches all of a face: by its curvature, and without gouging."""
-    local, ball = check[face]["curvature"]["smallest_concave_radius_mm"], check[face]["cutter"]["largest_radius_mm"]
+    local, ball = face.curvature.smallest_concave_radius_mm, face.cutter.largest_radius_mm
     return " / ".join("any" if value is None else f"{value:.3f}" for value in (local, ball))
 
 
@@ -57,20 +56,20 @@ def main() -> None:
     options = parser.parse_args()
     spec = asked_for(load_spec(options.spec), options)
     source = build_source(spec.source)
-    found = design(spec, source, accuracy=options.accuracy)
+    found = search(spec, source, accuracy=options.accuracy)
     if options.save is not None:
         found.lens.save(options.save)
-    report = evaluate_lens(found.lens, source, PRESETS[options.accuracy]).report
-    with tempfile.TemporaryDirectory() as folder:
-        check = check_lens(found.lens, Path(folder))
+    light = evaluate_lens(found.lens, source, PRESETS[options.accuracy])
+    check = check_lens(found.lens)
+    faces = check.inner, check.outer
     failed = [gate.name for gate in found.gates if not gate.passed]
     columns = [
         wish(options),
-        f"{report['uniformity']:.3f}" if report["uniformity"] is not None else "-",
-        f"{report['efficiency']:.4f}",
-        f"{report['nmse']:.4f}",
-        *(largest(check, face) for face in ("inner", "outer")),
-        *(f"{check[face]['draft_deg']['min']:.1f}" for face in ("inner", "outer")),
+        f"{light.uniformity.value:.3f}" if light.uniformity is not None else "-",
+        f"{light.efficiency.value:.4f}",
+        f"{light.nmse.value:.4f}",
+        *(largest(face) for face in faces),
+        *(f"{face.draft_deg.min:.1f}" for face in faces),
         ", ".join(failed) or "all hold",
     ]
     print("| " + " | ".join(columns) + " |", flush=True)

@@ -15,6 +15,8 @@ import numpy as np
 from lensforge.evaluation.exact import trace_exact_sum
 from lensforge.lens import load_lens
 from lensforge.optics.materials import MATERIALS
+from lensforge.receivers.hits import Hits
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import grid_for, tabulate
 
@@ -44,11 +46,11 @@ def main():
     grid = grid_for(float(lens.inner.basis.sigmas.min()), NODES_PER_SIGMA)
     tables = {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
     mean = float(np.average(each, weights=rays.weights))
-    side = lens.spec.target.receiver_mm
-    landed = {
-        name: trace_exact_sum(lens, grid, tables, replace(rays, refractive_indices=np.broadcast_to(index, each.shape)))
-        for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index))
-    }
+    side, receiver = lens.spec.target.receiver_mm, PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
+    landed = {}
+    for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
+        coloured = replace(rays, refractive_indices=np.broadcast_to(index, each.shape))
+        landed[name] = Hits.of(receiver.land_in_torch(trace_exact_sum(lens, grid, tables, coloured)))
     inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
     report = {
         "rays": len(rays),

@@ -8,27 +8,32 @@ python benchmarks/geometry_stage.py cad_out/flat_top cad_out/pi
 import importlib
 import resource
 import sys
-import tempfile
 import time
 from pathlib import Path
 
-from lensforge.geometry import export_lens
+from lensforge.geometry.export import build_part
 from lensforge.lens import Lens, load_lens
-from lensforge.manufacturing.check import check_lens
+from lensforge.manufacturing.check import check_part
 
 LIBRARIES = ("cadquery", "trimesh", "manifold3d", "lib3mf", "OCP.STEPCAFControl")
-STAGES = {"export": export_lens, "check": check_lens}
 
 
 def measure(lens: Lens) -> dict[str, tuple[float, float]]:
     """Wall and processor seconds of each stage."""
-    found = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name, stage in STAGES.items():
-            wall, processor = time.perf_counter(), time.process_time()
-            stage(lens, Path(folder))
-            found[name] = (time.perf_counter() - wall, time.process_time() - processor)
-    return found
+    started = _clocks()
+    part = build_part(lens)
+    built = _clocks()
+    check_part(part)
+    checked = _clocks()
+    return {"export": _between(started, built), "check": _between(built, checked), "both": _between(started, checked)}
+
+
+def _clocks() -> tuple[float, float]:
+    return time.perf_counter(), time.process_time()
+
+
+def _between(before: tuple[float, float], after: tuple[float, float]) -> tuple[float, float]:
+    return after[0] - before[0], after[1] - before[1]
 
 
 def main() -> None:
@@ -37,7 +42,6 @@ def main() -> None:
     print("design\tstage\twall_s\tprocessor_s")
     for name in sys.argv[1:]:
         seconds = measure(load_lens(Path(name) / "lens.json"))
-        seconds["both"] = tuple(sum(column) for column in zip(*seconds.values(), strict=True))
         for stage, (wall, processor) in seconds.items():
             print(f"{Path(name).name}\t{stage}\t{wall:.2f}\t{processor:.2f}")
     print(f"peak memory\t{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")

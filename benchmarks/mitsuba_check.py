@@ -20,6 +20,7 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import LensforgeError
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import load_lens
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.verification.comparison import Expected
 from lensforge.verification.mitsuba_cast import judge_mitsuba
@@ -52,9 +53,10 @@ def check(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     with np.load(directory / "evaluate.npz") as images:
         designed = images["irradiance"]
     receiver = Receiver(target.receiver_mm, len(designed), lens.spec.evaluate.filter_variance)
-    arrivals = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma).trace(rays)
-    hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
-    expected = Expected(designed, hits, arrivals.flux.numpy())
+    exit_rays = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma).trace(rays)
+    landings = PlaneReceiver.of(target, len(designed)).land(exit_rays)
+    hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
+    expected = Expected(designed, hits, landings.flux.numpy())
     count = 2**12
     while count <= len(rays):
         verdict = judge_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)

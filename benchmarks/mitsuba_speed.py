@@ -106,8 +106,9 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
 
 
 def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> None:
-    arrivals = trace_tables(*tables, step.objective.light.scene, rays)
-    (arrivals.flux * (arrivals.hits**2).sum(dim=1)).sum().backward()
+    light = step.objective.light
+    landings = light.receiver.land(trace_tables(*tables, light.scene, rays))
+    (landings.flux * (landings.hits**2).sum(dim=1)).sum().backward()
 
 
 def main() -> None:

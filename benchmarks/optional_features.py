@@ -36,7 +36,7 @@ from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
 from lensforge.pipeline import run_stray, run_verify
 from lensforge.receivers.losses import mirror_mean
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.splat import splat_flux
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
@@ -138,11 +138,11 @@ def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, flo
     """NMSE of the design's picture by ray noise, as it is and as the mean over its mirror images."""
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
     source = build_source(lens.spec.source, lens.spec.lens.dispersion)
-    receiver = Receiver(lens.spec.target.receiver_mm, lens.spec.optimise.pixels)
+    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
     images = []
     for k in range(runs):
-        arrivals = traced.trace(source.sample(rays, k))
-        image = splat_flux(arrivals.hits.numpy(), arrivals.flux.numpy(), receiver)
+        landings = receiver.land(traced.trace(source.sample(rays, k)))
+        image = splat_flux(landings.hits.numpy(), landings.flux.numpy(), receiver.grid)
         images.append(torch.from_numpy(image))
     whole = torch.stack(images)
     mirrored = torch.stack([mirror_mean(image, lens.spec.lens.symmetry) for image in images])

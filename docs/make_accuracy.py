@@ -7,10 +7,10 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from lensforge.files import read_json, replacing
+from lensforge.files import replacing
 from lensforge.studies.tradeoff.page import PRESET_HEAD, preset_rows, sections_of
+from lensforge.studies.tradeoff.record import Tradeoff
 
 PAGE = Path(__file__).parent / "accuracy.md"
 
@@ -23,13 +23,12 @@ def table(head: list[str], rows: list[list[str]]) -> Iterator[str]:
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
 
 
-def text_of(content: dict[str, Any]) -> Iterator[str]:
+def text_of(tradeoff: Tradeoff) -> Iterator[str]:
     """Everything that tradeoff.html says in words and numbers."""
-    lens = content["lens"]
-    yield f"Lens: `--accuracy {lens['accuracy']}`, seed {lens['seed']}."
+    yield f"Lens: `--accuracy {tradeoff.lens.accuracy}`, seed {tradeoff.lens.seed}."
     yield from ("", "### Presets", "")
-    yield from table(PRESET_HEAD, preset_rows(content["presets"]))
-    for section in sections_of(content):
+    yield from table(PRESET_HEAD, preset_rows(tradeoff.presets))
+    for section in sections_of(tradeoff):
         yield from ("", f"### {section.title}", "", f"Set by `{section.knob}`. Reference: {section.reference}.")
         if section.orders:
             yield f"Measured order, the power of the setting: {'; '.join(section.orders)}."
@@ -43,7 +42,7 @@ def main() -> None:
     for directory in map(Path, sys.argv[1:]):
         name = directory.name
         marks = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        body = "\n".join(text_of(read_json(directory / "tradeoff.json")))
+        body = "\n".join(text_of(Tradeoff.read(directory)))
         pattern = re.escape(marks[0]) + ".*?" + re.escape(marks[1])
         page, count = re.subn(pattern, lambda _, m=marks, b=body: f"{m[0]}\n{b}\n\n{m[1]}", page, flags=re.DOTALL)
         if count != 1:

@@ -1,272 +1,325 @@
-"""The whole way and its stages: each reads what the one before left in the result folder, and leaves its own files.
+"""The whole way and its stages on a result folder: the only place that writes one.
 
-A stage that fails a gate still writes its files; the gates are collected and judged at the end.
+A stage that fails a gate still leaves its files; ``run.json`` holds the verdict, renewed by every stage.
 """
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-import numpy as np
-import torch
-
-from lensforge.accuracy import PRESETS, Preset
-from lensforge.optimisation.checkpoint import FILE_NAME as CHECKPOINT
-from lensforge.optimisation.optimiser import Progress, design
-from lensforge.errors import InputError
-from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import read_json, write_json
-from lensforge.gates import Gate
+from lensforge import stages
+from lensforge.errors import GateFailed, InputError
+from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
+from lensforge.files import replacing, write_json
+from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
-from lensforge.sources.build import account_of, build_source
+from lensforge.manufacturing.cut import Check
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.optimisation.design import Design
+from lensforge.optimisation.progress import Observer
+from lensforge.records import Count, Record, Sha256, StageResult, Text
+from lensforge.records.result import SCHEMA_VERSION
+from lensforge.results import Results, load_results
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.design import require_spec
 from lensforge.spec.source import RayfileSource
-from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.spec.source import Source as SourceSpec
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.verdict import Verdict
+from lensforge.verification.proof import Proof, StrayLight
+from lensforge.version import __version__
 
-# Each stage's file, in the order of the data; the gates of all of them decide the exit code.
-STAGES = ("design", "evaluate", "export", "check", "verify")
-_VERIFY_SEED = 2**41  # apart from the seeds of the design and of its evaluation
-_STRAY_RAYS = 2**15  # every one of them becomes some ten: more would not be waited for
+if TYPE_CHECKING:
+    from lensforge.drawings.handover import Handover
+
+CHECKPOINT = "checkpoint.pt"
+LENS_FILE, RUN_FILE, REPORT_FILE = "lens.json", "run.json", "report.html"
+OTHER = "evaluate_other"  # the light under other conditions than the lens's own: never over evaluate.json
+
+Announce = Callable[[str], None]
+_Result = TypeVar("_Result", bound=StageResult)
+
+
+@dataclass(frozen=True, eq=False)
+class Run(Results):
+    """The results of a whole run, as ``folder`` holds them."""
+
+    folder: Path = Path()
+
+    def report(self, path: Path | str) -> Path:
+        """Write the report as one page of HTML to ``path``, and return it."""
+        from lensforge.report.build import render_report
+
+        path = Path(path)
+        page = render_report(self, self.folder)
+        with replacing(path) as temporary:
+            temporary.write_text(page, encoding="utf-8")
+        return path
+
+    def row(self) -> dict[str, float | int | bool | str | None]:
+        """Name, verdict and the metrics of all stages: one row for a table."""
+        row: dict[str, float | int | bool | str | None] = {"name": self.spec.name, "seed": self.lens.seed}
+        row |= {f"verdict.{key}": value for key, value in self.verdict.row().items()}
+        for stem, result in self.found.items():
+            row |= {f"{stem}.{key}": value for key, value in result.row().items()}
+        return row
+
+    def __eq__(self, other: object) -> bool:
+        """Whether folder, lens and all results are the same, to the bit."""
+        same_folder = isinstance(other, Run) and self.folder.resolve() == other.folder.resolve()
+        return same_folder and super().__eq__(other)
+
+    __hash__ = None
+
+    def _repr_html_(self) -> str:
+        """For a notebook: verdict, headline numbers, the light and a section."""
+        from lensforge.report.notebook import results_html
+
+        return results_html(self)
+
+
+class RunRecord(Record):
+    """``run.json``: the verdict, and the hashes of the results that it judges. ``outdated``: why a stage counts not."""
+
+    version: Text = __version__
+    name: Text
+    accuracy: Text
+    seed: Count
+    verdict: Verdict
+    results: dict[Text, Sha256]
+    outdated: dict[Text, Text] = {}
 
 
 def run(
     spec: Spec,
-    directory: Path,
+    folder: Path | str,
     *,
     accuracy: Accuracy = "standard",
     seed: int = 0,
-    rays: int | None = None,
-    device: torch.device | None = None,
-    resume: bool = False,
-    observer: Callable[[Progress], None] = lambda _: None,
-    announce: Callable[[str], None] = lambda _: None,
-) -> list[Gate]:
-    """Design, evaluate, export, check, verify, report into ``directory``; the gates of all stages.
+    threads: int | None = None,
+    start: Lens | None = None,
+    checkpoint: Path | str | None = None,
+    progress: Observer | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    announce: Announce | None = None,
+) -> Run:
+    """Go the whole way and write ``folder``: design, evaluate, export, check, verify, report.
 
-    ``observer`` sees every gradient step, ``announce`` the name of every later stage as it begins. ``device`` is that
-    of the search alone: what judges the lens runs on the CPU.
+    Arguments as those of :func:`lensforge.design`; without ``checkpoint`` the search starts anew and keeps one in the
+    folder until the run has ended. ``announce`` hears the name of every later stage as it begins. The run's
+    ``verdict`` says how it went; a failed gate raises nothing.
     """
-    run_design(
-        spec, directory, accuracy=accuracy, seed=seed, rays=rays, device=device, resume=resume, observer=observer
-    )
-    for stage in (run_evaluate, run_export, run_check, run_verify, run_report):
-        announce(stage.__name__.removeprefix("run_"))
-        stage(directory)
-    (directory / CHECKPOINT).unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
-    return gates_of(directory)
+    require_spec(spec, "run")
+    folder, told = folder_of(folder), announce or (lambda _: None)
+    kept = folder / CHECKPOINT if checkpoint is None else Path(checkpoint)
+    resume = checkpoint is not None and kept.exists()
+    with stages.threads_of_torch(threads):
+        found = stages.search_lens(spec, accuracy, seed, None, start, kept, resume, progress, device)
+        _keep_design(found, folder)
+        for name, stage in _LATER.items():
+            told(name)
+            stage(folder)
+        told("report")
+        run_report(folder)
+    kept.unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
+    return load(folder)
 
 
-def run_design(
-    spec: Spec,
-    directory: Path,
-    *,
-    accuracy: Accuracy = "standard",
-    seed: int = 0,
-    rays: int | None = None,
-    device: torch.device | None = None,
-    resume: bool = False,
-    observer: Callable[[Progress], None] = lambda _: None,
-) -> Lens:
-    """Search for the lens, on ``device`` as ``design`` has it.
-
-    Writes ``lens.json`` and ``design.json``, and a checkpoint while it runs.
-    """
-    if spec.base.file is not None:  # a file that is no base is better known before the search than after it
-        import_module("lensforge.geometry.step_base").read_base(spec.base.file)
-    source = build_source(spec.source, spec.lens.dispersion)
-    result = design(
-        spec,
-        source,
-        accuracy=accuracy,
-        seed=seed,
-        rays=rays,
-        device=device,
-        checkpoint=directory / CHECKPOINT,
-        resume=resume,
-        observer=observer,
-    )
-    result.lens.save(directory / "lens.json")
-    noted = {"source_outline_mm": source.outline().tolist(), "source": account_of(source, spec.source)}
-    write_json(directory / "design.json", result.to_json() | _size(result.lens) | noted)
-    return result.lens
+def load(folder: Path | str) -> Run:
+    """Read a result folder: the same object that :func:`run` returned. Raises :class:`InputError` for none."""
+    folder = folder_of(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; run `lensforge design` first")
+    results = load_results(folder)
+    return Run(results.lens, results.found, results.outdated, folder)
 
 
-def _size(lens: Lens) -> dict[str, float]:
-    directions = fibonacci_hemisphere(20_000)
-    radius = lens.outer.radius(directions)
-    return {"max_radius_mm": float(radius.max()), "height_mm": float((radius * directions[:, 2]).max())}
-
-
-def _lens_and_preset(directory: Path) -> tuple[Lens, Preset]:
-    lens = load_lens(directory / "lens.json")
-    if lens.accuracy not in PRESETS:
-        raise InputError(f"{directory / 'lens.json'}: accuracy = {lens.accuracy!r}: one of {', '.join(PRESETS)}")
-    return lens, PRESETS[lens.accuracy]
-
-
-def run_evaluate(
-    directory: Path, *, rays: int | None = None, pixels: int | None = None, source: Path | None = None
-) -> dict[str, Any]:
-    """Simulate the finished lens; ``source`` is a ray file that takes the place of the spec's source."""
-    lens, preset = _lens_and_preset(directory)
-    emitter = build_source(_replaced_source(lens.spec, source), lens.spec.lens.dispersion)
-    result = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels)
-    result.save(directory)
-    return result.report
-
-
-def _replaced_source(spec: Spec, file: Path | None) -> Any:
-    if file is None:
-        return spec.source
-    if isinstance(spec.source, RayfileSource):
-        return spec.source.model_copy(update={"file": file})
-    return RayfileSource(kind="rayfile", file=file, origin="virtual_focus", flux_w=spec.source.flux_w)
-
-
-def run_export(directory: Path, **options: Any) -> dict[str, Any]:
-    """STEP, STL and 3MF, proven by reading them back; ``options`` of ``geometry.export_lens``. CAD loads here only."""
-    lens, _ = _lens_and_preset(directory)
-    result: dict[str, Any] = import_module("lensforge.geometry.export").export_lens(lens, directory, **options)
-    return result
-
-
-def run_check(directory: Path) -> dict[str, Any]:
-    """Whether the part can be cut."""
-    lens, _ = _lens_and_preset(directory)
-    result: dict[str, Any] = import_module("lensforge.manufacturing.check").check_lens(lens, directory)
-    return result
-
-
-def run_sensitivity(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
-    """What small errors of making and mounting do to the light."""
-    lens, preset = _lens_and_preset(directory)
-    measure = import_module("lensforge.tolerancing.sensitivity").measure_sensitivity
-    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
-    result: dict[str, Any] = measure(lens, source, preset, directory, rays=rays)
-    return result
-
-
-def run_handover(directory: Path) -> dict[str, Any]:
-    """What goes to the shop with the STEP file."""
-    result: dict[str, Any] = import_module("lensforge.drawings.build").build_handover(directory)
-    return result
-
-
-def run_verify(directory: Path, *, rays: int | None = None) -> dict[str, Any]:
-    """Cast rays through the exported STL, and some through the STEP, and compare with where the design sends them."""
-    lens, preset = _lens_and_preset(directory)
-    spec = lens.spec
-    irradiance = _design_irradiance(directory)
-    source = build_source(spec.source, spec.lens.dispersion)
-    count = min(rays or preset.verify_rays, source.population or 2**40)
-    bundle = source.sample(count, _VERIFY_SEED + lens.seed)
-    arrivals = TracedLens.of(lens, preset.judge_nodes_per_sigma).trace(bundle)
-    hits = np.where(arrivals.arrived.numpy()[:, None], arrivals.hits.numpy(), np.nan)
-    step, mitsuba = directory / "lens.step", import_module("lensforge.verification.mitsuba_cast")
-    result: dict[str, Any] = import_module("lensforge.verification.verify").verify_part(
-        directory / "lens.stl",
-        directory,
-        rays=bundle,
-        refractive_index=lens.refractive_index,
-        distance_mm=spec.target.distance_mm,
-        receiver_mm=spec.target.receiver_mm,
-        window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
-        pixels=len(irradiance),
-        design_irradiance=irradiance,
-        design_hits=hits,
-        design_weights=arrivals.flux.numpy(),
-        filter_variance=spec.evaluate.filter_variance,
-        step=step if step.exists() else None,
-        mitsuba_rays=mitsuba.RAYS if mitsuba.installed() else 0,
-        threads=torch.get_num_threads(),
-    )
-    return result
-
-
-def run_stray(directory: Path, *, rays: int | None = None, base: str = "polished") -> dict[str, Any]:
-    """Follow rays through the exported STL with reflections, base and absorption: what the design leaves out."""
-    lens, preset = _lens_and_preset(directory)
-    spec = lens.spec
-    source = build_source(spec.source, spec.lens.dispersion)
-    count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
-    bundle = source.sample(count, _VERIFY_SEED + lens.seed)
-    receiver = import_module("lensforge.verification.picture").Receiver
-    result: dict[str, Any] = import_module("lensforge.verification.stray").trace_stray(
-        directory / "lens.stl",
-        directory,
-        rays=bundle,
-        refractive_index=lens.refractive_index,
-        absorption_per_mm=spec.lens.absorption_per_mm,
-        distance_mm=spec.target.distance_mm,
-        receiver=receiver(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
-        window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
-        base=base,
-    )
-    return result
-
-
-def run_compare_photo(
-    directory: Path,
-    *,
-    on: Path,
-    off: Path | None,
-    corners: Sequence[tuple[float, float]] | None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-) -> dict[str, Any]:
-    """Compare a photograph with the simulation; ``target_mm``: side of the square of ``corners``, found if None."""
-    lens, _ = _lens_and_preset(directory)
-    target = lens.spec.target
-    photo = import_module("lensforge.measurement.photo")
-    result: dict[str, Any] = photo.compare_photo(
-        photo.Shot(on, off, None if corners is None else np.array(corners, dtype=np.float64), target_mm, gamma),
-        directory,
-        simulated=_design_irradiance(directory),
-        receiver_mm=target.receiver_mm,
-        uniform_mm=target.uniform_mm,
-    )
-    return result
-
-
-def run_compare_surface(
-    directory: Path, *, points: Path, surface: str, registration: str = "rigid", rays: int | None = None
-) -> dict[str, Any]:
-    """Register measured points to one surface, map its form deviation, and simulate the lens with it."""
-    lens, preset = _lens_and_preset(directory)
-    result: dict[str, Any] = import_module("lensforge.measurement.surface").compare_surface(
-        import_module("lensforge.measurement.cloud").read_cloud(points),
-        directory,
-        lens=lens,
-        side=surface,
-        source=build_source(lens.spec.source, lens.spec.lens.dispersion),
-        preset=preset,
-        rays=rays,
-        freedom=registration,
-    )
-    return result
-
-
-def _design_irradiance(directory: Path) -> np.ndarray:
-    path = directory / "evaluate.npz"
-    try:
-        with np.load(path) as images:
-            irradiance: np.ndarray = images["irradiance"]
-            return irradiance
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; run `lensforge evaluate {directory}` first") from None
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: damaged ({error}); run `lensforge evaluate {directory}` again") from None
-
-
-def run_report(directory: Path) -> Path:
-    """``report.html`` from the files in ``directory``."""
-    path: Path = import_module("lensforge.report.build").build_report(directory)
+def folder_of(folder: object) -> Path:
+    """``folder`` as a path. Raises :class:`InputError` for what cannot be one."""
+    if not isinstance(folder, Path | str):
+        raise InputError(f"{str(folder)[:60]!r} is a {type(folder).__name__}; give the path of a result folder")
+    path = Path(folder)
+    if path.is_file():
+        raise InputError(f"{path}: a file, must be a result folder")
     return path
 
 
-def gates_of(directory: Path) -> list[Gate]:
-    """The gates of every stage that has run in ``directory``."""
-    paths = [directory / f"{stage}.json" for stage in STAGES]
-    return [Gate.from_json(entry) for path in paths if path.exists() for entry in read_json(path)["gates"]]
+def run_design(spec: Spec, folder: Path, *, accuracy: Accuracy = "standard", seed: int = 0) -> Design:
+    """Search for the lens; writes ``lens.json`` and ``design.json``."""
+    return _keep_design(stages.design(spec, accuracy=accuracy, seed=seed), folder)
+
+
+def _keep_design(result: Design, folder: Path) -> Design:
+    result.lens.save(folder / LENS_FILE)
+    return _kept(result, folder)
+
+
+def run_evaluate(
+    folder: Path, *, rays: int | None = None, pixels: int | None = None, source: Path | None = None
+) -> Light:
+    """Simulate the finished lens again.
+
+    With rays, pixels or a source of other kind than its own, the light is written beside the lens's own record, as
+    ``evaluate_other.json``. ``source``: a ray file that takes the place of the spec's source.
+    """
+    lens = load_lens(folder / LENS_FILE)
+    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=_other_source(lens.spec, source))
+    if rays is None and pixels is None and source is None:
+        return _kept(light, folder)
+    light.write(folder, OTHER)
+    return light
+
+
+def _other_source(spec: Spec, file: Path | None) -> SourceSpec | None:
+    """The spec's source with another ray file, or that file about its virtual focus."""
+    if file is None:
+        return None
+    if isinstance(spec.source, RayfileSource):
+        return spec.source.model_copy(update={"file": file.absolute()})
+    return RayfileSource(file=file, origin="virtual_focus", flux_w=spec.source.flux_w)
+
+
+def run_export(
+    folder: Path,
+    *,
+    schema: Literal["AP214", "AP242"] = "AP214",
+    runout_deg: float | None = None,
+    nodes: int | None = None,
+    rings: int | None = None,
+) -> Part:
+    """Make STEP, STL and 3MF, proven by reading them back."""
+    lens = load_lens(folder / LENS_FILE)
+    return _kept(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
+
+
+def run_check(folder: Path) -> Check:
+    """Say whether the part can be cut."""
+    return _kept(stages.check(load(folder).part), folder)
+
+
+def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
+    """Cast rays through the exported part, and compare with where the design sends them."""
+    found = load(folder)
+    return _kept(stages.verify(found.part, found.light, rays=rays), folder)
+
+
+def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
+    """Follow rays through the exported part with reflections, base and absorption."""
+    return _kept(stages.stray_light(load(folder).part, rays=rays, base=base), folder)
+
+
+def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
+    """Say what small errors of making and mounting do to the light."""
+    return _kept(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
+
+
+def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | None = None) -> Photometry:
+    """Make the light of the lens as IES, EULUMDAT and TM-25 files."""
+    return _kept(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
+
+
+def run_compare_photo(
+    folder: Path,
+    *,
+    on: Path,
+    off: Path | None,
+    corners: list[tuple[float, float]] | None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+) -> PhotoComparison:
+    """Compare a photograph with the simulation; also draws ``compare.png``."""
+    from lensforge.measurement.photo_figure import photo_png
+
+    light = load(folder).light
+    result = stages.compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
+    with replacing(folder / "compare.png") as temporary:
+        temporary.write_bytes(photo_png(result))
+    return _kept(result, folder)
+
+
+def run_compare_surface(
+    folder: Path,
+    *,
+    points: Path,
+    surface: Literal["inner", "outer"],
+    registration: Literal["rigid", "shift", "none"] = "rigid",
+    rays: int | None = None,
+) -> SurfaceComparison:
+    """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
+    from lensforge.measurement.surface_figure import surface_png
+
+    lens = load_lens(folder / LENS_FILE)
+    result = stages.compare(lens, points=points, surface=surface, registration=registration, rays=rays)
+    with replacing(folder / f"compare_{surface}.png") as temporary:
+        temporary.write_bytes(surface_png(result))
+    return _kept(result, folder, f"compare_{surface}")
+
+
+def run_handover(folder: Path) -> "Handover":
+    """Write what goes to the shop with the STEP file."""
+    from lensforge.drawings.build import make_handover
+
+    handover = make_handover(load(folder))
+    handover.save(folder)
+    return handover
+
+
+def run_report(folder: Path) -> Path:
+    """Write ``report.html`` from what is in ``folder``; a PDF of an earlier page goes."""
+    from lensforge.report.build import render_report
+    from lensforge.report.page import write_page
+
+    renew(folder)  # not after: the page states the hash of every file
+    write_page(render_report(load(folder), folder), folder / REPORT_FILE)
+    return folder / REPORT_FILE
+
+
+def run_comparison(folders: Sequence[Path], page: Path) -> Path:
+    """Write one page that lays the designs in ``folders`` side by side; a PDF of an earlier page goes."""
+    from lensforge.report.compare import folder_names, render_comparison
+    from lensforge.report.page import write_page
+
+    names = folder_names(folders)
+    write_page(render_comparison([load(folder) for folder in folders], names), page)
+    return page
+
+
+def require_verdict(verdict: Verdict, spec: Spec) -> None:
+    """Raise :class:`GateFailed` where light or files fail, or the cutting where the spec requires it."""
+    asked = ["light", "files", *(["cutting"] if spec.manufacture.required else [])]
+    failed = [name for name in asked if getattr(verdict, name) == "fail"]
+    if failed:
+        reasons = "; ".join(reason for name in failed for reason in verdict.reasons_of(name))
+        raise GateFailed(f"{', '.join(failed)}: {reasons}")
+
+
+def _kept(result: _Result, folder: Path, stem: str | None = None) -> _Result:
+    """``result``, written into ``folder``; the verdict is renewed."""
+    result.write(folder, stem)
+    renew(folder)
+    return result
+
+
+def renew(folder: Path) -> Verdict:
+    """Write ``run.json`` with the verdict on what is in ``folder``, and return it."""
+    found = load_results(folder)
+    record = RunRecord(
+        name=found.spec.name,
+        accuracy=found.lens.accuracy,
+        seed=found.lens.seed,
+        verdict=found.verdict,
+        results={stem: result.sha256 for stem, result in found.found.items()},
+        outdated=dict(found.outdated),
+    )
+    write_json(folder / RUN_FILE, {"schema": f"lensforge-run-{SCHEMA_VERSION}", **record.model_dump(mode="json")})
+    return found.verdict
+
+
+_LATER: dict[str, Callable[[Path], StageResult]] = {
+    "evaluate": run_evaluate,
+    "export": run_export,
+    "check": run_check,
+    "verify": run_verify,
+}

@@ -6,7 +6,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from lensforge.optimisation.optimiser import Progress as Step
+from lensforge.optimisation.progress import Progress as Step
 from lensforge.spec import Spec
 
 

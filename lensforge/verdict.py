@@ -24,13 +24,28 @@ LEAST_SHARE = 0.7  # of the flux that two faces transmit at normal incidence mus
 _CERTAIN = 2.0  # standard errors from a bound: nearer than that nothing is decided
 
 
+_Finding = tuple[State, str]
+
+
+class Reasons(Record):
+    """Why each is no pass; empty where it passes."""
+
+    light: tuple[Text, ...]
+    files: tuple[Text, ...]
+    cutting: tuple[Text, ...]
+
+
 class Verdict(Record):
-    """``light``, ``files`` and ``cutting``: each "pass", "fail" or "undecided"; ``reasons`` for all that is no pass."""
+    """``light``, ``files`` and ``cutting``: each "pass", "fail" or "undecided", and the reasons for what is no pass."""
 
     light: State
     files: State
     cutting: State
-    reasons: tuple[Text, ...] = ()
+    reasons: Reasons
+
+    def reasons_of(self, name: str) -> tuple[str, ...]:
+        """Why ``name``, one of the three, is no pass."""
+        return {"light": self.reasons.light, "files": self.reasons.files, "cutting": self.reasons.cutting}[name]
 
     @property
     def holds(self) -> bool:
@@ -42,14 +57,20 @@ def judge(
     lens: Lens, design: Design | None, light: Light | None, part: Part | None, check: Check | None, proof: Proof | None
 ) -> Verdict:
     """The verdict by what has run; what has not leaves its part undecided."""
-    of_light = list(_light(lens, light)) if light else [("undecided", "the light has not been evaluated")]
+    unseen: list[_Finding] = [("undecided", "the light has not been evaluated")]
+    unchecked: list[_Finding] = [("undecided", "the part has not been checked")]
+    of_light = list(_light(lens, light)) if light else unseen
     of_files = list(_files(design, part, check, proof))
-    of_cutting = list(_cutting(lens, check)) if check else [("undecided", "the part has not been checked")]
-    reasons = tuple(reason for _, reason in (*of_light, *of_files, *of_cutting))
-    return Verdict(light=_worst(of_light), files=_worst(of_files), cutting=_worst(of_cutting), reasons=reasons)
-
-
-_Finding = tuple[State, str]
+    of_cutting = list(_cutting(lens, check)) if check else unchecked
+    light_words, files_words, cutting_words = (
+        tuple(words for _, words in findings) for findings in (of_light, of_files, of_cutting)
+    )
+    return Verdict(
+        light=_worst(of_light),
+        files=_worst(of_files),
+        cutting=_worst(of_cutting),
+        reasons=Reasons(light=light_words, files=files_words, cutting=cutting_words),
+    )
 
 
 def _worst(findings: Sequence[_Finding]) -> State:

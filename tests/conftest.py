@@ -8,7 +8,7 @@ from jaxtyping import install_import_hook
 import lensforge
 
 _PACKAGES = [
-    "surfaces", "optics", "sources", "tracing", "receiver", "evaluation", "photometry", "design", "geometry",
+    "surfaces", "optics", "sources", "tracing", "receivers", "evaluation", "far_field", "optimisation", "geometry",
     "manufacturing", "verification", "measurement",
 ]  # fmt: skip
 # Kernels are compiled by numba and cannot be wrapped; what takes arrays elsewhere is checked. (The hook takes a name
@@ -26,3 +26,18 @@ install_import_hook(_CHECKED, "beartype.beartype")
 @pytest.fixture
 def examples() -> Path:
     return Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
+    """A small lens, the whole way and all that can be asked for besides, as its folder holds it."""
+    from scenes import small_spec  # not before the import hook is there
+
+    from lensforge.pipeline import run_photometry, run_sensitivity, run_stray
+
+    folder = tmp_path_factory.mktemp("whole_run") / "small"
+    lensforge.run(small_spec(optimise__steps_per_level=[40, 40]), folder, accuracy="draft")
+    run_stray(folder, rays=512)
+    run_sensitivity(folder, rays=512)
+    run_photometry(folder, rays=4096)
+    return lensforge.load(folder)

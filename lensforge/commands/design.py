@@ -1,23 +1,23 @@
 """``design``: the whole way."""
 
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import click
 
-from lensforge.commands.options import DEVICE, RAYS, THREADS, pipeline, search_device, use_threads
-from lensforge.commands.printing import print_headline
-from lensforge.gates import require
+from lensforge import pipeline
+from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, with_rays
+from lensforge.commands.printing import judge, print_headline
+from lensforge.errors import InputError
+from lensforge.optimisation.progress import Progress
+from lensforge.spec import Accuracy, Spec, load_spec
 
 
 @click.command()
 @click.argument("spec", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
-@click.option(
-    "--accuracy", type=click.Choice(["draft", "standard", "reference"]), default="standard", show_default=True
-)
-@click.option("--seed", type=click.IntRange(0, 2**20), default=0, show_default=True)
+@ACCURACY
+@SEED
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of an interrupted design.")
 @click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @RAYS
@@ -26,35 +26,64 @@ from lensforge.gates import require
 def design(
     spec: Path,
     out: Path | None,
-    accuracy: Any,
+    accuracy: Accuracy,
     seed: int,
     resume: bool,
     snapshots: bool,
     rays: int | None,
     threads: int | None,
-    device: str,
+    device: Literal["cpu", "cuda"],
 ) -> None:
     """Go the whole way: design, evaluate, export, check, verify, report."""
-    content = import_module("lensforge.spec").load_spec(spec)
+    content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / content.name
-    use_threads(threads)
-    searched_on = search_device(device)
-    observers = []
-    if snapshots:
-        taken = import_module("lensforge.report.snapshots").Snapshots(content, directory, resume=resume)
-        observers = [taken.on_step]
-    with import_module("lensforge.progress").Reporter(content, *observers) as reporter:
-        gates = pipeline().run(
-            content,
+    run = whole_way(
+        content,
+        directory,
+        accuracy=accuracy,
+        seed=seed,
+        threads=threads,
+        device=device,
+        resume=resume,
+        snapshots=snapshots,
+    )
+    click.echo(f"report\t{directory / pipeline.REPORT_FILE}")
+    print_headline(run)
+    judge(directory)
+
+
+def whole_way(
+    spec: Spec,
+    directory: Path,
+    *,
+    accuracy: Accuracy,
+    seed: int,
+    threads: int | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+    resume: bool = False,
+    snapshots: bool = False,
+) -> pipeline.Run:
+    """``pipeline.run`` with its progress on stderr; with ``resume`` from the checkpoint that must be there."""
+    from lensforge.progress import Reporter
+    from lensforge.report.snapshots import Snapshots
+
+    checkpoint = directory / pipeline.CHECKPOINT
+    if resume and not checkpoint.exists():
+        raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
+    observers = [Snapshots(spec, directory, resume=resume).on_step] if snapshots else []
+    with Reporter(spec, *observers) as reporter:
+
+        def told(step: Progress) -> None:
+            reporter.on_step(step)
+
+        return pipeline.run(
+            spec,
             directory,
             accuracy=accuracy,
             seed=seed,
-            rays=rays,
-            device=searched_on,
-            resume=resume,
-            observer=reporter.on_step,
+            threads=threads,
+            checkpoint=checkpoint if resume else None,
+            progress=told,
+            device=device,
             announce=reporter.on_stage,
         )
-    click.echo(f"report\t{directory / 'report.html'}")
-    print_headline(directory)
-    require(gates)

@@ -1,14 +1,18 @@
-"""Options that several commands share, and the late import that keeps ``--help`` quick."""
+"""Options that several commands share."""
 
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import click
+
+from lensforge.spec import Spec
 
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by the accuracy preset.")
 THREADS = click.option("--threads", type=click.IntRange(1, 256), help="Threads; default: all cores.")
+ACCURACY = click.option(
+    "--accuracy", type=click.Choice(["draft", "standard", "reference"]), default="standard", show_default=True
+)
+SEED = click.option("--seed", type=click.IntRange(0, 2**20), default=0, show_default=True)
 DEVICE = click.option(
     "--device",
     type=click.Choice(["cpu", "cuda"]),
@@ -18,17 +22,6 @@ DEVICE = click.option(
 )
 
 
-def pipeline() -> Any:
-    """The pipeline, loaded at the first call: torch and numba load only where light is traced."""
-    return import_module("lensforge.pipeline")
-
-
-def use_threads(threads: int | None) -> None:
-    """Let torch and the tracer use ``threads`` threads; None leaves the default."""
-    if threads is not None:
-        import_module("torch").set_num_threads(threads)
-
-
-def search_device(name: str) -> Any:
-    """The torch device of that name; None for the CPU, where compiled kernels trace."""
-    return import_module("lensforge.tracing.on_device").search_device(name)
+def with_rays(spec: Spec, rays: int | None) -> Spec:
+    """``spec`` with ``rays`` rays in a step of its search; None leaves it as it is."""
+    return spec if rays is None else spec.replace({"optimise.rays": rays})

@@ -1,14 +1,15 @@
 """Around the part: sensitivity, handover to the shop, the measured part, its photometry."""
 
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import click
 
-from lensforge.commands.options import FOLDER, RAYS, THREADS, pipeline, use_threads
-from lensforge.commands.printing import finish
+from lensforge import pipeline
+from lensforge.commands.options import FOLDER, RAYS, THREADS
+from lensforge.commands.printing import finish, print_table
 from lensforge.errors import InputError
+from lensforge.stages import threads_of_torch
 
 
 @click.command()
@@ -17,26 +18,34 @@ from lensforge.errors import InputError
 @THREADS
 def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
     """Say what errors of form, position and index of the lens in DIR do to its light; writes sensitivity.json."""
-    use_threads(threads)
-    result = pipeline().run_sensitivity(directory, rays=rays)
+    with threads_of_torch(threads):
+        result = pipeline.run_sensitivity(directory, rays=rays)
     click.echo("error\tamount\tunit\tnmse\tuniformity\tefficiency")
-    for row in ({"name": "as designed", "amount": 0.0, "unit": "", **result["nominal"]}, *result["rows"]):
-        click.echo("\t".join(str(row[key]) for key in ("name", "amount", "unit", "nmse", "uniformity", "efficiency")))
+    for name, amount, unit, found in (
+        ("as designed", 0.0, "", result.nominal),
+        *((row.name, row.amount, row.unit, row.metrics) for row in result.rows),
+    ):
+        figures = (found.nmse, found.uniformity, found.efficiency)
+        values = ("None" if each is None else str(each.value) for each in figures)
+        click.echo("\t".join((name, str(amount), unit, *values)))
 
 
 @click.command()
 @FOLDER
 def handover(directory: Path) -> None:
     """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""
-    finish(pipeline().run_handover(directory), directory)
+    result = pipeline.run_handover(directory)
+    print_table({"files": list(result.files), "points": result.points, "sha256": result.sha256, "refused": result.refused})
 
 
-class _Corner(click.ParamType):
+class _Corner(click.ParamType[tuple[float, float]]):
     """A pixel, written as column,row."""
 
     name = "x,y"
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, float]:
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
         try:
             column, row = (float(part) for part in str(value).split(","))
         except ValueError:
@@ -63,19 +72,33 @@ class _Corner(click.ParamType):
     help="How --points may be moved onto the design.",
 )
 @RAYS
-def compare(directory: Path, on: Path | None, points: Path | None, rays: int | None, **options: Any) -> None:
+def compare(
+    directory: Path,
+    on: Path | None,
+    off: Path | None,
+    corners: tuple[tuple[float, float], ...] | None,
+    target_mm: float | None,
+    gamma: float,
+    points: Path | None,
+    surface: Literal["inner", "outer"] | None,
+    registration: Literal["rigid", "shift", "none"],
+    rays: int | None,
+) -> None:
     """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
-    if (on is None) == (points is None):
-        raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
-    if on is not None:
-        shot = {name: options[name] for name in ("off", "corners", "target_mm", "gamma")}
-        result = pipeline().run_compare_photo(directory, on=on, **shot)
-    else:
-        if not options["surface"]:
+    if on is not None and points is None:
+        found = pipeline.run_compare_photo(
+            directory, on=on, off=off, corners=list(corners) if corners else None, target_mm=target_mm, gamma=gamma
+        )
+        finish(directory, found)
+    elif points is not None and on is None:
+        if surface is None:
             raise InputError("compare: --points needs --surface, inner or outer")
-        chosen = {name: options[name] for name in ("surface", "registration")}
-        result = pipeline().run_compare_surface(directory, points=points, rays=rays, **chosen)
-    finish(result, directory)
+        measured = pipeline.run_compare_surface(
+            directory, points=points, surface=surface, registration=registration, rays=rays
+        )
+        finish(directory, measured)
+    else:
+        raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
 
 
 @click.command()
@@ -85,6 +108,5 @@ def compare(directory: Path, on: Path | None, points: Path | None, rays: int | N
 @click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Of the LED; default: by the spec, or 1000.")
 def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
-    use_threads(threads)
-    export = import_module("lensforge.far_field.export").export_photometry
-    finish(export(directory, rays=rays, lumens=lumens), directory)
+    with threads_of_torch(threads):
+        finish(directory, pipeline.run_photometry(directory, rays=rays, lumens=lumens))

@@ -1,36 +1,49 @@
 """What the commands print: one ``key<TAB>value`` line for each number, to stdout."""
 
 import json
-from importlib import import_module
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import click
 
-from lensforge.commands.options import pipeline
-from lensforge.gates import Gate, require
+from lensforge.errors import GateFailed
+from lensforge.gates import require
+from lensforge.pipeline import REPORT_FILE, Run, load, require_verdict, run_report
+from lensforge.records import StageResult
+
+_METRIC = {"value", "unit", "standard_error"}
+_NO_FIGURES = ("gates", "version", "inputs")
 
 
-def finish(result: dict[str, Any], directory: Path) -> None:
-    """Print one stage's numbers, refresh the report if there is one, and judge the stage's gates."""
-    gates = [Gate.from_json(entry) for entry in result.get("gates", [])]
-    print_table({key: value for key, value in result.items() if key != "gates"})
-    if (directory / "report.html").exists():
-        pipeline().run_report(directory)
-    require(gates)
+def finish(directory: Path, result: StageResult, **besides: StageResult) -> None:
+    """Print one stage's numbers, and ``besides`` under their names; refresh the report if there is one, judge gates."""
+    results = (result, *besides.values())
+    for prefix, each in zip(("", *(f"{name}." for name in besides)), results, strict=True):
+        print_table(each.model_dump(mode="json", exclude=_not_printed(each)), prefix)
+    if (directory / REPORT_FILE).exists():
+        run_report(directory)
+    require(gate for result in results for gate in getattr(result, "gates", ()))
 
 
-def print_table(content: dict[str, Any], prefix: str = "") -> None:
+def _not_printed(result: StageResult) -> set[str]:
+    """Arrays, files and what belongs to another stage: they are in the folder."""
+    return {*_NO_FIGURES, *type(result).stored_elsewhere()} & set(type(result).model_fields)
+
+
+def print_table(content: Mapping[str, object], prefix: str = "") -> None:
     """One ``key<TAB>value`` line for each number, keys joined by dots: easy to read, grep and cut."""
     for key, value in content.items():
-        if isinstance(value, dict):
+        if isinstance(value, Mapping) and set(value) == _METRIC:
+            click.echo(f"{prefix}{key}\t{value['value']}")
+            click.echo(f"{prefix}{key}_standard_error\t{value['standard_error']}")
+        elif isinstance(value, Mapping):
             print_table(value, f"{prefix}{key}.")
         else:
-            click.echo(f"{prefix}{key}\t{json.dumps(value) if isinstance(value, list) else value}")
+            click.echo(f"{prefix}{key}\t{json.dumps(value) if isinstance(value, list | tuple) else value}")
 
 
 _HEADLINE = {
-    "evaluate": ("nmse", "nmse_standard_error", "uniformity", "efficiency", "efficiency_standard_error"),
+    "evaluate": ("nmse", "uniformity", "efficiency", "share_in_target"),
     "design": ("steps", "seconds", "max_radius_mm", "height_mm", "constraints"),
     "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3"),
     "check": ("min_wall_mm",),
@@ -38,9 +51,22 @@ _HEADLINE = {
 }
 
 
-def print_headline(directory: Path) -> None:
-    """The numbers that one asks for first, from the JSON files of a whole run."""
-    read_json = import_module("lensforge.files").read_json
-    for stage, keys in _HEADLINE.items():
-        content = read_json(directory / f"{stage}.json")
-        print_table({key: content[key] for key in keys if content.get(key) is not None}, f"{stage}.")
+def print_headline(run: Run) -> None:
+    """The numbers that one asks for first, and the verdict."""
+    for stem, keys in _HEADLINE.items():
+        result = run.found.get(stem)
+        if result is not None:
+            content = result.model_dump(mode="json", include=set(keys), exclude_none=True)
+            print_table({key: content[key] for key in keys if key in content}, f"{stem}.")
+    verdict = run.verdict
+    for name in ("light", "files", "cutting"):
+        click.echo(f"verdict.{name}\t{getattr(verdict, name)}")
+
+
+def judge(directory: Path) -> None:
+    """Raise :class:`GateFailed` where the verdict on ``directory`` fails."""
+    run = load(directory)
+    try:
+        require_verdict(run.verdict, run.spec)
+    except GateFailed as error:
+        raise GateFailed(f"{directory}: {error}") from None

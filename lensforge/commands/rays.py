@@ -1,13 +1,13 @@
 """``rays``: what is in a ray file."""
 
 import json
-from importlib import import_module
 from pathlib import Path
 
 import click
 
 from lensforge.commands.printing import print_table
 from lensforge.errors import InputError
+from lensforge.records import Record
 
 
 @click.command()
@@ -25,14 +25,19 @@ def rays(
     """Say what is in a ray file, draw it, or convert it."""
     if format_name and not to:
         raise InputError(f"--format {format_name}: it goes with --to FILE")
-    rayfiles = import_module("lensforge.sources.rayfiles")
+    from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
+    from lensforge.sources.rayfiles.picture import draw
+
     if plot:
-        import_module("lensforge.sources.rayfiles.picture").draw(rayfiles.read_rayfile(file), plot)
+        draw(read_rayfile(file), plot)
+    found: Record
     if to:
-        content = rayfiles.convert(file, to, format_name)
+        found = convert(file, to, format_name)
+    elif only_header:
+        found = outline(read_rayfile(file))
     else:
-        say = rayfiles.outline if only_header else rayfiles.describe
-        content = say(rayfiles.read_rayfile(file))
+        found = describe(read_rayfile(file))
+    content = found.model_dump(mode="json", exclude={"inputs", "version"})
     if as_json:
         click.echo(json.dumps(content, indent=2, allow_nan=False))
         return

@@ -1,13 +1,15 @@
 """The stages of a finished lens, each on its own: evaluate, export, check, verify, report."""
 
-from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 import click
 
-from lensforge.commands.options import FOLDER, RAYS, THREADS, pipeline, use_threads
+from lensforge import pipeline
+from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import finish
 from lensforge.errors import InputError
+from lensforge.stages import threads_of_torch
 
 
 @click.command()
@@ -17,9 +19,12 @@ from lensforge.errors import InputError
 @click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: by the spec.")
 @click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
 def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
-    """Simulate the finished lens in DIR again."""
-    use_threads(threads)
-    finish(pipeline().run_evaluate(directory, rays=rays, pixels=pixels, source=source), directory)
+    """Simulate the finished lens in DIR again.
+
+    With --rays, --pixels or --source the light goes into evaluate_other.json, beside the lens's own.
+    """
+    with threads_of_torch(threads):
+        finish(directory, pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source))
 
 
 @click.command()
@@ -30,16 +35,18 @@ def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int
 @click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, going on by DEG degrees.")
 @click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
 @click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
-def export(directory: Path, schema: str, runout: float | None, nodes: int | None, rings: int | None) -> None:
+def export(
+    directory: Path, schema: Literal["AP214", "AP242"], runout: float | None, nodes: int | None, rings: int | None
+) -> None:
     """Write STEP, STL and 3MF of the lens in DIR, and prove them by reading them back."""
-    finish(pipeline().run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings), directory)
+    finish(directory, pipeline.run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings))
 
 
 @click.command()
 @FOLDER
 def check(directory: Path) -> None:
     """Say whether the lens in DIR can be cut, and with what."""
-    finish(pipeline().run_check(directory), directory)
+    finish(directory, pipeline.run_check(directory))
 
 
 @click.command()
@@ -54,15 +61,14 @@ def check(directory: Path) -> None:
     show_default=True,
     help="Base under --stray.",
 )
-def verify(directory: Path, rays: int | None, threads: int | None, stray: bool, base: str) -> None:
+def verify(
+    directory: Path, rays: int | None, threads: int | None, stray: bool, base: Literal["polished", "black"]
+) -> None:
     """Cast rays through the exported part in DIR, independently of the design."""
-    use_threads(threads)
-    result = pipeline().run_verify(directory, rays=rays)
-    if stray:
-        followed = pipeline().run_stray(directory, rays=rays, base=base)
-        result["gates"] += followed.pop("gates")
-        result["stray_light"] = followed
-    finish(result, directory)
+    with threads_of_torch(threads):
+        proof = pipeline.run_verify(directory, rays=rays)
+        followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
+    finish(directory, proof, **({} if followed is None else {"stray_light": followed}))
 
 
 @click.command()
@@ -73,14 +79,16 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     """Build report.html from the files in DIR, or one page that lays several designs side by side."""
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
-    page = directories[0] / "report.html" if len(directories) == 1 else out or Path("compare.html")
+    page = directories[0] / pipeline.REPORT_FILE if len(directories) == 1 else out or Path("compare.html")
     stale = page.with_suffix(".pdf").exists()
     if len(directories) == 1:
-        pipeline().run_report(directories[0])
+        pipeline.run_report(directories[0])
     else:
-        import_module("lensforge.report.compare").build_comparison(directories, page)
+        pipeline.run_comparison(directories, page)
     click.echo(f"report\t{page}")
     if stale and not pdf:
         click.echo(f"{page.with_suffix('.pdf')} showed the page before and is removed; --pdf writes it anew", err=True)
     if pdf:
-        click.echo(f"pdf\t{import_module('lensforge.report.pdf').write_pdf(page)}")
+        from lensforge.report.pdf import write_pdf
+
+        click.echo(f"pdf\t{write_pdf(page)}")

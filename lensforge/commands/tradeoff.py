@@ -1,12 +1,13 @@
 """``tradeoff``: what accuracy costs in time, for one scene."""
 
-from importlib import import_module
 from pathlib import Path
 
 import click
 
-from lensforge.commands.options import THREADS, use_threads
+from lensforge.commands.options import THREADS
 from lensforge.commands.printing import print_table
+from lensforge.spec import load_spec
+from lensforge.stages import threads_of_torch
 
 
 @click.command()
@@ -22,11 +23,13 @@ from lensforge.commands.printing import print_table
 @THREADS
 def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) -> None:
     """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
-    content = import_module("lensforge.spec").load_spec(spec)
+    content = load_spec(spec)
     directory = out or Path("cad_out") / content.name
-    use_threads(threads)
-    measure = import_module("lensforge.studies.tradeoff.measure")
-    effort = measure.Effort.up_to(most_rays)
-    found = measure.run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
-    print_table(found["presets"])
+
+    from lensforge.studies.tradeoff.measure import Effort, run_tradeoff
+
+    with threads_of_torch(threads):
+        effort = Effort.up_to(most_rays)
+        found = run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
+    print_table(found.model_dump(mode="json", include={"presets"})["presets"])
     click.echo(f"page\t{directory / 'tradeoff.html'}")

@@ -1,14 +1,11 @@
 """The same content on paper: a PDF of a few A4 pages, drawn by matplotlib, so that no browser is needed."""
 
 import io
-from pathlib import Path
 from textwrap import fill
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-
-from lensforge.files import replacing
 
 _A4 = (8.27, 11.69)
 _LINES, _COLUMNS = 68, 100
@@ -16,15 +13,17 @@ _DPI, _CAPTION = 300, 56
 _NO_DATE = {"CreationDate": None}  # the same results make the same bytes
 
 
-def write_pdf(path: Path, title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> None:
+def pdf_of(title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> bytes:
     """``text`` as lines, as many pages as they need, then ``pictures`` under their captions: one across, then pairs."""
-    with replacing(path) as temporary, PdfPages(temporary, metadata={**_NO_DATE, "Title": title}) as pages:
+    buffer = io.BytesIO()
+    with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
         folded = [piece for line in text for piece in _fold(line)]
         for first in range(0, len(folded), _LINES):
             page = Figure(figsize=_A4)
             page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
             pages.savefig(page)
         pages.savefig(_picture_page(pictures))
+    return buffer.getvalue()
 
 
 def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:

@@ -3,14 +3,11 @@
 Both come from the exact SRBF sum, on rings about the axis: every 2.5 degrees of polar angle, 5 degrees of azimuth.
 """
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.files import replacing
 from lensforge.lens import Lens
+from lensforge.manufacturing.cut import Check
 
 POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz"
 SAG_COLUMNS = "surface,polar_deg,azimuth_deg,radius_mm,departure_mm"
@@ -31,33 +28,25 @@ def ring_directions() -> Float[np.ndarray, "n 3"]:
     return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height], axis=-1)
 
 
-def write_points(lens: Lens, path: Path) -> int:
-    """``x, y, z`` (mm) and the unit normal out of the material, for each face; returns the number of points."""
+def points_table(lens: Lens) -> str:
+    """``x, y, z`` (mm) and the unit normal out of the material, a line for each point of each face."""
     directions = ring_directions()
     lines = [POINT_COLUMNS]
     for name, sign in _INTO_AIR.items():
-        surface = getattr(lens, name)
+        surface = lens.inner if name == "inner" else lens.outer
         points = surface.radius(directions)[:, None] * directions
         rows = np.concatenate([points, sign * surface.normal(directions)], axis=1) + 0.0  # no minus zero
         lines += [name + "," + ",".join(f"{value:.9f}" for value in row) for row in rows]
-    _write(path, lines)
-    return len(lines) - 1
+    return "\n".join(lines) + "\n"
 
 
-def write_sag(lens: Lens, check: dict[str, Any], path: Path) -> int:
-    """Distance from the origin and departure from check.json's best-fit sphere (mm) at each angle of each face."""
+def sag_table(lens: Lens, check: Check) -> str:
+    """Distance from the origin and departure from the check's best-fit sphere (mm) at each angle of each face."""
     directions, angles = ring_directions(), ring_angles()
     lines = [SAG_COLUMNS]
-    for name in _INTO_AIR:
-        radius = getattr(lens, name).radius(directions)
-        sphere = check[name]["best_fit_sphere"]
-        away = np.linalg.norm(radius[:, None] * directions - np.array(sphere["centre_mm"]), axis=1)
-        rows = np.column_stack([angles, radius, away - sphere["radius_mm"]])
+    for name, surface, face in (("inner", lens.inner, check.inner), ("outer", lens.outer, check.outer)):
+        radius, sphere = surface.radius(directions), face.best_fit_sphere
+        away = np.linalg.norm(radius[:, None] * directions - np.array(sphere.centre_mm), axis=1)
+        rows = np.column_stack([angles, radius, away - sphere.radius_mm])
         lines += [f"{name},{p:.1f},{a:.1f},{r:.9f},{d:.9f}" for p, a, r, d in rows.tolist()]
-    _write(path, lines)
-    return len(lines) - 1
-
-
-def _write(path: Path, lines: list[str]) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"

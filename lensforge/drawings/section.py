@@ -1,7 +1,6 @@
 """The dimensioned section: the body cut open in the plane of x and z, to scale, with its datum."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +15,6 @@ from lensforge.report.drawing import BLUE, GREY, INK, WIDE, in_house_style, new_
 from lensforge.spec import BaseSection
 
 _X = np.array([1.0, 0.0, 0.0])
-_FAINT: dict[str, Any] = {"color": INK, "linewidth": 0.4, "alpha": 0.5}
 _BOX = {"boxstyle": "square", "facecolor": "white"}
 _CLEAR = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
 _WIDTH, _TALLEST = 1.5 * WIDE, 6.5  # inches
@@ -100,7 +98,7 @@ def _by_size(spans: list[Span]) -> list[Span]:
 def _vertical(axes: Axes, x: float, span: Span, body: float, step: float) -> None:
     """A height at ``x``, its lines drawn from ``body``; the number stands away from the body, where ``step`` points."""
     for z in span:
-        axes.plot([body, x + 0.15 * step], [z, z], **_FAINT)
+        _faint(axes, [body, x + 0.15 * step], [z, z])
     _arrows(axes, span, abs(step), lambda z: (x, z))
     side = "left" if step > 0.0 else "right"
     axes.text(x + 0.15 * step, sum(span) / 2.0, f"{span[1] - span[0]:.3f}", ha=side, va="center", bbox=_CLEAR)
@@ -109,9 +107,14 @@ def _vertical(axes: Axes, x: float, span: Span, body: float, step: float) -> Non
 def _horizontal(axes: Axes, z: float, span: Span, body: float, step: float) -> None:
     """A width at height ``z``, its lines drawn from ``body``."""
     for x in span:
-        axes.plot([x, x], [body, z - 0.15 * step], **_FAINT)
+        _faint(axes, [x, x], [body, z - 0.15 * step])
     _arrows(axes, span, step, lambda x: (x, z))
     axes.text(sum(span) / 2.0, z + 0.1 * step, f"{span[1] - span[0]:.3f}", ha="center", va="bottom", bbox=_CLEAR)
+
+
+def _faint(axes: Axes, x: list[float], z: list[float]) -> None:
+    """A line that leads from the body to a dimension."""
+    axes.plot(x, z, color=INK, linewidth=0.4, alpha=0.5)
 
 
 def _arrows(axes: Axes, span: Span, step: float, at: Callable[[float], Span]) -> None:

@@ -4,8 +4,6 @@ It takes nothing from the fused kernels: the search runs on the table by plain N
 :mod:`lensforge.optics`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
@@ -15,28 +13,12 @@ from lensforge.optics.dielectric import fresnel_transmittance, refract, transmit
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, evaluate_table
 from lensforge.surfaces.surface import Surface
-from lensforge.tracing.trace_kernel import LEAST_RISE
+from lensforge.tracing.exit_rays import ExitRays
+from lensforge.tracing.fates import Fate
 
 _SCAN_STEPS, _BISECTIONS = 48, 30
 _PROBE = 1e-6  # of the path length: the central difference that gives the table's slope along a ray
 _LONGEST_STEP = 1e-3  # of the distance from the origin
-
-
-@dataclass(frozen=True)
-class ExactHits:
-    """Hits (mm) and flux (W) at the receiver's plane; 0 for rays that do not arrive."""
-
-    hits: Float[np.ndarray, "n 2"]
-    flux: Float[np.ndarray, " n"]
-
-    @property
-    def arrived(self) -> Bool[np.ndarray, " n"]:
-        """Rays that reached the plane."""
-        return self.flux > 0.0
-
-    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "ExactHits":
-        """Those of some of the rays."""
-        return ExactHits(self.hits[rows], self.flux[rows])
 
 
 def trace_exact_sum(
@@ -45,18 +27,21 @@ def trace_exact_sum(
     tables: dict[str, Float[np.ndarray, "side side"]],
     rays: RayBundle,
     steps: int = 1,
-) -> ExactHits:
+) -> ExitRays:
     """Trace ``rays`` through the exact surfaces; ``tables`` of both, by name, bracket the first crossings.
 
     ``steps`` from there: one where the table is some nm off, more where it is far.
     """
-    origins, directions, carried = rays.origins.copy(), rays.directions.copy(), rays.weights.copy()
+    origins, directions, flux = rays.origins.copy(), rays.directions.copy(), rays.weights.copy()
+    fates = np.where(directions[:, 2] > 0.0, Fate.OUTSIDE_CAVITY, Fate.BACKWARD).astype(np.int8)
+    sin2_exit = np.zeros(len(rays))
     alive = _enter(grid, tables["inner"], origins, directions)
     own = rays.refractive_indices
     index = np.full(len(rays), lens.refractive_index) if own is None else own
     for name, ratios in (("inner", 1.0 / index), ("outer", index)):
         surface: Surface = getattr(lens, name)
         lengths, found = _search(grid, tables[name], origins[alive], directions[alive])
+        fates[alive] = Fate.BASE
         alive, lengths = alive[found], lengths[found]
         for _ in range(steps):
             lengths = _polish(surface, grid, tables[name], origins[alive], directions[alive], lengths)
@@ -65,18 +50,20 @@ def trace_exact_sum(
         cosine = np.sum(directions[alive] * normals, axis=1)
         ratio = torch.from_numpy(ratios[alive])
         behind_squared = transmitted_cosine_squared(torch.from_numpy(cosine), ratio).numpy()
-        passes = (behind_squared > 0.0) & (cosine > 0.0) & (points[:, 2] >= 0.0)
+        above = points[:, 2] >= 0.0
+        fates[alive[above]] = Fate.TOTAL_REFLECTION
+        if name == "outer":
+            sin2_exit[alive[above]] = 1.0 - behind_squared[above]
+        passes = (behind_squared > 0.0) & (cosine > 0.0) & above
         alive, points, normals, cosine = alive[passes], points[passes], normals[passes], cosine[passes]
         ratio = ratio[torch.from_numpy(passes)]
         origins[alive] = points
         directions[alive] = refract(torch.from_numpy(directions[alive]), torch.from_numpy(normals), ratio).numpy()
-        carried[alive] *= fresnel_transmittance(torch.from_numpy(cosine), ratio).numpy()
-    alive = alive[directions[alive, 2] > LEAST_RISE]
-    way = (lens.spec.target.distance_mm - origins[alive, 2]) / directions[alive, 2]
-    hits, flux = np.zeros((len(rays), 2)), np.zeros(len(rays))
-    hits[alive] = (origins[alive] + way[:, None] * directions[alive])[:, :2]
-    flux[alive] = carried[alive]
-    return ExactHits(hits, flux)
+        flux[alive] *= fresnel_transmittance(torch.from_numpy(cosine), ratio).numpy()
+    fates[alive] = Fate.LEFT_LENS
+    left = (fates == Fate.LEFT_LENS)[:, None]
+    exits = (np.where(left, origins, 0.0), np.where(left, directions, 0.0), flux, sin2_exit, fates)
+    return ExitRays(*(torch.from_numpy(array) for array in exits))
 
 
 def _enter(
@@ -93,7 +80,8 @@ def _enter(
         near = np.linalg.norm(points, axis=1) < 2.0 * table.max()
     rows, points = rows[near], points[near]
     origins[rows] = points
-    return rows[_inside(grid, table, points)]
+    entered: Int[np.ndarray, " k"] = rows[_inside(grid, table, points)]
+    return entered
 
 
 def _inside(
@@ -104,7 +92,8 @@ def _inside(
     rising = np.array(points)
     rising[distance == 0.0] = [0.0, 0.0, 1.0]
     rising[:, 2] = np.maximum(rising[:, 2], -0.2 * distance)  # the chart's table ends a little below the horizon
-    return evaluate_table(grid, table, rising) > distance
+    inside: Bool[np.ndarray, " n"] = evaluate_table(grid, table, rising) > distance
+    return inside
 
 
 def _search(

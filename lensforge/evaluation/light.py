@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.figures.light_unit import light_unit
 from lensforge.gates import Gate
 from lensforge.records import (
     Array,
@@ -111,16 +112,29 @@ class Light(StageResult):
     target_map: Map
     axis_mm: Annotated[Float[np.ndarray, " p"], Array("p")]
 
+    def __str__(self) -> str:
+        named = {"NMSE": self.nmse, "uniformity": self.uniformity, "efficiency": self.efficiency}
+        figures = ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
+        return f"light: {figures} ({self.rays} rays, {self.pixels} x {self.pixels} pixels, {self.filter})"
+
     def plot(
         self, which: Literal["map", "raw_map", "target_map"] = "map", axes: "Axes | None" = None
     ) -> "Axes":
         """The light on the receiver in false colour with its scale, in lux where the source's lumens are known."""
-        from lensforge.figures.light_unit import light_unit
         from lensforge.figures.plots import plot_map
 
         return plot_map(getattr(self, which), self.receiver_mm, light_unit(self.lumens_per_watt), axes)
 
 
-def difference(value: Metric | None, before: Metric | None) -> Number | None:
-    """``value`` less ``before``; None where either is not defined."""
-    return None if value is None or before is None else value.value - before.value
+class Judged(Record):
+    """The metrics of one lens among several; None where a metric has no meaning."""
+
+    nmse: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    efficiency: Metric
+
+    @staticmethod
+    def of(light: Light) -> "Judged":
+        """Those of ``light``."""
+        return Judged(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)

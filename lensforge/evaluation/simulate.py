@@ -5,18 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.lens import Lens
 from lensforge.receivers.bins import bin_flux, flux_in_square
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.receiver import Receiver
 from lensforge.sources.bundle import RayBundle, Source
+from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
-from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.fates import Fate
 from lensforge.tracing.fused import Scene, trace_tables
 
 REPLICATES = 16
+AVERTED = len(Fate)  # beside the fates: left the lens, but never reaches the receiver
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 _SEED_BASE = 2**40  # apart from every seed of the design, so that no lens is judged by the rays that shaped it
 
@@ -38,16 +41,20 @@ class TracedLens:
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
         inner, outer = (torch.from_numpy(table) for table in tables.values())
-        return TracedLens(Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), inner, outer, errors)
+        return TracedLens(Scene(lens.refractive_index, grid), inner, outer, errors)
 
-    def trace(self, rays: RayBundle) -> Arrivals:
-        """The fates of ``rays``."""
+    def trace(self, rays: RayBundle) -> ExitRays:
+        """Send ``rays`` through the lens."""
         return trace_tables(self.inner, self.outer, self.scene, rays)
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """Means over each replicate: flux per pixel (r, p, p), flux by fate (r, fates), and in the window (r,); in W."""
+    """Means over each replicate: flux per pixel (r, p, p), flux by fate (r, f), and in the window (r,); in W.
+
+    The fates are those of :class:`~lensforge.tracing.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
+    ``AVERTED``.
+    """
 
     images: Float[np.ndarray, "r p p"]
     by_fate: Float[np.ndarray, "r f"]
@@ -61,18 +68,33 @@ def simulate(
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
     replicates = min(REPLICATES, rays, source.population or rays)
-    images = np.zeros((replicates, receiver.pixels, receiver.pixels))
-    by_fate = np.zeros((replicates, len(Fate)))
+    images = np.zeros((replicates, receiver.grid.pixels, receiver.grid.pixels))
+    by_fate = np.zeros((replicates, len(Fate) + 1))
     window = np.zeros(replicates)
     traced = 0
     for replicate, share, bundle in _bundles(source, rays, replicates, seed):
-        arrivals = lens.trace(bundle)
-        hits, flux = arrivals.hits.numpy(), arrivals.flux.numpy() * share
-        images[replicate] += bin_flux(hits, flux, receiver)
-        by_fate[replicate] += share * np.bincount(arrivals.fates.numpy(), arrivals.carried.numpy(), minlength=len(Fate))
+        exit_rays = lens.trace(bundle)
+        landings = receiver.land(exit_rays)
+        hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
+        images[replicate] += bin_flux(hits, flux, receiver.grid)
+        by_fate[replicate] += share * flux_by_fate(exit_rays, landings.averted)
         window[replicate] += flux_in_square(hits, flux, window_mm)
         traced += len(bundle)
     return Simulation(images, by_fate, window, source.flux_w, traced)
+
+
+def flux_by_fate(rays: ExitRays, averted: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
+    """Flux (W) by fate; of the rays that left the lens, the ``averted`` ones have a place of their own, the last."""
+    fates = torch.where(averted, AVERTED, rays.fates).numpy()
+    return np.bincount(fates, rays.flux.numpy(), minlength=len(Fate) + 1)
+
+
+def design_landings(
+    lens: TracedLens, spec: Spec, rays: RayBundle
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
+    """Where ``rays`` land on the receiver of ``spec`` (mm), NaN for those that do not, and their flux (W) there."""
+    landings = PlaneReceiver.of(spec.target, spec.evaluate.pixels).land(lens.trace(rays))
+    return np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan), landings.flux.numpy()
 
 
 def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:

@@ -1,27 +1,27 @@
-"""``lens.ies``, ``lens.ldt`` and ``lens.tm25ray``: the light of the finished lens for the next program, proven.
+"""The light of the finished lens for the next program, as IES, EULUMDAT and TM-25 files, proven.
 
 Only light that leaves the lens upwards is in the files: what leaves it downwards meets the plane on which the lens
 stands, and is accounted for as averted. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the y axis.
 """
 
+import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.accuracy import PRESETS
+from lensforge.accuracy import Preset
 from lensforge.errors import InputError
-from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import write_json
-from lensforge.gates import Gate
-from lensforge.lens import load_lens
+from lensforge.evaluation.simulate import AVERTED, TracedLens
 from lensforge.far_field.binning import AngularGrid
 from lensforge.far_field.exits import exit_rays
-from lensforge.sources.build import build_source
+from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, Photometry, WrittenFile
+from lensforge.gates import Gate, at_most
+from lensforge.lens import Lens
+from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
@@ -36,44 +36,76 @@ _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
-def export_photometry(directory: Path, *, rays: int | None = None, lumens: float | None = None) -> dict[str, Any]:
-    """Write the three files and ``photometry.json``; ``lumens`` is the luminous flux of the source.
+def measure_photometry(
+    lens: Lens, source: Source, preset: Preset, *, rays: int | None = None, lumens: float | None = None
+) -> Photometry:
+    """Trace the light behind ``lens``, and make the three files of it; ``lumens``: luminous flux of the source.
 
     Without it, the flux follows from the spec's luminous efficacy; without that, it is 1000 lm: then candela are cd
-    for each 1000 lm of the LED.
+    for each 1000 lm of the LED. Raises :class:`InputError` for lumens that are none, and where no light leaves the
+    lens upwards.
     """
+    if lumens is not None and not 0.0 < lumens < np.inf:
+        raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
     started = time.perf_counter()
-    lens = load_lens(directory / "lens.json")
-    if lens.accuracy not in PRESETS:
-        raise InputError(f"{directory / 'lens.json'}: accuracy = {lens.accuracy!r}: one of {', '.join(PRESETS)}")
-    preset = PRESETS[lens.accuracy]
-    source = build_source(lens.spec.source, lens.spec.lens.dispersion)
     radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
     traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
     light = _light_behind(traced, source, rays or preset.evaluate_rays, lens.seed, _SLACK * radius_mm)
     table = AngularGrid().table(light.deposits.mean(axis=0))
-    report = _flux_account(light, source.flux_w)
-    lumens = lumens or (lens.spec.source.luminous_efficacy_lm_per_w or 0.0) * source.flux_w or 1000.0
-    report |= _write(directory, lens.spec.name, table, light, radius_mm, lumens, lumens / source.flux_w)
-    report["peak_cd"] = float(table.values.max() * lumens / source.flux_w)
-    report["seconds"] = time.perf_counter() - started
-    report["gates"] = [gate.to_json() for gate in _gates(report)]
-    write_json(directory / "photometry.json", report)
-    return report
+    lumens = float(lumens or (lens.spec.source.luminous_efficacy_lm_per_w or 0.0) * source.flux_w or 1000.0)
+    per_watt = lumens / source.flux_w
+    candela = TabulatedIntensity(table.c_deg, table.gamma_deg, table.values * per_watt)
+    title = f"lensforge {lens.spec.name}"
+    photometric = PhotometricFile(candela, lumens, title=title, diameter_mm=2.0 * radius_mm)
+    contents = _contents(photometric, _rayfile(light.sample, title))
+    files = _read_back(contents, light.written_w, per_watt)
+    return Photometry(
+        inputs={"lens": lens.sha256},
+        rays=light.rays,
+        source_w=source.flux_w,
+        exit_w=light.exit_w,
+        light_output_ratio=_ratio(light.exit_w, source.flux_w),
+        lost_w=_lost(light.by_fate_w),
+        absorbed_fresnel_w=source.flux_w - float(light.by_fate_w.sum()),
+        source_lm=lumens,
+        exit_lm=light.written_w * per_watt,
+        peak_cd=float(table.values.max() * lumens / source.flux_w),
+        files=files,
+        gates=tuple(_gates(files)),
+        c_deg=candela.c_deg,
+        gamma_deg=candela.gamma_deg,
+        candela=candela.values,
+        ies=contents[IES_FILE],
+        ldt=contents[LDT_FILE],
+        tm25=contents[TM25_FILE],
+        seconds=time.perf_counter() - started,
+    )
 
 
 @dataclass(frozen=True)
 class _Light:
-    """What ``rays`` rays say of the light behind the lens: flux by sample and node, by fate, and some of the rays."""
+    """The light behind the lens by ``rays`` rays: flux by sample and node, by fate, and some of the rays."""
 
     rays: int
     deposits: Float[np.ndarray, "parts planes nodes"]
     by_fate_w: Float[np.ndarray, " f"]
     sample: RayBundle
 
+    @property
+    def exit_w(self) -> Metric:
+        """Flux that leaves the lens upwards; its standard error by the spread of the samples."""
+        exits = self.deposits.sum(axis=(1, 2))
+        error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
+        return Metric(value=float(exits.mean()), unit="W", standard_error=error)
+
+    @property
+    def written_w(self) -> float:
+        """The same flux as the rays of the sample carry it."""
+        return float(self.sample.weights.sum())
+
 
 def _light_behind(lens: TracedLens, source: Source, rays: int, seed: int, sphere_mm: float) -> _Light:
-    grid, deposits, by_fate, kept, count = AngularGrid(), [], np.zeros(len(Fate)), [], 0
+    grid, deposits, by_fate, kept, count = AngularGrid(), [], np.zeros(len(Fate) + 1), [], 0
     for bundle in _bundles(source, rays, seed):
         out = exit_rays(lens, bundle, sphere_mm)
         deposits.append(grid.deposit(out.rays))
@@ -104,51 +136,49 @@ def _bundles(source: Source, rays: int, seed: int) -> Iterator[RayBundle]:
         yield replace(dealt, weights=dealt.weights * (source.flux_w / dealt.weights.sum()))
 
 
-def _flux_account(light: _Light, source_w: float) -> dict[str, Any]:
-    exits = light.deposits.sum(axis=(1, 2))
-    error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else 0.0
-    lost = {fate.name.lower(): float(light.by_fate_w[fate]) for fate in Fate if fate != Fate.ARRIVED}
-    return {
-        "rays": light.rays,
-        "source_w": source_w,
-        "exit_w": float(exits.mean()),
-        "exit_w_standard_error": error,
-        "light_output_ratio": float(exits.mean() / source_w),
-        "lost_w": lost,
-        "absorbed_fresnel_w": source_w - float(light.by_fate_w.sum()),
-    }
+def _lost(by_fate_w: Float[np.ndarray, " f"]) -> dict[str, float]:
+    """Flux (W) that does not leave the lens upwards, by fate."""
+    lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
+    return lost | {"averted": float(by_fate_w[AVERTED])}
 
 
-def _write(
-    directory: Path,
-    name: str,
-    table: TabulatedIntensity,
-    light: _Light,
-    radius_mm: float,
-    lumens: float,
-    lumens_per_watt: float,
-) -> dict[str, Any]:
-    """Write the files and read them back: the flux that each holds, and how far it is from that of the rays."""
-    candela = TabulatedIntensity(table.c_deg, table.gamma_deg, table.values * lumens_per_watt)
-    title = f"lensforge {name}"
-    photometric = PhotometricFile(candela, lumens, title=title, diameter_mm=2.0 * radius_mm)
-    exit_w = float(light.sample.weights.sum())
-    files: dict[str, dict[str, float]] = {}
-    for file in ("lens.ies", "lens.ldt"):
-        write_photometric(directory / file, photometric)
-        back = read_photometric(directory / file).intensity.flux()
-        files[file] = {"lumens": back, "relative_error": abs(back / (exit_w * lumens_per_watt) - 1.0)}
+def _ratio(flux: Metric, whole_w: float) -> Metric:
+    error = None if flux.standard_error is None else flux.standard_error / whole_w
+    return Metric(value=flux.value / whole_w, standard_error=error)
+
+
+def _rayfile(rays: RayBundle, title: str) -> RayFile:
     header = {"name": title, "creation_method": "simulated", "ray_file_creator": "lensforge"}
-    rays = light.sample
-    rayfile = RayFile(rays.origins, rays.directions, rays.weights, "W", header_flux_w=exit_w, header=header)
-    write_rayfile(directory / "lens.tm25ray", rayfile, "tm25")
-    written = read_rayfile(directory / "lens.tm25ray")
-    error = abs(written.ray_sum() / exit_w - 1.0)
-    files["lens.tm25ray"] = {"rays": len(written), "watts": written.ray_sum(), "relative_error": error}
-    return {"source_lm": lumens, "exit_lm": exit_w * lumens_per_watt, "files": files}
+    flux_w = float(rays.weights.sum())
+    return RayFile(rays.origins, rays.directions, rays.weights, "W", header_flux_w=flux_w, header=header)
 
 
-def _gates(report: dict[str, Any]) -> Iterator[Gate]:
+def _contents(photometric: PhotometricFile, rayfile: RayFile) -> dict[str, bytes]:
+    """The bytes of the three files by name."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in (IES_FILE, LDT_FILE):
+            write_photometric(Path(folder) / name, photometric)
+        write_rayfile(Path(folder) / TM25_FILE, rayfile, "tm25")
+        return {name: (Path(folder) / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
+
+
+def _read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> dict[str, WrittenFile]:
+    """The flux that each file holds for a reader, and how far it is from ``exit_w``, that of the rays."""
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in contents.items():
+            (Path(folder) / name).write_bytes(content)
+        for name in (IES_FILE, LDT_FILE):
+            back = float(read_photometric(Path(folder) / name).intensity.flux())
+            found[name] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+        rayfile = read_rayfile(Path(folder) / TM25_FILE)
+        count, watts = len(rayfile), float(rayfile.ray_sum())
+        del rayfile  # it maps the file, which is to go
+    found[TM25_FILE] = WrittenFile(rays=count, watts=watts, relative_error=abs(watts / exit_w - 1.0))
+    return found
+
+
+def _gates(files: dict[str, WrittenFile]) -> Iterator[Gate]:
     remedy = "please report the lens.json"
-    for name, entry in report["files"].items():
-        yield Gate(f"flux of {name} as read back", entry["relative_error"], "<=", _CONSERVED, "relative", remedy)
+    for name, entry in files.items():
+        yield at_most(f"flux of {name} as read back", entry.relative_error, _CONSERVED, "relative", remedy)

@@ -21,12 +21,15 @@ def plot_map(image: Map, side_mm: float, unit: LightUnit = WATTS, axes: Axes | N
     return axes
 
 
-def plot_face(values: Map, label: str, axes: Axes | None = None) -> Axes:
-    """A quantity over the chart of a face ([X, Y], NaN outside of it), equal colours for either sign."""
+def plot_face(values: Map, half_width: float, label: str, axes: Axes | None = None) -> Axes:
+    """A quantity over the chart of a face, its square of ``half_width`` ([X, Y], NaN outside of the rim).
+
+    Colours are equal for either sign.
+    """
     axes = new_axes(axes)
     known = values[np.isfinite(values)]
     reach = float(np.abs(known).max()) if len(known) else 1.0
-    extent = (-1.25, 1.25, -1.25, 1.25)
+    extent = (-half_width, half_width, -half_width, half_width)
     shown = axes.imshow(values.T, origin="lower", extent=extent, cmap="RdBu_r", vmin=-reach, vmax=reach)
     axes.figure.colorbar(shown, ax=axes, label=label)
     axes.set(xlabel="X of the chart", ylabel="Y of the chart")

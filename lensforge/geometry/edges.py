@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
-from lensforge.geometry.outline import Outline, Piece
+from lensforge.geometry.outline import FULL_TURN, Outline, Piece
 from lensforge.geometry.patch import DEGREE, Patch
-from lensforge.geometry.plan import FULL_TURN, Arc, rim_directions
+from lensforge.geometry.plan import Arc, rim_directions
 
 # The rim curve lies in z = 0, the face's own boundary within the patch's form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0

@@ -11,8 +11,9 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from lensforge.errors import InputError
+from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import MAX_NODES, Patch, default_nodes, fit_patch
-from lensforge.geometry.plan import FULL_TURN, rim_directions
+from lensforge.geometry.plan import rim_directions
 from lensforge.surfaces.chart import to_chart
 from lensforge.surfaces.surface import Surface
 

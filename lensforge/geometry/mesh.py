@@ -39,7 +39,8 @@ class BodyMesh:
 
     def part(self, name: str) -> Int[np.ndarray, "k 3"]:
         """The triangles of the face ``name``."""
-        return self.triangles[self.face == self.names.index(name)]
+        triangles: Int[np.ndarray, "k 3"] = self.triangles[self.face == self.names.index(name)]
+        return triangles
 
     def volume(self) -> float:
         """Enclosed volume (mm^3), by the divergence theorem."""
@@ -117,14 +118,16 @@ def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " 
 
 
 def _rim_height(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
-    return np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
+    height: Float[np.ndarray, " n"] = np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
+    return height
 
 
 def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
     """Whether the dome overhangs the base at each azimuth, by the plan's arcs."""
     starts = np.array([arc.start for arc in plan.arcs])
     relation = np.array([arc.relation == "overhang" for arc in plan.arcs])
-    return relation[np.searchsorted(starts, azimuths, side="right") - 1]
+    overhangs: np.ndarray = relation[np.searchsorted(starts, azimuths, side="right") - 1]
+    return overhangs
 
 
 def _ledge_or_overhang(

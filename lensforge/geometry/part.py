@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
@@ -18,6 +18,7 @@ from lensforge.records import (
     Given,
     InFile,
     NotNegative,
+    Number,
     Positive,
     Record,
     Sha256,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     import trimesh
     from matplotlib.axes import Axes
 
+_CONTENT = Field(strict=True, repr=False)
 STEP_FILE, STL_FILE, THREEMF_FILE, SURFACES_FILE = "lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"
 
 
@@ -38,10 +40,10 @@ class FileStamp(Record):
     bytes: Count
     sha256: Sha256
 
-    @staticmethod
-    def of(content: bytes) -> "FileStamp":
-        """That of ``content``."""
-        return FileStamp(bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+
+def stamp_of(content: bytes) -> FileStamp:
+    """Size and hash of ``content``."""
+    return FileStamp(bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
 
 
 class Faces(Record):
@@ -81,10 +83,10 @@ class Part(StageResult):
     lens: Annotated[Lens, Given()]
     form_error_nm: Extent
     normal_error_mrad: Extent
-    volume_mm3: Positive
-    volume_mesh_mm3: Positive
+    volume_mm3: Number
+    volume_mesh_mm3: Number
     watertight: Flag
-    genus: int
+    genus: Annotated[int, Field(strict=True)]
     faces: Faces
     nodes: dict[Literal["inner", "outer"], Count]
     step_schema: Literal["AP214", "AP242"]
@@ -93,19 +95,22 @@ class Part(StageResult):
     files: dict[Text, FileStamp]
     seconds: NotNegative
     gates: tuple[Gate, ...]
-    step: Annotated[bytes, InFile(STEP_FILE)]
-    stl: Annotated[bytes, InFile(STL_FILE)]
-    threemf: Annotated[bytes, InFile(THREEMF_FILE)]
-    surfaces_step: Annotated[bytes | None, InFile(SURFACES_FILE)] = None
+    step: Annotated[bytes, InFile(STEP_FILE), _CONTENT]
+    stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
+    threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
+    surfaces_step: Annotated[bytes | None, InFile(SURFACES_FILE), _CONTENT] = None
 
     @model_validator(mode="after")
     def _bytes_are_those_of_the_record(self) -> "Part":
-        for name, content in self._contents().items():
-            if name not in self.files or self.files[name] != FileStamp.of(content):
+        contents = self._bytes()
+        for name in {**self.files, **contents}:
+            if name not in contents:
+                raise ValueError(f"{name}: no such file, export.json describes one")
+            if name not in self.files or self.files[name] != stamp_of(contents[name]):
                 raise ValueError(f"{name}: not the file that export.json describes")
         return self
 
-    def _contents(self) -> dict[str, bytes]:
+    def _bytes(self) -> dict[str, bytes]:
         contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
         return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
 
@@ -150,7 +155,7 @@ class Part(StageResult):
 
         mesh = pyvista.wrap(self.mesh)
         if cut:
-            mesh = mesh.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))
+            mesh = mesh.clip_closed_surface(normal="-y", origin=(0.0, 0.0, 0.0))  # open towards the camera
         plotter = pyvista.Plotter(off_screen=off_screen)
         plotter.add_mesh(mesh, color="#a3bfd8", smooth_shading=True, split_sharp_edges=True, feature_angle=35.0)
         plotter.add_axes()

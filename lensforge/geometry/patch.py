@@ -48,19 +48,22 @@ class Patch:
 
     def points(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Points (mm) at chart coordinates inside the square of half width ``HALF_WIDTH``."""
-        return self._spline(chart)
+        points: Float[np.ndarray, "*n 3"] = self._spline(chart)
+        return points
 
     def normals(self, chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
         """Unit normals pointing away from the origin."""
-        normal = np.cross(self._spline(chart, nu=(1, 0)), self._spline(chart, nu=(0, 1)))
-        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        along: Float[np.ndarray, "*n 3"] = np.cross(self._spline(chart, nu=(1, 0)), self._spline(chart, nu=(0, 1)))
+        normals: Float[np.ndarray, "*n 3"] = along / np.linalg.norm(along, axis=-1, keepdims=True)
+        return normals
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin in unit ``directions``, down to a little below z = 0.
 
         A point of the spline leaves the ray of its parameters by no more than the form error, so its distance is taken.
         """
-        return np.linalg.norm(self.points(to_chart(directions)), axis=-1)
+        radius: Float[np.ndarray, " n"] = np.linalg.norm(self.points(to_chart(directions)), axis=-1)
+        return radius
 
     @cached_property
     def _spline(self) -> NdBSpline:
@@ -76,7 +79,8 @@ def default_nodes(detail_rad: float) -> int:
 def node_axis(count: int, apron: int = 0, half_width: float = HALF_WIDTH) -> Float[np.ndarray, " n"]:
     """The chart coordinate of ``count`` nodes, even in angle from edge to edge of the square, and ``apron`` beyond."""
     half = np.arctan(half_width)
-    return np.tan(2.0 * half / (count - 1) * np.arange(-apron, count + apron) - half)
+    axis: Float[np.ndarray, " n"] = np.tan(2.0 * half / (count - 1) * np.arange(-apron, count + apron) - half)
+    return axis
 
 
 def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
-from lensforge.geometry.plan import FULL_TURN, rim_directions
+from lensforge.geometry.plan import rim_directions
 
 _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth takes its place
 
@@ -82,10 +83,11 @@ def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " _"]]:
 
 
 def _middles(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    return (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
+    middles: Float[np.ndarray, " n"] = (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
+    return middles
 
 
 def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    plane = np.sin(polar) * rim_directions(azimuths)
+    plane: Float[np.ndarray, "n 3"] = np.sin(polar) * rim_directions(azimuths)
     plane[:, 2] = np.cos(polar)
     return plane

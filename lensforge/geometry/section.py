@@ -40,7 +40,8 @@ def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361)
     polar = np.column_stack([np.sin(theta), np.cos(theta)])
     polar[[0, -1], 1] = 0.0  # the rim lies in z = 0 exactly
     directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
-    return surface.radius(directions)[:, None] * polar
+    curve: Curve = surface.radius(directions)[:, None] * polar
+    return curve
 
 
 def _base_corners(lens: Lens, azimuth: float) -> Curve:

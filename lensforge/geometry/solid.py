@@ -25,8 +25,9 @@ from lensforge.geometry.mesh import (
     SIDE,
     TOP,
 )
+from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
-from lensforge.geometry.plan import FULL_TURN, Arc, Plan
+from lensforge.geometry.plan import Arc, Plan
 
 # Outward direction of each face at a point of it: along +z or -z, or away from the axis or towards it.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"

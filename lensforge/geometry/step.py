@@ -1,4 +1,4 @@
-"""STEP in mm: one part with named faces, or loose surfaces with names, written and read back.
+"""STEP in mm: one part with named faces, or loose surfaces with names, as the bytes of a file and read back.
 
 The same shapes give the same bytes: the header carries no time, so that a hash names the geometry.
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
+from lensforge.geometry.scratch import as_file, written
 from lensforge.geometry.solid import Solid
 from lensforge.version import __version__
 
@@ -25,12 +25,11 @@ _NUMBER_SETTINGS = {
 _UNCERTAINTY_MM = 1e-5
 _NO_TIME = "1970-01-01T00:00:00"
 
-
-_EXPORT_FIRST, _EXPORT_AGAIN = "run `lensforge export` first", "run `lensforge export` again"
+_AGAIN = "run `lensforge export` again"
 
 
 @dataclass(frozen=True)
-class Part:
+class Product:
     """A product of the file: its ``cadquery.Shape``, and the faces of it that have names."""
 
     name: str
@@ -38,17 +37,23 @@ class Part:
     faces: dict[str, Any]
 
 
-def write_step(solid: Solid, path: Path, product: str, schema: Schema = "AP214") -> None:
-    """Write ``solid`` as the part ``product``, its faces under their names."""
-    _write({product: solid.shape}, solid.faces, path, product, schema)
+def require_schema(schema: str) -> None:
+    """Raise :class:`InputError` for a schema that is not written."""
+    if schema not in _KERNEL_SCHEMA:
+        raise InputError(f"schema = {schema!r}: one of {', '.join(_KERNEL_SCHEMA)}")
 
 
-def write_surfaces(faces: dict[str, Any], path: Path, product: str, schema: Schema = "AP214") -> None:
-    """Write loose faces (``cadquery.Face``), each a product under its name."""
-    _write(faces, {}, path, product, schema)
+def step_bytes(solid: Solid, product: str, schema: Schema = "AP214") -> bytes:
+    """A STEP file of ``solid`` as the part ``product``, its faces under their names."""
+    return _bytes({product: solid.shape}, solid.faces, product, schema)
 
 
-def _write(parts: dict[str, Any], faces: dict[str, Any], path: Path, product: str, schema: Schema) -> None:
+def surfaces_bytes(faces: dict[str, Any], product: str, schema: Schema = "AP214") -> bytes:
+    """A STEP file of loose faces (``cadquery.Face``), each a product under its name."""
+    return _bytes(faces, {}, product, schema)
+
+
+def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: Schema) -> bytes:
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Writer
     from OCP.STEPControl import STEPControl_StepModelType
@@ -58,45 +63,66 @@ def _write(parts: dict[str, Any], faces: dict[str, Any], path: Path, product: st
     writer.SetNameMode(True)
     writer.Transfer(_document(parts, faces), STEPControl_StepModelType.STEPControl_AsIs)
     _sign(writer.ChangeWriter().Model(), product)
-    with replacing(path) as temporary:
-        if writer.Write(str(temporary)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-            raise InputError(f"{path}: the STEP file could not be written; is the disk full?")
+
+    def write(path: Path) -> None:
+        if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+            raise InputError(f"{product}: the STEP file could not be written to {path.parent}; is the disk full?")
+
+    return written("lens.step", write)
 
 
-def read_step(path: Path) -> Solid:
-    """Read the one solid of a STEP file and its named faces. Raises :class:`InputError` for anything else."""
-    parts = read_parts(path)
+def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
+    """The one solid of a STEP file's bytes and its named faces.
+
+    Raises :class:`InputError` for anything else; ``origin`` is the name that it calls them by.
+    """
+    parts = _parse(content, origin)
     solids = [solid for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
-        raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; {_EXPORT_AGAIN}")
+        raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; {_AGAIN}")
     return Solid(solids[0], parts[0].faces)
 
 
-def read_surfaces(path: Path) -> dict[str, Any]:
-    """The loose faces of a STEP file (``cadquery.Face``) by name."""
-    return {part.name: part.shape.Faces()[0] for part in read_parts(path) if len(part.shape.Faces()) == 1}
+def solid_of_step(content: bytes) -> Any:
+    """The one solid (``cadquery.Solid``, mm) of a STEP file's bytes. Raises :class:`InputError`."""
+    return parse_step(content).shape
 
 
-def read_parts(path: Path, missing: str = _EXPORT_FIRST, damaged: str = _EXPORT_AGAIN) -> list[Part]:
+def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[str, Any]:
+    """The loose faces (``cadquery.Face``) of a STEP file's bytes by name. Raises :class:`InputError`."""
+    return {part.name: part.shape.Faces()[0] for part in _parse(content, origin) if len(part.shape.Faces()) == 1}
+
+
+def _parse(content: bytes, origin: str) -> list[Product]:
+    with as_file(content, "lens.step") as path:
+        return _products(path, origin, _AGAIN)
+
+
+def read_products(path: Path, missing: str, damaged: str) -> list[Product]:
     """All products of a STEP file, in mm whatever its unit; the remedies go into the :class:`InputError`."""
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such file; {missing}")
+    return _products(path, str(path), damaged)
+
+
+def _products(path: Path, origin: str, remedy: str) -> list[Product]:
     import cadquery as cq
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TDF import TDF_LabelSequence
     from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file; {missing}")
     reader, document, parts = STEPCAFControl_Reader(), _new_document(), TDF_LabelSequence()
     _configure("", "AP214")
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
-        raise InputError(f"{path}: not readable as STEP; {damaged}")
+        raise InputError(f"{origin}: not readable as STEP; {remedy}")
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
     labels = [parts.Value(k + 1) for k in range(parts.Length())]
     # All at once: a label is nothing without its document, which goes with the last reference to it.
     return [
-        Part(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label)) for label in labels
+        Product(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label))
+        for label in labels
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from lensforge.errors import InputError
 from lensforge.geometry.mesh import INNER, OUTER, RIM
 from lensforge.geometry.solid import Solid, uniquely_named
-from lensforge.geometry.step import read_parts
+from lensforge.geometry.step import read_products
 
 BASE = "BASE"
 
@@ -30,7 +30,7 @@ class StepBase:
 
 def read_base(path: Path) -> StepBase:
     """The one solid of ``path``. Raises :class:`InputError` for anything else, or where its top is not in z = 0."""
-    parts = read_parts(path, "base.file names it, relative to the spec", "export it as AP203, AP214 or AP242")
+    parts = read_products(path, "base.file names it, relative to the spec", "export it as AP203, AP214 or AP242")
     solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
         raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")

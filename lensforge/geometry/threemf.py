@@ -13,14 +13,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
 from lensforge.geometry.mesh import BodyMesh
+from lensforge.geometry.scratch import as_file, written
 
 _DECIMALS = 9  # of a mm: the format's vertices are single precision, which is 1e-6 mm at lens size
 
 
-def write_3mf(mesh: BodyMesh, path: Path, product: str) -> None:
-    """Write ``mesh`` as one object; each named face is a triangle set of it."""
+def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
+    """A 3MF file of ``mesh`` as one object; each named face is a triangle set of it."""
     import lib3mf
 
     library = lib3mf.get_wrapper()
@@ -41,29 +41,34 @@ def write_3mf(mesh: BodyMesh, path: Path, product: str) -> None:
         owner(str(uuid.UUID(bytes=digest[:15] + bytes([number]), version=4)))
     writer = model.QueryWriter("3mf")
     writer.SetDecimalPrecision(_DECIMALS)
-    with replacing(path) as temporary:
+
+    def write(path: Path) -> None:
         try:
-            writer.WriteToFile(str(temporary))
+            writer.WriteToFile(str(path))
         except lib3mf.ELib3MFException as error:
-            raise InputError(f"{path}: the 3MF file could not be written ({error})") from None
+            raise InputError(f"{product}: the 3MF file could not be written to {path.parent} ({error})") from None
+
+    return written("lens.3mf", write)
 
 
-def read_3mf(path: Path) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices (mm) and triangles of the one object in a 3MF file. Raises :class:`InputError`."""
+def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices (mm) and triangles of the one object in a 3MF file's bytes.
+
+    Raises :class:`InputError` for anything else; ``origin`` is the name that it calls them by.
+    """
     import lib3mf
 
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file; run `lensforge export` first")
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
     try:
-        reader.ReadFromFile(str(path))
+        with as_file(content, "lens.3mf") as path:
+            reader.ReadFromFile(str(path))
     except lib3mf.ELib3MFException as error:
-        raise InputError(f"{path}: not readable as 3MF ({error}); run `lensforge export` again") from None
+        raise InputError(f"{origin}: not readable as 3MF ({error}); run `lensforge export` again") from None
     objects = model.GetMeshObjects()
     if model.GetUnit() != lib3mf.ModelUnit.MilliMeter or not objects.MoveNext():
-        raise InputError(f"{path}: holds no mesh in mm; run `lensforge export` again")
+        raise InputError(f"{origin}: holds no mesh in mm; run `lensforge export` again")
     body = objects.GetCurrentMeshObject()
     vertices = np.array([vertex.Coordinates[:] for vertex in body.GetVertices()], dtype=np.float64)
     triangles = np.array([triangle.Indices[:] for triangle in body.GetTriangleIndices()], dtype=np.int64)

@@ -17,15 +17,15 @@ moves away from the face), hence the last definition.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares, minimize_scalar
 
+from lensforge.manufacturing.cut import Variant
 from lensforge.manufacturing.sampling import FaceSamples
 
-Variant = Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
 _SCAN = 65  # axis positions tried before the local search: peak-to-valley is not convex in the centre
@@ -106,17 +106,20 @@ def _least_squares_centre(
 
     def residual(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, " k"]:
         distance = np.linalg.norm(points - parameters @ moving, axis=1)
-        return root * (distance - weights @ distance)
+        departure: Float[np.ndarray, " k"] = root * (distance - weights @ distance)
+        return departure
 
     def slope(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, "k p"]:
         away = points - parameters @ moving
         towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ moving.T
-        return root[:, None] * (towards - weights @ towards)
+        change: Float[np.ndarray, "k p"] = root[:, None] * (towards - weights @ towards)
+        return change
 
     scale = float(np.linalg.norm(points, axis=1).mean())
     tight = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
     found = least_squares(residual, np.zeros(len(moving)), slope, method="lm", x_scale=scale, **tight)
-    return found.x @ moving
+    centre: Float[np.ndarray, " 3"] = found.x @ moving
+    return centre
 
 
 def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:

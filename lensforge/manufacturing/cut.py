@@ -26,10 +26,13 @@ FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
 FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
 
 
+Variant = Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+
+
 class Sphere(Record):
     """A best-fit sphere and the face's departure from it, along the sphere's normal."""
 
-    variant: Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+    variant: Variant
     radius_mm: Positive
     centre_mm: Point
     pv_mm: NotNegative
@@ -197,6 +200,9 @@ class Check(StageResult):
     outer_residual_mm: FaceMap
     outer_reachable: FaceMap
 
+    def __str__(self) -> str:
+        return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)
+
     def plot(
         self,
         surface: Literal["inner", "outer"] = "outer",
@@ -212,4 +218,5 @@ class Check(StageResult):
             "kappa_max": "larger curvature (1/mm)",
             "residual_mm": "left uncut (mm)",
         }
-        return plot_face(getattr(self, f"{surface}_{quantity}"), f"{surface}: {labels[quantity]}", axes)
+        values, half_width = getattr(self, f"{surface}_{quantity}"), float(self.chart_axis[-1])
+        return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

@@ -14,7 +14,8 @@ _UNDERCUT = 1e-9  # a hemisphere's rim has n.z = 0 up to rounding, which is not 
 
 def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
     """Draft angle (rad) at each sample: pi/2 at the apex, 0 at the rim of a hemisphere, negative in an undercut."""
-    return np.arcsin(np.clip(samples.outward[:, 2], -1.0, 1.0))
+    draft: Float[np.ndarray, " k"] = np.arcsin(np.clip(samples.outward[:, 2], -1.0, 1.0))
+    return draft
 
 
 def undercut_fraction(samples: FaceSamples) -> float:

@@ -51,7 +51,8 @@ class Jet:
     @property
     def area_element(self) -> Float[np.ndarray, " n"]:
         """Area (mm^2) of the face for each unit of chart area."""
-        return np.linalg.norm(np.cross(self.x, self.y), axis=1)
+        area: Float[np.ndarray, " n"] = np.linalg.norm(np.cross(self.x, self.y), axis=1)
+        return area
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ class OpticalFace:
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin at chart ``points``."""
-        return self.spline.ev(points[:, 0], points[:, 1])
+        radius: Float[np.ndarray, " n"] = self.spline.ev(points[:, 0], points[:, 1])
+        return radius
 
     def jet(self, points: Float[np.ndarray, "n 2"]) -> Jet:
         """Position and derivatives at chart ``points``, by the product rule on ``rho u``."""
@@ -84,7 +86,8 @@ class OpticalFace:
     def air_normal(self, jet: Jet) -> Float[np.ndarray, "n 3"]:
         """Unit normals that point from the material into the air."""
         outward = np.cross(jet.x, jet.y)
-        return float(self.air) * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        normal: Float[np.ndarray, "n 3"] = float(self.air) * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        return normal
 
 
 def _direction_jet(X: Float[np.ndarray, " n"], Y: Float[np.ndarray, " n"]) -> list[Float[np.ndarray, "n 3"]]:

@@ -1,13 +1,14 @@
-"""Everything that is measured on one face, and its part of check.json."""
+"""Everything that is measured on one face."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.manufacturing.best_fit_sphere import VARIANTS, BestFitSphere, best_fit_sphere
 from lensforge.manufacturing.curvature import smallest_curvature
+from lensforge.manufacturing.cut import Curvature, Cutter, Draft, FaceResult, Sphere
 from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable
 from lensforge.manufacturing.draft import draft_rad, largest_tilt_rad, undercut_fraction
 from lensforge.manufacturing.face import OpticalFace
@@ -68,57 +69,53 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
     )
 
 
-def face_json(check: FaceCheck) -> dict[str, Any]:
-    """The face's object in check.json; an unbounded number is null, with a ``note`` beside it."""
+def face_result(check: FaceCheck) -> FaceResult:
+    """What the check says of the face; an unbounded number is None."""
     samples = check.samples
     draft = np.degrees(draft_rad(samples))
     others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)
-    return {
-        "best_fit_sphere": _sphere_json(check.sphere),
-        "other_spheres": [_sphere_json(sphere) for sphere in others],
-        "curvature": _curvature_json(check),
-        "cutter": _cutter_json(check),
-        "draft_deg": {
-            "min": float(draft.min()),
-            "area_fraction_below_0.5": samples.fraction(draft < 0.5),
-            "area_fraction_below_2": samples.fraction(draft < 2.0),
-        },
-        "undercut_fraction": undercut_fraction(samples),
-        "largest_tilt_deg": float(np.degrees(largest_tilt_rad(samples))),
-        "area_mm2": float(samples.areas.sum()),
-    }
+    return FaceResult(
+        best_fit_sphere=_sphere(check.sphere),
+        other_spheres=tuple(_sphere(sphere) for sphere in others),
+        curvature=Curvature(
+            kappa_min_per_mm=check.lowest_curvature,
+            kappa_max_per_mm=float(check.samples.curvatures.maximum.max()),
+            smallest_concave_radius_mm=bounded(check.smallest_concave_radius_mm),
+        ),
+        cutter=_cutter(check),
+        draft_deg=Draft(
+            min=float(draft.min()),
+            area_fraction_below_half=samples.fraction(draft < 0.5),
+            area_fraction_below_two=samples.fraction(draft < 2.0),
+        ),
+        undercut_fraction=undercut_fraction(samples),
+        largest_tilt_deg=float(np.degrees(largest_tilt_rad(samples))),
+        area_mm2=float(samples.areas.sum()),
+    )
 
 
-def _sphere_json(sphere: BestFitSphere) -> dict[str, Any]:
-    return {
-        "variant": sphere.variant,
-        "radius_mm": sphere.radius_mm,
-        "centre_mm": sphere.centre_mm.tolist(),
-        "pv_mm": sphere.pv_mm,
-        "rms_mm": sphere.rms_mm,
-        "slope_departure_mrad": 1e3 * float(sphere.slope_departure.max()),
-    }
+def bounded(value: float) -> float | None:
+    """``value``, or None for what is infinite or not a number."""
+    return float(value) if np.isfinite(value) else None
 
 
-def _curvature_json(check: FaceCheck) -> dict[str, Any]:
-    hollow = check.smallest_concave_radius_mm
-    return {
-        "kappa_min_per_mm": check.lowest_curvature,
-        "kappa_max_per_mm": float(check.samples.curvatures.maximum.max()),
-        **_finite("smallest_concave_radius_mm", hollow, "the face is convex everywhere"),
-    }
+def _sphere(sphere: BestFitSphere) -> Sphere:
+    x, y, z = sphere.centre_mm.tolist()
+    return Sphere(
+        variant=sphere.variant,
+        radius_mm=sphere.radius_mm,
+        centre_mm=(x, y, z),
+        pv_mm=sphere.pv_mm,
+        rms_mm=sphere.rms_mm,
+        slope_departure_mrad=1e3 * float(sphere.slope_departure.max()),
+    )
 
 
-def _cutter_json(check: FaceCheck) -> dict[str, Any]:
-    largest, left = check.largest_cutter_mm, float(check.residual_mm.max())
-    return {
-        "radius_mm": check.cutter_radius_mm,
-        "reachable_fraction": check.reachable_fraction,
-        "local_ok_fraction": check.samples.fraction(local_fit(check.samples, check.cutter_radius_mm)),
-        **_finite("largest_radius_mm", largest, "a ball of any radius reaches the whole face"),
-        **_finite("residual_mm", left, "the cutter reaches nothing of the face"),
-    }
-
-
-def _finite(key: str, value: float, otherwise: str) -> dict[str, Any]:
-    return {key: float(value)} if np.isfinite(value) else {key: None, f"{key}_note": otherwise}
+def _cutter(check: FaceCheck) -> Cutter:
+    return Cutter(
+        radius_mm=check.cutter_radius_mm,
+        reachable_fraction=check.reachable_fraction,
+        local_ok_fraction=check.samples.fraction(local_fit(check.samples, check.cutter_radius_mm)),
+        largest_radius_mm=bounded(check.largest_cutter_mm),
+        residual_mm=bounded(float(check.residual_mm.max())),
+    )

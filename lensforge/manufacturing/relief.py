@@ -60,4 +60,5 @@ def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Flo
     azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     distance, _ = cKDTree(face.radius(circle)[:, None] * circle).query(points)
-    return distance
+    nearest: Float[np.ndarray, " n"] = distance
+    return nearest

@@ -1,57 +1,41 @@
-"""Room for the cutter beside the base: its part of check.json, and its verdicts."""
-
-from typing import Any
+"""Room for the cutter beside the base, whatever base it is."""
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.manufacturing.cut import InnerRelief, OuterRelief, OwnBaseRelief, Relief
 from lensforge.manufacturing.face_check import FaceCheck
 from lensforge.manufacturing.own_base import OwnBase
 from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
-from lensforge.manufacturing.verdicts import ShopVerdict, own_base_verdict, relief_verdict
 from lensforge.spec import BaseSection
 
 
 def check_relief(
     base: BaseSection | None, own: OwnBase | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
-) -> dict[str, Any]:
+) -> Relief:
     """How far the base must retreat for the cutter, over the part of each face that the face itself lets it reach.
 
     ``base``: None for a mould insert; ``own``: the base from a STEP file, where ``base`` says so.
     """
     if base is None or base.kind == "none":
         note = "a mould insert has no base" if base is None else "there is no base"
-        return {"note": note, "outer": None, "inner": None}
+        return Relief(outer=None, inner=None, note=note)
     if own is not None:
-        return {face.name: _own_json(face, own.retreat_mm(face.samples, cutter_mm)) for face in (outer, inner)}
+        return Relief(outer=_own(outer, own, cutter_mm), inner=_own(inner, own, cutter_mm))
     step = _missing_step(base, cutter_mm, outer)
     setback = step_clearance_mm(outer.samples, cutter_mm)
     setback = np.where(setback > base.relief_setback_mm, setback, 0.0)
     clearance = bore_clearance_mm(inner.samples, cutter_mm)
-    return {
-        "outer": {
-            "smallest_step_mm": _largest_reached(outer, step),
-            "step_clearance_mm": _largest_reached(outer, setback),
-            "flush_fraction": _clear(outer, np.maximum(step, setback)),
-        },
-        "inner": {"bore_clearance_mm": _largest_reached(inner, clearance), "flush_fraction": _clear(inner, clearance)},
-    }
-
-
-def relief_verdicts(relief: dict[str, Any]) -> list[ShopVerdict]:
-    """One statement for each face that has a base beside it."""
-    outer, inner = relief["outer"], relief["inner"]
-    if outer is None or inner is None:
-        return []
-    if "retreat_mm" in outer:
-        return [
-            own_base_verdict("outer", outer["retreat_mm"], outer["flush_fraction"]),
-            own_base_verdict("inner", inner["retreat_mm"], inner["flush_fraction"]),
-        ]
-    return [
-        relief_verdict("outer", outer["smallest_step_mm"], outer["flush_fraction"], outer["step_clearance_mm"]),
-        relief_verdict("inner", inner["bore_clearance_mm"], inner["flush_fraction"]),
-    ]
+    return Relief(
+        outer=OuterRelief(
+            smallest_step_mm=_largest_reached(outer, step),
+            step_clearance_mm=_largest_reached(outer, setback),
+            flush_fraction=_clear(outer, np.maximum(step, setback)),
+        ),
+        inner=InnerRelief(
+            bore_clearance_mm=_largest_reached(inner, clearance), flush_fraction=_clear(inner, clearance)
+        ),
+    )
 
 
 def _missing_step(base: BaseSection, cutter_mm: float, outer: FaceCheck) -> Float[np.ndarray, " k"]:
@@ -63,8 +47,9 @@ def _missing_step(base: BaseSection, cutter_mm: float, outer: FaceCheck) -> Floa
     return np.where(step > 0.0, step + base.relief_step_mm, 0.0)
 
 
-def _own_json(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> dict[str, Any]:
-    return {"retreat_mm": _largest_reached(face, retreat), "flush_fraction": _clear(face, retreat)}
+def _own(face: FaceCheck, own: OwnBase, cutter_mm: float) -> OwnBaseRelief:
+    retreat = own.retreat_mm(face.samples, cutter_mm)
+    return OwnBaseRelief(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
 
 
 def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float | None:

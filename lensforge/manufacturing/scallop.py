@@ -10,6 +10,20 @@ Light feels the slope more than the height: 50 nm of height from a ball of 1 mm 
 
 import numpy as np
 
+from lensforge.manufacturing.cut import Scallop
+
+
+def scallop(cutter_radius_mm: float, stepover_mm: float, slope_limit_rad: float, curvature: float) -> Scallop:
+    """The cusps of passes of ``stepover_mm``, and the stepover whose cusps are as steep as the limit."""
+    height = scallop_height_mm(cutter_radius_mm, stepover_mm, curvature)
+    slope = scallop_slope_rad(cutter_radius_mm, stepover_mm, curvature)
+    limit = stepover_for_slope_mm(cutter_radius_mm, slope_limit_rad, curvature)
+    return Scallop(
+        height_nm=1e6 * height if np.isfinite(height) else None,
+        slope_mrad=1e3 * slope if np.isfinite(slope) else None,
+        stepover_for_slope_limit_mm=limit if np.isfinite(limit) else None,
+    )
+
 
 def scallop_height_mm(cutter_radius_mm: float, stepover_mm: float, curvature: float = 0.0) -> float:
     """Height (mm) of the cusps above the face; NaN where the passes do not overlap or the ball does not fit."""

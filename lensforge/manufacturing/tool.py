@@ -23,7 +23,7 @@ _CHUNK = 256
 
 
 @dataclass(frozen=True)
-class ToolReach:
+class Reached:
     """Parts of a face's area: reached by the ball alone, by the untilted tool, by the tool with its best tilt."""
 
     ball: float
@@ -38,7 +38,7 @@ def tool_reach(
     away: Float[np.ndarray, "3"],
     max_tilt_rad: float,
     obstacles: Float[np.ndarray, "m 3"],
-) -> ToolReach:
+) -> Reached:
     """What ``tool`` reaches of a face; ``away`` is the direction (unit) in which the untilted tool leaves the part.
 
     ``ball_fits`` says where its ball alone may touch; ``obstacles`` are points of the part, the face's own among them.
@@ -55,7 +55,7 @@ def tool_reach(
             untilted = samples.fraction(reached)
         if not len(waiting):
             break
-    return ToolReach(samples.fraction(ball_fits), untilted, samples.fraction(reached))
+    return Reached(samples.fraction(ball_fits), untilted, samples.fraction(reached))
 
 
 def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:

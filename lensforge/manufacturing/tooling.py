@@ -1,17 +1,15 @@
-"""Every tool of the spec on both faces: its part of check.json and its verdicts."""
-
-from typing import Any, Literal
+"""Every tool of the spec on both faces."""
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.manufacturing.cut import ToolReach, ToolResult
 from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide
-from lensforge.manufacturing.face_check import FaceCheck
+from lensforge.manufacturing.face_check import FaceCheck, bounded
 from lensforge.manufacturing.own_base import OwnBase
 from lensforge.manufacturing.sampling import sample_face
 from lensforge.manufacturing.tool import tool_reach
-from lensforge.manufacturing.verdicts import ShopVerdict
 from lensforge.spec import BaseSection, Tool
 
 _CONTACT_NODES, _OBSTACLE_NODES = 41, 61
@@ -21,49 +19,51 @@ _AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0
 
 def check_tools(
     tools: tuple[Tool, ...],
-    faces: tuple[FaceCheck, FaceCheck],
+    inner: FaceCheck,
+    outer: FaceCheck,
     base: BaseSection | None,
     own: OwnBase | None,
     max_tilt_rad: float,
-) -> list[dict[str, Any]]:
+) -> tuple[ToolResult, ...]:
     """Each tool with what it reaches of each face.
 
     ``base`` is None where it is not in the way: a mould insert; ``own`` is the base from a STEP file.
     """
-    content: list[dict[str, Any]] = [tool.model_dump(mode="json") for tool in tools]
-    for face in faces if tools else ():
-        contacts = sample_face(face.samples.face, _CONTACT_NODES)
-        ball = largest_ball_mm(contacts, face.samples.points)
-        obstacles = _obstacles(face, base, own)
-        largest = face.largest_cutter_mm
-        for tool, entry in zip(tools, content, strict=True):
-            away = _AWAY[face.samples.face.air]
-            fits = reachable(ball, tool.radius_mm)
-            reach = tool_reach(contacts, fits, tool, away, max_tilt_rad, obstacles)
-            entry[face.name] = {
-                "ball_reachable_fraction": reach.ball,
-                "reachable_fraction_untilted": reach.untilted,
-                "reachable_fraction": reach.tilted,
-                "largest_radius_mm": largest if np.isfinite(largest) else None,
-            }
-    return content
+    if not tools:
+        return ()
+    reaches = [_reaches(tools, face, _obstacles(face, base, own), max_tilt_rad) for face in (inner, outer)]
+    return tuple(
+        ToolResult(
+            name=tool.name,
+            radius_mm=tool.radius_mm,
+            shank_radius_mm=tool.shank_radius_mm,
+            length_mm=tool.length_mm,
+            holder_half_angle_deg=tool.holder_half_angle_deg,
+            inner=of_inner,
+            outer=of_outer,
+        )
+        for tool, of_inner, of_outer in zip(tools, *reaches, strict=True)
+    )
 
 
-def tool_verdicts(entries: list[dict[str, Any]]) -> list[ShopVerdict]:
-    """Whether each tool cuts all of each face, and what stops it."""
-    verdicts = []
-    for entry in entries:
-        names: tuple[Literal["inner", "outer"], ...] = ("inner", "outer")
-        for name in names:
-            reach = entry[name]
-            ball, whole = reach["ball_reachable_fraction"], reach["reachable_fraction"]
-            reason = f"{entry['name']} reaches {100.0 * whole:.1f} % of the {name} face"
-            if whole < ball - 1e-9:
-                reason += f"; its ball alone {100.0 * ball:.1f} %: shank or holder is in the way, a longer one may do"
-            if ball < 1.0 - 1e-9:
-                reason += f"; the largest ball that reaches all of it is {reach['largest_radius_mm']:.4g} mm"
-            verdicts.append(ShopVerdict(name="tool", surface=name, holds=whole >= 1.0 - 1e-9, reason=reason))
-    return verdicts
+def _reaches(
+    tools: tuple[Tool, ...], face: FaceCheck, obstacles: Float[np.ndarray, "m 3"], max_tilt_rad: float
+) -> list[ToolReach]:
+    """What each tool reaches of one face."""
+    contacts = sample_face(face.samples.face, _CONTACT_NODES)
+    ball, away = largest_ball_mm(contacts, face.samples.points), _AWAY[face.samples.face.air]
+    found = []
+    for tool in tools:
+        reached = tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles)
+        found.append(
+            ToolReach(
+                ball_reachable_fraction=reached.ball,
+                reachable_fraction_untilted=reached.untilted,
+                reachable_fraction=reached.tilted,
+                largest_radius_mm=bounded(face.largest_cutter_mm),
+            )
+        )
+    return found
 
 
 def _obstacles(face: FaceCheck, base: BaseSection | None, own: OwnBase | None) -> Float[np.ndarray, "m 3"]:

@@ -5,11 +5,10 @@ faces is perpendicular to both, so starting from the outer face would give the s
 hemisphere below z = 0 run into the base and have no thickness, so at the rim the radial wall may be the thinner one.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.manufacturing.cut import Wall
 from lensforge.manufacturing.face import OpticalFace
 from lensforge.manufacturing.sampling import FaceSamples
 from lensforge.surfaces import chart
@@ -18,18 +17,10 @@ _TOLERANCE_MM = 1e-10
 _STEPS = 40
 
 
-@dataclass(frozen=True)
-class ThinnestWall:
-    """The thinnest place of a wall: thickness and its two ends (mm)."""
-
-    thickness_mm: float
-    inner_mm: Float[np.ndarray, "3"]
-    outer_mm: Float[np.ndarray, "3"]
-
-
 def radial_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
     """Thickness (mm) along the ray from the origin through each sample; negative where the faces cross."""
-    return outer.radius(inner.chart) - np.linalg.norm(inner.points, axis=1)
+    wall: Float[np.ndarray, " k"] = outer.radius(inner.chart) - np.linalg.norm(inner.points, axis=1)
+    return wall
 
 
 def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
@@ -41,7 +32,8 @@ def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, 
 
     def outside(t: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         x = start + t[:, None] * direction
-        return np.linalg.norm(x, axis=1) - outer.radius(chart.to_chart(x))
+        height: Float[np.ndarray, " k"] = np.linalg.norm(x, axis=1) - outer.radius(chart.to_chart(x))
+        return height
 
     before = np.zeros(len(start))
     value_before = outside(before)
@@ -59,8 +51,11 @@ def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, 
     return np.where(found, t, np.nan)
 
 
-def thinnest(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"]) -> ThinnestWall:
+def thinnest(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"]) -> Wall:
     """The smallest of ``wall_mm``, which runs from the samples of ``inner`` along the unit vectors ``along``."""
     index = int(np.nanargmin(wall_mm))
     start = inner.points[index]
-    return ThinnestWall(float(wall_mm[index]), start, start + wall_mm[index] * along[index])
+    end = start + wall_mm[index] * along[index]
+    return Wall(
+        thickness_mm=float(wall_mm[index]), inner_point_mm=tuple(start.tolist()), outer_point_mm=tuple(end.tolist())
+    )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.evaluation.light import Judged
 from lensforge.gates import Gate
 from lensforge.records import (
     Array,
@@ -29,7 +30,11 @@ Side = Literal["inner", "outer"]
 
 
 class Located(Record):
-    """How the corners were found that were not given: in which picture, and how straight (pixels) their edges are."""
+    """How the corners were found that were not given.
+
+    ``seen_in``: the picture, or "the light" for on less off. ``lit``: they are those of the light itself. Scatter of
+    the points of the worst edge about its line, and its bow, in pixels.
+    """
 
     seen_in: Text
     lit: bool
@@ -38,7 +43,7 @@ class Located(Record):
 
 
 class Similarity(Record):
-    """How alike two pictures are; SSIM 1 is equal."""
+    """How alike two pictures are. ``ssim``: structural similarity, 1 for equal pictures."""
 
     ssim: Number
     nmse: NotNegative
@@ -89,9 +94,7 @@ class PhotoComparison(StageResult):
         """Photograph and simulation along a line through the centre."""
         from lensforge.figures.plots import plot_curves
 
-        curves = {
-            name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")
-        }
+        curves = {name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
 
 
@@ -111,15 +114,6 @@ class Departure(Record):
     rms: NotNegative
     min: Number
     max: Number
-
-
-class Judged(Record):
-    """What the light of a lens is worth; None where a metric has no meaning."""
-
-    nmse: Metric
-    uniformity: Metric | None
-    rsd: Metric | None
-    efficiency: Metric
 
 
 class SurfaceComparison(StageResult):
@@ -159,4 +153,4 @@ class SurfaceComparison(StageResult):
         """The form deviation over the chart of the face."""
         from lensforge.figures.plots import plot_face
 
-        return plot_face(self.deviation_um.T, f"{self.surface}: form deviation (µm)", axes)
+        return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)

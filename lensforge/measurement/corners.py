@@ -1,14 +1,14 @@
 """The target's corners in a photograph, where they are not given: the border of the panel on which the light lies."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import binary_fill_holes, binary_opening, gaussian_filter, label, map_coordinates
 
 from lensforge.errors import InputError
+from lensforge.measurement.comparison import Located
 from lensforge.measurement.quadrilateral import Sides, area, clockwise, enclosing, fit_sides
 from lensforge.measurement.rectify import listed
 
@@ -25,24 +25,11 @@ _ROLL_RAD = np.radians(30.0)
 
 
 @dataclass(frozen=True)
-class Located:
-    """Corners of the target (column, row) from the top left clockwise, and where and how well they were seen.
-
-    ``seen_in``: the picture, or "the light" for on less off. ``lit``: they are those of the light itself. Scatter of
-    the points of the worst edge about its line, and its bow, in pixels.
-    """
+class Square:
+    """Corners of the target (column, row) from the top left clockwise, and where and how well they were seen."""
 
     corners: Float[np.ndarray, "4 2"]
-    seen_in: str
-    lit: bool
-    edge_rms_px: float
-    edge_bow_px: float
-
-    def to_json(self) -> dict[str, Any]:
-        """For the key ``corners_located`` of compare.json; the corners are beside it."""
-        content = asdict(self)
-        del content["corners"]
-        return content
+    located: Located
 
 
 def locate(
@@ -51,7 +38,7 @@ def locate(
     *,
     border_share: float,
     lit_square: bool = False,
-) -> Located:
+) -> Square:
     """The one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
 
     ``border_share``: how bright the simulation is along its border, of its peak. ``lit_square``: take the edges of a
@@ -61,9 +48,9 @@ def locate(
     light = on if off is None else on - off
     found = [each for each in _found(on, off, light) if _holds(each.corners, light)]
     found = [_judged(each, light, border_share) for each in found]
-    panels, lit = [each for each in found if not each.lit], [each for each in found if each.lit]
+    panels, lit = ([each for each in found if each.located.lit == seen] for seen in (False, True))
     chosen = _one(panels) if panels or not lit else _one(lit)
-    if chosen.lit and not lit_square:
+    if chosen.located.lit and not lit_square:
         raise InputError(
             f"--on: the only square seen is the edge of the light itself, at {listed(chosen.corners)}, not a target's "
             "border; give --target-mm with the side of that square of light, or --corners of the target"
@@ -73,7 +60,7 @@ def locate(
 
 def _found(
     on: Float[np.ndarray, "h w"], off: Float[np.ndarray, "h w"] | None, light: Float[np.ndarray, "h w"]
-) -> list[Located]:
+) -> list[Square]:
     """Every quadrilateral with four straight edges, once; those with the straightest edges stand for their likes."""
     pictures = {"--on": on} if off is None else {"--off": off, "--on": on, "the light": light}
     seen = []
@@ -81,10 +68,11 @@ def _found(
         for rough in _rough(picture):
             sides = _refined(picture, rough)
             if sides is not None:
-                bow = float(sides.bow.max())
-                seen.append(Located(clockwise(sides.corners), name, name == "the light", float(sides.rms.max()), bow))
-    distinct: list[Located] = []
-    for each in sorted(seen, key=lambda one: one.edge_rms_px):
+                rms, bow = float(sides.rms.max()), float(sides.bow.max())
+                how = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
+                seen.append(Square(clockwise(sides.corners), how))
+    distinct: list[Square] = []
+    for each in sorted(seen, key=lambda one: one.located.edge_rms_px):
         if not any(_same(each.corners, other.corners) for other in distinct):
             distinct.append(each)
     return distinct
@@ -149,18 +137,18 @@ def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -
     return bool(inside.mean() >= _HELD) if len(rows) else False
 
 
-def _judged(each: Located, light: Float[np.ndarray, "h w"], border_share: float) -> Located:
+def _judged(each: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
     """With ``lit`` by how bright the light is just inside of the border: what --off shows is a panel in any case."""
-    if each.seen_in == "--off":
+    if each.located.seen_in == "--off":
         return each
     centre, t = each.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
     border = ((1.0 - t) * each.corners + t * np.roll(each.corners, -1, axis=0)).reshape(-1, 2)
     ring = np.concatenate([centre + inset * (border - centre) for inset in (0.9, 0.93, 0.96)])
     share = float(np.median(map_coordinates(light, [ring[:, 1], ring[:, 0]], order=1)) / np.quantile(light, 0.999))
-    return replace(each, lit=share > _LIT + border_share)
+    return replace(each, located=each.located.model_copy(update={"lit": share > _LIT + border_share}))
 
 
-def _one(found: list[Located]) -> Located:
+def _one(found: list[Square]) -> Square:
     """The only one, or an error that says what to do."""
     if not found:
         raise InputError(
@@ -176,12 +164,12 @@ def _one(found: list[Located]) -> Located:
     return found[0]
 
 
-def _sound(located: Located) -> Located:
-    """``located`` unless four corners cannot say what is needed of it."""
-    corners, side = located.corners, float(np.sqrt(area(located.corners)))
-    if located.edge_bow_px > _BOW * side:
+def _sound(square: Square) -> Square:
+    """``square`` unless four corners cannot say what is needed of it."""
+    corners, side, bow = square.corners, float(np.sqrt(area(square.corners))), square.located.edge_bow_px
+    if bow > _BOW * side:
         raise InputError(
-            f"--on: the target's edges are bent by {located.edge_bow_px:.1f} pixels, corners would not be certain; "
+            f"--on: the target's edges are bent by {bow:.1f} pixels, corners would not be certain; "
             f"undo the distortion of the camera's lens first, or give --corners {listed(corners)}"
         )
     top = corners[1] - corners[0]
@@ -190,4 +178,4 @@ def _sound(located: Located) -> Located:
             f"--on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, its top left is not "
             f"certain; give --corners, such as {listed(corners)}"
         )
-    return located
+    return square

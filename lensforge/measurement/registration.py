@@ -39,8 +39,8 @@ class Pose:
 
 def moved(points: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
     """``points`` turned by the rotation vector (rad) and shifted (mm) that make up ``pose``."""
-    turned: Float[np.ndarray, "n 3"] = Rotation.from_rotvec(pose[:3]).apply(points)
-    return turned + pose[3:]
+    placed: Float[np.ndarray, "n 3"] = Rotation.from_rotvec(pose[:3]).apply(points) + pose[3:]
+    return placed
 
 
 def over_surface(points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
@@ -132,7 +132,8 @@ def _left_jacobian(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     if angle < 1e-6:
         return np.eye(3) + 0.5 * cross
     first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + first * cross + second * cross @ cross
+    jacobian: Float[np.ndarray, "3 3"] = np.eye(3) + first * cross + second * cross @ cross
+    return jacobian
 
 
 def _starts(patch: Patch, points: Float[np.ndarray, "n 3"]) -> list[Float[np.ndarray, "6"]]:

@@ -1,26 +1,19 @@
 """How alike two pictures of the same receiver are, whatever their exposure."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import shift
+
+from lensforge.measurement.comparison import Similarity
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
 _SUBPIXEL = 50
 
 
-@dataclass(frozen=True)
-class Similarity:
-    """``ssim``: structural similarity, 1 for equal pictures; ``nmse``: normalised mean squared error."""
-
-    ssim: float
-    nmse: float
-
-
 def normalised(image: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """``image`` with a mean of 1: what is left of it is its shape."""
-    return image / image.mean()
+    scaled: Float[np.ndarray, "p p"] = image / image.mean()
+    return scaled
 
 
 def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Similarity:
@@ -39,7 +32,7 @@ def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, 
         sigma=_SIGMA,
         use_sample_covariance=False,
     )
-    return Similarity(float(ssim), float(np.sum((measured - simulated) ** 2) / np.sum(simulated**2)))
+    return Similarity(ssim=float(ssim), nmse=float(np.sum((measured - simulated) ** 2) / np.sum(simulated**2)))
 
 
 def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "2"]:

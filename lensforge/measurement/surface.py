@@ -1,35 +1,33 @@
 """``lensforge compare --points``: a measured surface against the design's, and the light that it would make."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import get_args
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.evaluate import Evaluation, evaluate_traced
+from lensforge.errors import InputError
+from lensforge.evaluation.evaluate import evaluate_traced
+from lensforge.evaluation.light import Judged
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import replacing, write_json
-from lensforge.gates import Gate
+from lensforge.gates import Gate, at_least
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
+from lensforge.measurement.comparison import Departure, Side, SurfaceComparison
+from lensforge.measurement.comparison import Pose as PoseRecord
 from lensforge.measurement.deviation import Deviation, coverage, fit_deviation
 from lensforge.measurement.registration import Freedom, Pose, distances, over_surface, register
-from lensforge.measurement.surface_figure import draw_surface
 from lensforge.sources.bundle import Source
 from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.spline import tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-Side = Literal["inner", "outer"]
-
 _MOST_RAYS = 2**20
 _MAP_PIXELS = 201
 USED_SHARE = 0.9  # of the points must lie over the surface once registered
 COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
-_JUDGED = ("nmse", "uniformity", "rsd", "efficiency")
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,6 @@ class Form:
 
 def compare_surface(
     cloud: Float[np.ndarray, "k 3"],
-    directory: Path,
     *,
     lens: Lens,
     side: Side,
@@ -54,13 +51,15 @@ def compare_surface(
     preset: Preset,
     rays: int | None = None,
     freedom: Freedom = "rigid",
-) -> dict[str, Any]:
+) -> SurfaceComparison:
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
 
-    Writes compare_<side>.json, .npz and .png. Deviations are along the normal, positive away from the origin: too much
-    material on the outer surface, too little on the inner one. What ``freedom`` registers is taken out, and the rest is
-    form; the other surface is the design's. Raises :class:`InputError` for points that cannot be registered.
+    Deviations are along the normal, positive away from the origin: too much material on the outer surface, too little
+    on the inner one. What ``freedom`` registers is taken out, and the rest is form; the other surface is the design's.
+    Raises :class:`InputError` for points that cannot be registered, and for a ``freedom`` that is none.
     """
+    if freedom not in get_args(Freedom):
+        raise InputError(f"registration = {freedom!r}: must be one of {', '.join(get_args(Freedom))}")
     patch = fit_patch(getattr(lens, side))
     form = measure_form(patch, lens.basis, cloud, freedom)
     count = rays or min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
@@ -68,33 +67,31 @@ def compare_surface(
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
     chart, height = _map(patch, form.deviation.surface)
-    content = {
-        "surface": side,
-        "registration": freedom,
-        "points": len(cloud),
-        **_describe(form, height),
-        "rays": count,
-        "design": _judged(before),
-        "measured": _judged(after),
-        "nmse_between": float(np.sum((after.irradiance - before.irradiance) ** 2) / np.sum(before.irradiance**2)),
-        "gates": [gate.to_json() for gate in _gates(form)],
-    }
-    arrays = {
-        "points": form.points,
-        "distance_um": 1e3 * form.distances,
-        "chart": chart,
-        "deviation_um": height,
-        "irradiance_design": before.irradiance,
-        "irradiance_measured": after.irradiance,
-        "axis_mm": before.axis_mm,
-    }
-    stem = Path(directory) / f"compare_{side}"
-    with replacing(stem.with_suffix(".npz")) as temporary:
-        np.savez_compressed(temporary, allow_pickle=False, **arrays)
-    with replacing(stem.with_suffix(".png")) as temporary:
-        draw_surface(temporary, arrays, side)
-    write_json(stem.with_suffix(".json"), content)
-    return content
+    return SurfaceComparison(
+        inputs={"lens": lens.sha256},
+        surface=side,
+        registration=freedom,
+        point_count=len(cloud),
+        used_share=form.used,
+        covered_share=form.covered,
+        pose=_pose(form.pose),
+        point_deviation_um=_departure(1e3 * form.distances),
+        form_deviation_um=_departure(height[np.isfinite(height)]),
+        residual_rms_um=1e3 * form.deviation.residual_rms_mm,
+        rays=count,
+        receiver_mm=before.receiver_mm,
+        design=Judged.of(before),
+        measured=Judged.of(after),
+        nmse_between=float(np.sum((after.map - before.map) ** 2) / np.sum(before.map**2)),
+        gates=tuple(_gates(form)),
+        points=form.points,
+        distance_um=1e3 * form.distances,
+        chart=chart,
+        deviation_um=height,
+        irradiance_design=before.map,
+        irradiance_measured=after.map,
+        axis_mm=before.axis_mm,
+    )
 
 
 def measure_form(patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], freedom: Freedom = "rigid") -> Form:
@@ -134,41 +131,32 @@ def _map(patch: Patch, deviation: SrbfSurface) -> tuple[Float[np.ndarray, " m"],
     return axis, height
 
 
-def _describe(form: Form, height: Float[np.ndarray, "m m"]) -> dict[str, Any]:
-    known = height[np.isfinite(height)]
-    return {
-        "used_share": form.used,
-        "covered_share": form.covered,
-        "pose": {
-            "rotation_deg": np.degrees(form.pose.rotation_rad).tolist(),
-            "rotation_standard_error_deg": np.degrees(form.pose.rotation_error_rad).tolist(),
-            "translation_mm": form.pose.translation_mm.tolist(),
-            "translation_standard_error_mm": form.pose.translation_error_mm.tolist(),
-        },
-        "point_deviation_um": _extent(1e3 * form.distances),
-        "form_deviation_um": _extent(known),
-        "residual_rms_um": 1e3 * form.deviation.residual_rms_mm,
-    }
+def _pose(pose: Pose) -> PoseRecord:
+    return PoseRecord(
+        rotation_deg=_triple(np.degrees(pose.rotation_rad)),
+        rotation_standard_error_deg=_triple(np.degrees(pose.rotation_error_rad)),
+        translation_mm=_triple(pose.translation_mm),
+        translation_standard_error_mm=_triple(pose.translation_error_mm),
+    )
 
 
-def _extent(values: Float[np.ndarray, " n"]) -> dict[str, float]:
-    return {
-        "pv": float(np.ptp(values)),
-        "rms": float(np.sqrt(np.mean(values**2))),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
+def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])
 
 
-def _judged(evaluation: Evaluation) -> dict[str, Any]:
-    keys = [key for name in _JUDGED for key in (name, f"{name}_standard_error")]
-    return {key: evaluation.report[key] for key in keys}
+def _departure(values: Float[np.ndarray, " n"]) -> Departure:
+    return Departure(
+        pv=float(np.ptp(values)),
+        rms=float(np.sqrt(np.mean(values**2))),
+        min=float(values.min()),
+        max=float(values.max()),
+    )
 
 
 def _gates(form: Form) -> list[Gate]:
     other = "give the points of this surface alone, near to lens coordinates"
     more = "measure more of the surface"
     return [
-        Gate("points_used", form.used, ">=", USED_SHARE, "of the points", other),
-        Gate("surface_covered", form.covered, ">=", COVERED_SHARE, "of the surface", more),
+        at_least("points_used", form.used, USED_SHARE, "of the points", other),
+        at_least("surface_covered", form.covered, COVERED_SHARE, "of the surface", more),
     ]

@@ -10,15 +10,17 @@ import torch
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
+from lensforge.lens import Lens
 from lensforge.spec import Spec
 
 FILE_NAME = "checkpoint.pt"
+_ANEW = "delete it, or run without --resume"
 
 
-def fingerprint(spec: Spec, seed: int, accuracy: str, rays: int | None, device: torch.device | None) -> str:
-    """What a checkpoint belongs to: another spec, seed, preset, ray count or device must not resume from it."""
+def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device: torch.device | None) -> str:
+    """What a checkpoint belongs to: another spec, seed, preset, start or device must not resume from it."""
     searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
-    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{rays}|{device}"
+    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -36,9 +38,11 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any]:
         content = torch.load(path, weights_only=True)
     except FileNotFoundError:
         raise InputError(f"{path}: no checkpoint to resume from; run without --resume") from None
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise InputError(f"{path}: damaged checkpoint ({type(error).__name__}); run without --resume") from None
-    if content["key"] != key:
-        raise InputError(f"{path}: belongs to another spec, seed, accuracy, --rays or --device; run without --resume")
+    except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
+        raise InputError(f"{path}: damaged checkpoint ({type(error).__name__}); {_ANEW}") from None
+    if not isinstance(content, dict) or not isinstance(content.get("state"), dict):
+        raise InputError(f"{path}: no checkpoint of a search; {_ANEW}")
+    if content.get("key") != key:
+        raise InputError(f"{path}: belongs to another spec, seed, accuracy, start or device; {_ANEW}")
     state: dict[str, Any] = content["state"]
     return state

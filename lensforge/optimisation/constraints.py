@@ -1,8 +1,8 @@
 """What makes a lens feasible: the paper's three constraints, Eqs. (10) to (14), and those of the shop on request.
 
-g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. g4 lets no hollow be tighter than the ball that mills
-it (curvature alone: the gouge test of ``check`` is global), g5 gives each face a draft, so that a mould opens along
-the axis. A constraint that the spec does not ask for is not computed.
+The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. On request no hollow is tighter than the
+ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould
+opens along the axis. A constraint that the spec does not ask for is not computed.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ class Constraint:
     @property
     def name(self) -> str:
         """As the gate calls it."""
-        return "constraint " + self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace(
+        return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace(
             "_", " "
         )
 
@@ -84,9 +84,9 @@ def _of_paper(spec: Spec) -> list[Constraint]:
         tolerance=limits.tolerance_mm,
     )
     return [
-        length("g1_mm", field=cavity, remedy="raise lens.inner_offset_mm or lower constraints.cavity_*"),
-        length("g2_mm", field=wall, remedy="raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
-        length("g3_mm", field=size, remedy="raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
+        length("cavity_clearance_mm", field=cavity, remedy="raise lens.inner_offset_mm or lower constraints.cavity_*"),
+        length("wall_margin_mm", field=wall, remedy="raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
+        length("radius_margin_mm", field=size, remedy="raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
     ]
 
 
@@ -103,7 +103,7 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
         air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
         found.append(
             Constraint(
-                f"g4_{surface}_per_mm",
+                f"{surface}_curvature_margin_per_mm",
                 "1/mm",
                 partial(_room_for_ball, surface, air, 1.0 / limit_mm),
                 share=0.5 * sigma**2 * spec.constraints.max_radius_mm,
@@ -120,7 +120,7 @@ def _of_mould(spec: Spec) -> list[Constraint]:
     sigma = spec.lens.basis.detail_rad
     return [
         Constraint(
-            f"g5_{surface}_deg",
+            f"{surface}_draft_margin_deg",
             "deg",
             partial(_draft_to_spare, surface, limit_deg),
             share=radians(sigma),

@@ -6,8 +6,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.optimisation.constraints import Constraint, constraints_of
+from lensforge.optimisation.design import Margins
 from lensforge.optimisation.watch import ChartPoints, RadiusJet, Watch, watched_points
-from lensforge.gates import Gate
+from lensforge.gates import Gate, at_least
 from lensforge.lens import Lens
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
@@ -20,8 +21,8 @@ _NODES_PER_SIGMA = 8.0
 _ZOOM_POINTS = 21
 
 
-def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float]:
-    """The least value of each constraint, in the unit that its key ends with.
+def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
+    """The least value of each constraint.
 
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim.
     """
@@ -34,15 +35,15 @@ def measure_constraints(lens: Lens, directions: int = 60_000) -> dict[str, float
         tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
         everywhere = watched_points(grid, lens.spec.lens.basis.symmetry)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
-    return found
+    return Margins.model_validate(found)
 
 
-def constraint_gates(spec: Spec, measured: dict[str, float]) -> list[Gate]:
+def constraint_gates(spec: Spec, measured: Margins) -> tuple[Gate, ...]:
     """One gate for each constraint of ``spec``: at least 0 but for its tolerance."""
-    return [
-        Gate(each.name, measured[each.key], ">=", -each.tolerance, each.unit, each.remedy)
+    return tuple(
+        at_least(each.name, getattr(measured, each.key), -each.tolerance, each.unit, each.remedy)
         for each in constraints_of(spec)
-    ]
+    )
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, RadiusJet]:

@@ -11,12 +11,13 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
+from lensforge.optimisation.landing import landed_through
 from lensforge.receivers.collect import Collected, collected
 from lensforge.receivers.collect_on_device import collected_on_device
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.receiver import Receiver
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.device_table import DeviceTable
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene
 from lensforge.tracing.on_device import TableSurface, tables_on
 from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 
@@ -53,7 +54,8 @@ class LightPath:
         The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
-            return collected(trace_tables(inner, outer, self.scene, rays), rays, self.receiver, self.window_mm)
+            landings, sin2_exit = landed_through(inner, outer, self.scene, rays, self.receiver)
+            return collected(landings, sin2_exit, torch.from_numpy(rays.weights), self.receiver.grid, self.window_mm)
         tables = tables_on(self.device, inner, outer, self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(tables, rays.take(slice(start, start + self.chunk))) for start in starts]
@@ -64,8 +66,14 @@ class LightPath:
         on_device = TensorRays.of(rays, self.scene.refractive_index, torch.float64, tables[0].coefficients.device)
 
         def light() -> tuple[Tensor, ...]:
-            arrivals = trace_sequence(inner, outer, on_device, self.scene.distance_mm, self.scene.fresnel)
-            found = collected_on_device(arrivals, on_device.weights, self.receiver, self.window_mm)
+            exit_rays = trace_sequence(inner, outer, on_device, self.scene.fresnel)
+            found = collected_on_device(
+                self.receiver.land_in_torch(exit_rays),
+                exit_rays.sin2_exit,
+                on_device.weights,
+                self.receiver.grid,
+                self.window_mm,
+            )
             return found.image, found.in_window, found.stray, found.reflected
 
         parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)

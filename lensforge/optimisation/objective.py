@@ -12,7 +12,7 @@ from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optics.transmittance import normal_transmittance
 from lensforge.receivers.collect import Collected
 from lensforge.receivers.losses import mirror_mean, nmse_loss, shortfall_loss, uniformity_loss
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -58,16 +58,16 @@ class Objective:
 
         Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU.
         """
-        receiver = Receiver(spec.target.receiver_mm, spec.optimise.pixels)
+        receiver = PlaneReceiver.of(spec.target, spec.optimise.pixels)
         fresnel = spec.optimise.fresnel
         limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
-        wanted = torch.from_numpy(target_irradiance(spec.target, receiver))
-        scene = Scene(spec.lens.refractive_index, spec.target.distance_mm, parametrisation.grid, fresnel)
+        wanted = torch.from_numpy(target_irradiance(spec.target, receiver.grid))
+        scene = Scene(spec.lens.refractive_index, parametrisation.grid, fresnel)
         light = LightPath(scene, receiver, spec.evaluate.window_mm or spec.target.receiver_mm, device)
         mask = None
         if spec.target.uniform_mm is not None:
             # half a pixel more: the outermost strip of the region belongs to pixels whose centres are beside it
-            mask = torch.from_numpy(receiver.square_mask(spec.target.uniform_mm + receiver.pitch_mm))
+            mask = torch.from_numpy(receiver.grid.square_mask(spec.target.uniform_mm + receiver.grid.pitch_mm))
         return Objective(spec, parametrisation, light, wanted * limit, mask)
 
     def evaluate(

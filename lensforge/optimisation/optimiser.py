@@ -1,7 +1,7 @@
 """The search: Adam, coarse to fine, with multiplier updates between rounds; resumable at any step."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,64 +12,28 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.accuracy import PRESETS
+from lensforge.errors import Cancelled
+from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.checkpoint import fingerprint, load_checkpoint, save_checkpoint
+from lensforge.optimisation.design import Design, Level
 from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
 from lensforge.optimisation.objective import Evaluated, Objective
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.polish import nearest_feasible
+from lensforge.optimisation.progress import Observer, Progress
 from lensforge.optimisation.rays_ahead import rays_ahead
 from lensforge.optimisation.schedule import Stage, plan
 from lensforge.optimisation.symmetry import settled_symmetry
-from lensforge.gates import Gate
-from lensforge.lens import Lens
+from lensforge.sources.build import account_of
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
+_SIZE_DIRECTIONS = 20_000  # over the hemisphere, where radius and height are read off
 _SEED_STRIDE = 1_000_003  # a scramble of its own for every step, whatever step the run was resumed at
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What an observer sees after every gradient step; ``lens`` makes the lens as it is now, for those who ask."""
-
-    level: int
-    step: int
-    steps_done: int
-    steps_total: int
-    nmse: float
-    efficiency: float
-    functions: int
-    level_done: bool
-    accuracy: Accuracy
-    lens: Callable[[], Lens]
-
-
-@dataclass
-class Design:
-    """A finished search: the lens, its history, and what it cost."""
-
-    lens: Lens
-    history: list[dict[str, Any]]
-    constraints: dict[str, float]
-    gates: list[Gate]
-    seconds: float
-    rays_per_step: int
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of ``design.json``."""
-        steps = sum(len(stage["nmse"]) for stage in self.history)
-        return {
-            "steps": steps,
-            "forward_evaluations": steps,
-            "rays_per_step": self.rays_per_step,
-            "seconds": self.seconds,
-            "history": self.history,
-            "constraints": self.constraints,
-            "gates": [gate.to_json() for gate in self.gates],
-        }
 
 
 @dataclass(frozen=True)
@@ -89,42 +53,74 @@ class _State:
     seconds: float = 0.0
 
 
-def design(
+def search(
     spec: Spec,
     source: Source,
     *,
     accuracy: Accuracy = "standard",
     seed: int = 0,
-    rays: int | None = None,
     device: torch.device | None = None,
+    start: Lens | None = None,
     checkpoint: Path | None = None,
     resume: bool = False,
-    observer: Callable[[Progress], None] = lambda _: None,
+    progress: Observer | None = None,
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by their twin on ``device``.
 
-    ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and
-    ends with the same bits as an uninterrupted one. ``observer`` is called after every gradient step.
+    ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on.
+    ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and ends
+    with the same bits as an uninterrupted one. ``progress`` is called after every gradient step; where it returns
+    False, the search raises :class:`Cancelled`.
     """
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
-    stages = plan(spec, preset, rays)
+    stages = plan(spec, preset) if start is None else plan(spec, preset)[-1:]
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
     objective = Objective.of(spec, source, parametrisation, device)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    key = fingerprint(spec, seed, accuracy, rays, device)
-    state = _fresh_state(parametrisation, constraints)
+    key = fingerprint(spec, seed, accuracy, start, device)
+    state = _fresh_state(parametrisation, constraints, start)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))
-    search = _Search(source, objective, constraints, stages, seed, accuracy, observer, state)
-    search.run(checkpoint, key)
-    state = search.state
+    run = _Search(source, objective, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
+    run.run(checkpoint, key)
+    state = run.state
     weights, offsets = nearest_feasible(parametrisation, constraints, state.weights, state.offsets)
     lens = parametrisation.lens(weights, offsets, spec, seed, accuracy)
-    measured = measure_constraints(lens)
-    return Design(lens, state.history, measured, constraint_gates(spec, measured), state.seconds, stages[-1].rays)
+    return _design(lens, source, state, stages[-1].rays)
 
 
-def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian) -> _State:
+def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> Design:
+    """What a finished search is worth to its reader."""
+    directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
+    radius, margins = lens.outer.radius(directions), measure_constraints(lens)
+    steps = sum(len(level["nmse"]) for level in state.history)
+    return Design(
+        inputs={"lens": lens.sha256},
+        lens=lens,
+        steps=steps,
+        forward_evaluations=steps,
+        rays_per_step=rays_per_step,
+        seconds=state.seconds,
+        max_radius_mm=float(radius.max()),
+        height_mm=float((radius * directions[:, 2]).max()),
+        constraints=margins,
+        source=account_of(source, lens.spec.source),
+        source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
+        history=tuple(_level(level) for level in state.history),
+        gates=constraint_gates(lens.spec, margins),
+    )
+
+
+def _level(history: dict[str, Any]) -> Level:
+    """A level's turn as its record: what is neither a count nor a figure of the light is a constraint."""
+    own = ("level", "functions", "loss", "nmse", "efficiency")
+    margins = {name: tuple(values) for name, values in history.items() if name not in own}
+    return Level.model_validate({name: history[name] for name in own} | {"constraints": margins})
+
+
+def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian, start: Lens | None) -> _State:
+    if start is not None:
+        return _State(*parametrisation.parameters_of(start), constraints.multipliers)
     weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64)
     return _State(weights, torch.ones(2, dtype=torch.float64), constraints.multipliers)
 
@@ -137,7 +133,7 @@ class _Search:
     stages: list[Stage]
     seed: int
     accuracy: Accuracy
-    observer: Callable[[Progress], None]
+    observer: Observer
     state: _State
 
     def run(self, checkpoint: Path | None, key: str) -> None:
@@ -162,7 +158,7 @@ class _Search:
         if self.state.optimiser is not None:
             optimiser.load_state_dict(deepcopy(self.state.optimiser))
         self.constraints.multipliers = self.state.multipliers
-        earlier = sum(before.steps for before in self.stages[: stage.level])
+        earlier = sum(before.steps for before in self.stages[: self.state.stage])
         steps = range(self.state.step, stage.steps)
         seeds = (self.seed * _SEED_STRIDE + earlier + step for step in steps)
         started = time.perf_counter()
@@ -187,7 +183,8 @@ class _Search:
                 history=_grown(self.state.history, stage, step, self._values(result)),
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
-            self.observer(self._progress(stage, earlier, result))
+            if self.observer(self._progress(stage, earlier, result)) is False:
+                raise Cancelled(f"{self.objective.spec.name}: cancelled after step {earlier + self.state.step}")
             yield
             started = time.perf_counter()
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -10,11 +11,14 @@ from torch import Tensor
 from lensforge.optimisation.sparse import SparseMatrix
 from lensforge.lens import Lens
 from lensforge.receivers.losses import mirror_mean
-from lensforge.spec import Spec
+from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.weight_maps import WeightMap, weight_maps
+
+_FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
+_FIT_DAMPING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -88,8 +92,23 @@ class Parametrisation:
     def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
         return [None if still is None else torch.from_numpy(tabulate(self.grid, still)) for still in self.fixed]
 
+    def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
+        """Relative weights and offsets that give the free surfaces of ``lens``.
+
+        Exact where a surface has this basis; any other is fitted in least squares over the hemisphere.
+        """
+        weights = torch.zeros(self.basis.size, 2, dtype=torch.float64)
+        offsets = torch.ones(2, dtype=torch.float64)
+        for side, (surface, still) in enumerate(zip((lens.inner, lens.outer), self.fixed, strict=True)):
+            if still is None:
+                fitted = _in_basis(self.basis, surface)
+                scale = self.scale_mm[side]
+                weights[:, side] = torch.from_numpy(fitted.weights) / scale
+                offsets[side] = fitted.offset_mm / scale
+        return weights, offsets
+
     def lens(
-        self, weights: Float[Tensor, "m 2"], offsets: Float[Tensor, "2"], spec: Spec, seed: int, accuracy: str
+        self, weights: Float[Tensor, "m 2"], offsets: Float[Tensor, "2"], spec: Spec, seed: int, accuracy: Accuracy
     ) -> Lens:
         """The frozen record of these parameters."""
         millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
@@ -98,3 +117,26 @@ class Parametrisation:
             for i, still in enumerate(self.fixed)
         )
         return Lens(inner, outer, spec, seed, accuracy)
+
+
+def _in_basis(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
+    if isinstance(surface, SrbfSurface) and surface.basis == basis:
+        return surface
+    return fit_surface(basis, surface)
+
+
+def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
+    """The sum of ``basis`` that is nearest to ``surface``: least squares of the radius over the hemisphere.
+
+    Its offset is the mean radius; a trace of damping keeps functions that the directions hardly tell apart small.
+    """
+    directions = fibonacci_hemisphere(_FIT_DIRECTIONS * basis.size)
+    radius = surface.radius(directions)
+    offset = float(radius.mean())
+    normal, right = np.zeros((basis.size, basis.size)), np.zeros(basis.size)
+    for rows in np.array_split(np.arange(len(directions)), max(1, len(directions) // _FIT_CHUNK)):
+        values = basis.evaluate(directions[rows])
+        normal += values.T @ values
+        right += values.T @ (radius[rows] - offset)
+    normal[np.diag_indices(basis.size)] += _FIT_DAMPING * float(np.trace(normal)) / basis.size
+    return SrbfSurface(basis, np.linalg.solve(normal, right), offset)

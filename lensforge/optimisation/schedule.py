@@ -27,8 +27,8 @@ class Stage:
         return self.learning_rate * (_FLOOR + (1.0 - _FLOOR) * 0.5 * (1.0 + math.cos(math.pi * step / self.steps)))
 
 
-def plan(spec: Spec, preset: Preset, rays: int | None = None) -> list[Stage]:
-    """The stages for a spec; what the spec leaves open comes from the preset, ``rays`` overrides both."""
+def plan(spec: Spec, preset: Preset) -> list[Stage]:
+    """The stages for a spec; what the spec leaves open comes from the preset."""
     levels, wish = spec.lens.levels, spec.optimise
     last = len(levels) - 1
     steps = wish.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
@@ -39,7 +39,7 @@ def plan(spec: Spec, preset: Preset, rays: int | None = None) -> list[Stage]:
         uniform = min(wish.uniformity_steps, steps[level]) if level == last else 0
         stages.append(
             Stage(
-                level, functions, steps[level], rays or wish.rays or preset.design_rays,
+                level, functions, steps[level], wish.rays or preset.design_rays,
                 wish.learning_rate * share, steps[level] - uniform,
             )
         )  # fmt: skip

@@ -25,7 +25,7 @@ class SparseMatrix:
 
     def __matmul__(self, dense: Float[Tensor, "s c"]) -> Float[Tensor, "r c"]:
         """The product with ``dense``; differentiable by it."""
-        product: Tensor = _Product.apply(dense, self)
+        product: Tensor = _Product.apply(dense, self)  # type: ignore[no-untyped-call]  # as torch leaves it
         return product
 
     @cached_property
@@ -63,7 +63,8 @@ def _transposed_times(matrix: csr_matrix, factor: Float[np.ndarray, "r 2"]) -> F
         add_transposed(*_packed(matrix), factor, part.start, part.stop, totals[chunk])
 
     _run(work, len(factor), shared)
-    return totals.sum(axis=0)
+    total: Float[np.ndarray, "s 2"] = totals.sum(axis=0)
+    return total
 
 
 class _Product(torch.autograd.Function):

@@ -42,7 +42,8 @@ def pull_cosine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
     g_x, g_y = _gradient(jet, points)
     rho_x, rho_y = jet.derivatives[:2]
     radial = (points.x * rho_x + points.y * rho_y) / jet.rho
-    return (points.cosine + radial) / torch.sqrt(1.0 + g_x**2 + g_y**2)
+    cosine: Tensor = (points.cosine + radial) / torch.sqrt(1.0 + g_x**2 + g_y**2)
+    return cosine
 
 
 def _gradient(jet: RadiusJet, points: ChartPoints) -> tuple[Float[Tensor, " k"], Float[Tensor, " k"]]:

@@ -86,7 +86,8 @@ def watched_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"]:
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
-    return points[_foremost(points, symmetry)]
+    foremost: Float[np.ndarray, "k 2"] = points[_foremost(points, symmetry)]
+    return foremost
 
 
 def _foremost(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarray, " k"]:

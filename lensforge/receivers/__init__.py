@@ -1,1 +1,1 @@
-"""From hits to irradiance, and from irradiance to a number."""
+"""From exit rays to irradiance, and from irradiance to a number."""

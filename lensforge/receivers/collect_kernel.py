@@ -8,10 +8,9 @@ the image, and counts the flux that a ray left the source with.
 from lensforge.receivers.splat_kernel import add_to_pixels, pixels_adjoint
 from lensforge.tracing.jit import inline, kernel
 
-_ARRIVED = 0
 # Squared exit sine from which a ray is pulled back from total reflection, and the excess that counts as one.
-SAFE_SINE = 0.97
-SINE_SCALE = 0.1
+SAFE_SIN2 = 0.97
+SIN2_SCALE = 0.1
 
 
 @inline
@@ -21,19 +20,19 @@ def excess_beside(x, y, half):
 
 
 @kernel
-def collect(hits, carried, sines, fates, weights, side, window, image, sums):
+def collect(hits, flux, sin2_exit, landed, weights, side, window, image, sums):
     """Add all rays to ``image`` (pixels, pixels) and to ``sums``: flux in the window, stray, totally reflected."""
     half = 0.5 * side
     for k in range(len(weights)):
-        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
+        excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
         if excess > 0.0:
             sums[2] += weights[k] * excess / (1.0 + excess)
-        if fates[k] != _ARRIVED:
+        if not landed[k]:
             continue
         x, y = hits[k, 0], hits[k, 1]
-        add_to_pixels(x, y, carried[k], side, image)
+        add_to_pixels(x, y, flux[k], side, image)
         if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
-            sums[0] += carried[k]
+            sums[0] += flux[k]
         if abs(x) > half or abs(y) > half:
             ex, ey = excess_beside(x, y, half)
             excess = ex * ex + ey * ey
@@ -41,26 +40,24 @@ def collect(hits, carried, sines, fates, weights, side, window, image, sums):
 
 
 @kernel
-def collect_adjoint(
-    hits, carried, sines, fates, weights, side, window, by_image, by_sums, by_hits, by_carried, by_sines
-):
-    """Fill the sensitivities to hits (n, 2), carried flux (n,) and squared sines (n,)."""
+def collect_adjoint(hits, flux, sin2_exit, landed, weights, side, window, by_image, by_sums, by_hits, by_flux, by_sin2):
+    """Fill the sensitivities to hits (n, 2), flux (n,) and squared exit sines (n,)."""
     half = 0.5 * side
     for k in range(len(weights)):
-        by_hits[k, 0], by_hits[k, 1], by_carried[k], by_sines[k] = 0.0, 0.0, 0.0, 0.0
-        excess = (sines[k] - SAFE_SINE) / SINE_SCALE
+        by_hits[k, 0], by_hits[k, 1], by_flux[k], by_sin2[k] = 0.0, 0.0, 0.0, 0.0
+        excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
         if excess > 0.0:
-            by_sines[k] = by_sums[2] * weights[k] / ((1.0 + excess) * (1.0 + excess) * SINE_SCALE)
-        if fates[k] != _ARRIVED:
+            by_sin2[k] = by_sums[2] * weights[k] / ((1.0 + excess) * (1.0 + excess) * SIN2_SCALE)
+        if not landed[k]:
             continue
         x, y = hits[k, 0], hits[k, 1]
-        by_x, by_y, by_flux = pixels_adjoint(x, y, carried[k], side, by_image)
+        by_x, by_y, by_w = pixels_adjoint(x, y, flux[k], side, by_image)
         if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
-            by_flux += by_sums[0]
+            by_w += by_sums[0]
         if abs(x) > half or abs(y) > half:
             ex, ey = excess_beside(x, y, half)
             bounded = 1.0 + ex * ex + ey * ey
             pull = 2.0 * by_sums[1] * weights[k] / (half * bounded * bounded)
             by_x += pull * ex if x > 0.0 else -pull * ex
             by_y += pull * ey if y > 0.0 else -pull * ey
-        by_hits[k, 0], by_hits[k, 1], by_carried[k] = by_x, by_y, by_flux
+        by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w

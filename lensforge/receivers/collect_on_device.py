@@ -5,26 +5,26 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.receivers.collect import Collected
-from lensforge.receivers.collect_kernel import SAFE_SINE, SINE_SCALE
-from lensforge.receivers.plane import Receiver
-from lensforge.tracing.arrivals import Arrivals
+from lensforge.receivers.collect_kernel import SAFE_SIN2, SIN2_SCALE
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.receiver import Landings
 
 
 def collected_on_device(
-    arrivals: Arrivals, weights: Float[Tensor, " n"], receiver: Receiver, window_mm: float
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
 ) -> Collected:
-    """Collect ``arrivals`` of rays that left the source with ``weights`` (W); all on one device, and so the result."""
-    arrived = arrivals.arrived
-    hits, carried, emitted = arrivals.hits[arrived], arrivals.carried[arrived], weights[arrived]
-    distance, half = hits.abs(), 0.5 * receiver.side_mm
+    """Collect rays that left the source with ``emitted`` (W); all on one device, and so the result."""
+    landed = landings.landed
+    hits, flux = landings.hits[landed], landings.flux[landed]
+    distance, half = hits.abs(), 0.5 * grid.side_mm
     in_window = (distance <= 0.5 * window_mm).all(dim=1)
     beside = ((distance - half).clamp(min=0.0) / half).square().sum(dim=1)
-    over = (arrivals.sines - SAFE_SINE).clamp(min=0.0) / SINE_SCALE
+    over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
     return Collected(
-        image=_splat(hits, carried, receiver),
-        in_window=carried[in_window].sum(),
-        stray=(emitted * _bounded(beside)).sum(),
-        reflected=(weights * _bounded(over)).sum(),
+        image=_splat(hits, flux, grid),
+        in_window=flux[in_window].sum(),
+        stray=(emitted[landed] * _bounded(beside)).sum(),
+        reflected=(emitted * _bounded(over)).sum(),
     )
 
 
@@ -33,10 +33,10 @@ def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     return excess / (1.0 + excess)
 
 
-def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], receiver: Receiver) -> Float[Tensor, "p p"]:
+def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "p p"]:
     """Share each ray's flux among the four nearest pixels; a frame takes what falls beside the outermost ones."""
-    pixels = receiver.pixels
-    position = (hits / receiver.side_mm + 0.5) * pixels - 0.5
+    pixels = grid.pixels
+    position = (hits / grid.side_mm + 0.5) * pixels - 0.5
     near = ((position > -1.0) & (position < pixels)).all(dim=1)
     position, flux = position[near], flux[near]
     first = torch.floor(position.detach())

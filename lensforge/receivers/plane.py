@@ -1,37 +1,60 @@
-"""The receiver: a square, pixelled window of the target plane, centred on the axis."""
+"""The plane receiver: a square, pixelled window of the plane ``z = distance_mm``, centred on the axis."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+import torch
+from jaxtyping import Float
+
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.plane_kernel import LEAST_RISE, land
+from lensforge.receivers.receiver import Landings
+from lensforge.spec import Target
+from lensforge.tracing.chunks import in_chunks
+from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 
 @dataclass(frozen=True)
-class Receiver:
-    """``side_mm`` wide, ``pixels`` x ``pixels``. Images are indexed [row = y, column = x], y upwards."""
+class PlaneReceiver:
+    """Shows irradiance; every ray that rises reaches its plane."""
 
-    side_mm: float
-    pixels: int
+    distance_mm: float
+    grid: PixelGrid
+
+    @staticmethod
+    def of(target: Target, pixels: int) -> "PlaneReceiver":
+        """The receiver on which ``target`` is wanted."""
+        return PlaneReceiver(target.distance_mm, PixelGrid(target.receiver_mm, pixels))
 
     @property
-    def pitch_mm(self) -> float:
-        """Width of a pixel."""
-        return self.side_mm / self.pixels
-
-    @property
-    def pixel_area_m2(self) -> float:
+    def pixel_measure(self) -> float:
         """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2)."""
-        return (self.pitch_mm * 1e-3) ** 2
+        return (self.grid.pitch_mm * 1e-3) ** 2
 
-    def axis_mm(self) -> Float[np.ndarray, " p"]:
-        """Coordinates of the pixel centres along either axis."""
-        return (np.arange(self.pixels) + 0.5) * self.pitch_mm - self.side_mm / 2.0
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
+        exits = [tensor.numpy() for tensor in (rays.points, rays.directions, rays.flux, rays.fates)]
+        count = len(rays.fates)
+        landings = np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool), np.empty(count, dtype=bool)
 
-    def rectangle_mask(self, width_mm: float, height_mm: float) -> Bool[np.ndarray, "p p"]:
-        """Pixels whose centres lie within a centred rectangle, ``width_mm`` along x."""
-        distance = np.abs(self.axis_mm())
-        return (distance <= height_mm / 2.0)[:, None] & (distance <= width_mm / 2.0)[None, :]
+        def work(_: int, part: slice) -> None:
+            land(*(array[part] for array in exits), self.distance_mm, *(array[part] for array in landings))
 
-    def square_mask(self, side_mm: float) -> Bool[np.ndarray, "p p"]:
-        """Pixels whose centres lie within a centred square of ``side_mm``."""
-        return self.rectangle_mask(side_mm, side_mm)
+        in_chunks(work, count)
+        return Landings(*(torch.from_numpy(array) for array in landings))
+
+    def sensitivities(self, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """Sensitivities to exit rays from those to their hits, which are crossings already."""
+        return Sensitivities(self.distance_mm, by_hits, np.empty((0, 3)))
+
+    def land_in_torch(self, rays: ExitRays) -> Landings:
+        """The twin of ``land`` in plain torch, on any device and in any precision; differentiable."""
+        landed = rays.left_lens & (rays.directions[:, 2].detach() > LEAST_RISE)
+        rows = torch.nonzero(landed)[:, 0]
+        points, directions = rays.points[rows], rays.directions[rows]
+        reached = points + ((self.distance_mm - points[:, 2]) / directions[:, 2])[:, None] * directions
+        hits = torch.zeros_like(rays.points[:, :2]).index_put((rows,), reached[:, :2])
+        return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
+
+
+Receiver = PixelGrid  # for importers that have not yet moved to receivers.pixels

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, ImageFont, UnidentifiedImageError
 from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
@@ -16,14 +16,14 @@ _LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: few pixels
 _GLYPH_PIXELS = 1024  # font size at which text is drawn before it is scaled
 
 
-def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "p p"]:
+def target_irradiance(target: Target, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
     """Mean of the wanted relative irradiance over each pixel [row y, column x], with sum 1 over the receiver.
 
     Raises :class:`InputError` when no light is wanted anywhere on the receiver.
     """
-    n = receiver.pixels
+    n = grid.pixels
     k = max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // n), _MOST_SUBPIXELS // n))
-    fine = Receiver(receiver.side_mm, n * k)
+    fine = PixelGrid(grid.side_mm, n * k)
     match target:
         case FlatTopTarget():
             image = _flat_top(target, fine)
@@ -38,16 +38,16 @@ def target_irradiance(target: Target, receiver: Receiver) -> Float[np.ndarray, "
             image = _place(_read_image(target), target.width_mm, fine)
     if not isinstance(target, FlatTopTarget) and target.edge_mm > 0.0:
         image = gaussian_filter(image, target.edge_mm / fine.pitch_mm, mode="constant")
-    coarse = image.reshape(n, k, n, k).mean(axis=(1, 3))
-    total = coarse.sum()
+    coarse: Float[np.ndarray, "p p"] = image.reshape(n, k, n, k).mean(axis=(1, 3))
+    total = float(coarse.sum())
     if not total > 0.0:
         raise InputError("target: no light is wanted anywhere on the receiver; check the image, width_mm, receiver_mm")
     return coarse / total
 
 
-def _flat_top(target: FlatTopTarget, receiver: Receiver) -> Float[np.ndarray, "p p"]:
+def _flat_top(target: FlatTopTarget, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
     with np.errstate(over="ignore"):  # far outside of a narrow pattern: exp(-inf) is the 0 that is meant
-        profile = np.exp(-(np.abs(receiver.axis_mm() / target.half_width_mm) ** target.exponent))
+        profile = np.exp(-(np.abs(grid.axis_mm() / target.half_width_mm) ** target.exponent))
     return profile[:, None] * profile[None, :]
 
 
@@ -75,18 +75,18 @@ def _read_image(target: ImageTarget) -> Float[np.ndarray, "h w"]:
         raise InputError(f"target.file = {target.file}: not a readable image ({error})") from None
 
 
-def _place(picture: Float[np.ndarray, "h w"], width_mm: float, receiver: Receiver) -> Float[np.ndarray, "p p"]:
+def _place(picture: Float[np.ndarray, "h w"], width_mm: float, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
     """The picture centred on the receiver, ``width_mm`` wide, nearest sub-pixel; row 0 of a picture is its top."""
     height, width = picture.shape
-    if width_mm * max(1.0, height / width) > receiver.side_mm:
+    if width_mm * max(1.0, height / width) > grid.side_mm:
         raise InputError(
             f"target.width_mm = {width_mm}: the pattern is {width_mm:g} x {width_mm * height / width:g} mm, "
-            f"it must fit into receiver_mm = {receiver.side_mm:g}"
+            f"it must fit into receiver_mm = {grid.side_mm:g}"
         )
     scale = width / width_mm
     # clipped to just outside of the picture: a narrow picture's neighbourhood overflows integers
-    column = np.clip(np.floor(receiver.axis_mm() * scale + width / 2.0), -1, width).astype(int)
-    row = np.clip(np.floor(-receiver.axis_mm() * scale + height / 2.0), -1, height).astype(int)
+    column = np.clip(np.floor(grid.axis_mm() * scale + width / 2.0), -1, width).astype(int)
+    row = np.clip(np.floor(-grid.axis_mm() * scale + height / 2.0), -1, height).astype(int)
     inside = ((row >= 0) & (row < height))[:, None] & ((column >= 0) & (column < width))[None, :]
     sampled = picture[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)[None, :]]
     return np.where(inside, sampled, 0.0)

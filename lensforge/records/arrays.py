@@ -36,6 +36,8 @@ class Array:
             raise ValueError(f"no array of numbers ({error})") from None
         if array.ndim != len(self.axes):
             raise ValueError(f"shape {array.shape}, must have {len(self.axes)} axes ({self._named()})")
+        if array.size == 0:
+            raise ValueError(f"shape {array.shape}, must not be empty")
         bind(self.axes, array.shape, {})
         if np.isinf(array).any() or (not self.gaps and np.isnan(array).any()):
             raise ValueError("holds numbers that are not finite")

@@ -26,6 +26,7 @@ class Record(BaseModel):
         allow_inf_nan=False,
         arbitrary_types_allowed=True,
         ignored_types=(cached_property,),
+        defer_build=True,  # a validator is made when it is first needed: importing the library makes none
     )
 
     def __eq__(self, other: object) -> bool:

@@ -24,7 +24,7 @@ from lensforge.errors import InputError, OutdatedResult
 from lensforge.files import read_json, replacing
 from lensforge.records.arrays import Array
 from lensforge.records.fields import Sha256, Text
-from lensforge.records.record import Record, marker, refused
+from lensforge.records.record import Record, Scalar, marker, refused
 from lensforge.version import __version__
 
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
@@ -61,11 +61,19 @@ class StageResult(Record):
         """What to run when the files are no use."""
         return f"run `lensforge {cls.command or cls.stage}` again"
 
+    @classmethod
+    def stored_elsewhere(cls) -> tuple[str, ...]:
+        """Names of the fields that are not in the JSON file."""
+        fields = type_fields(cls).items()
+        return tuple(
+            name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
+        )
+
     @cached_property
     def sha256(self) -> str:
         """The hash of what was found: not of the time that it took, nor of the program's version."""
         digest = hashlib.sha256()
-        skipped = {*_NOT_OF_THE_RESULT}
+        skipped = set()
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
             if marker(info, Given) is not None:
@@ -74,15 +82,27 @@ class StageResult(Record):
                 skipped.add(field)
                 if value is not None:
                     digest.update(field.encode() + (value if isinstance(value, bytes) else value.tobytes()))
-        digest.update(self.model_dump_json(exclude=skipped).encode())
+        timeless = _without_times(self.model_dump(mode="json", exclude=skipped))
+        digest.update(json.dumps(timeless, sort_keys=True).encode())
         return digest.hexdigest()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with the fields of ``update``; it has a hash of its own."""
+        copy = super().model_copy(update=update, deep=deep)
+        copy.__dict__.pop("sha256", None)
+        return copy
+
+    def row(self) -> dict[str, Scalar]:
+        """All numbers and texts, keys joined by dots: one row for a table. Lists, arrays and files are left out."""
+        elsewhere = self.stored_elsewhere()
+        return {key: value for key, value in super().row().items() if key.split(".")[0] not in elsewhere}
 
     def _repr_html_(self) -> str:
         """For a notebook: the plot, and the row as a table."""
         draw = getattr(self, "plot", None)
         return (_picture(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
-    def files(self, stem: str | None = None) -> dict[str, bytes]:
+    def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Every file of the result by name: JSON, npz, and what stands in files of its own."""
         name, elsewhere, arrays, files = stem or self.stage, set(), {}, {}
         for field, info in type(self).model_fields.items():
@@ -107,17 +127,27 @@ class StageResult(Record):
 
     def write(self, folder: Path, stem: str | None = None) -> None:
         """Write all files into ``folder``, the JSON file last: it vouches for the others."""
-        files = self.files(stem)
+        files = self.contents(stem)
         for name in sorted(files, key=lambda each: each.endswith(".json")):
             with replacing(Path(folder) / name) as temporary:
                 temporary.write_bytes(files[name])
+        for info in type(self).model_fields.values():
+            own = marker(info, InFile)
+            if own is not None and own.name not in files:
+                (Path(folder) / own.name).unlink(missing_ok=True)  # an earlier result's, which this one has not
 
     def save(self, path: Path | str) -> None:
-        """Write the record as JSON to ``path``, its arrays beside it as npz."""
+        """Write the record as .json to ``path``, its arrays beside it as npz; or its plot as .png, .svg or .pdf."""
         path = Path(path)
-        if path.suffix != ".json":
-            raise InputError(f"{path}: a {type(self).__name__} is saved as .json; give such a name")
-        self.write(path.parent, path.stem)
+        draw = getattr(self, "plot", None)
+        if path.suffix == ".json":
+            self.write(path.parent, path.stem)
+        elif path.suffix in _PICTURES and draw is not None:
+            with replacing(path) as temporary:
+                temporary.write_bytes(_drawn(draw, path.suffix[1:]))
+        else:
+            kinds = ", ".join([".json", *(_PICTURES if draw is not None else ())])
+            raise InputError(f"{path}: a {type(self).__name__} is saved as one of {kinds}; give such a name")
 
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
@@ -134,23 +164,53 @@ class StageResult(Record):
         if any(marker(info, Array) is not None for info in fields.values()):
             content |= _arrays(cls, folder / f"{name}.npz")
         for field, info in fields.items():
-            if (own := marker(info, InFile)) is not None and (folder / own.name).is_file():
-                content[field] = (folder / own.name).read_bytes()
+            if (own := marker(info, InFile)) is not None:
+                content[field] = _bytes(folder / own.name, info.is_required(), cls.again())
         try:
-            return cls.model_validate(content)
+            result = cls.model_validate(content)
         except ValidationError as error:
             raise refused(error, str(path), cls.again()) from None
+        missing = lacking(result.model_dump(mode="json", exclude={*cls.stored_elsewhere()}), content)
+        if missing:
+            raise InputError(f"{path}: {missing}: missing; {cls.again()}")
+        return result
 
 
 def _picture(draw: Callable[..., Any], description: str) -> str:
     """What ``draw`` draws on axes of its own, as HTML."""
+    encoded = base64.b64encode(_drawn(draw, "png")).decode()
+    return f'<img alt="{description}" style="max-width:30em" src="data:image/png;base64,{encoded}">'
+
+
+def _drawn(draw: Callable[..., Any], kind: str) -> bytes:
+    """What ``draw`` draws on axes of its own, as a file of that kind; the same result gives the same bytes."""
     from matplotlib.figure import Figure
 
-    figure, png = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
+    figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
     draw(axes=figure.add_subplot())
-    figure.savefig(png, format="png", dpi=100)
-    encoded = base64.b64encode(png.getvalue()).decode()
-    return f'<img alt="{description}" style="max-width:30em" src="data:image/png;base64,{encoded}">'
+    figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
+    return file.getvalue()
+
+
+def _without_times(content: object) -> object:
+    if isinstance(content, dict):
+        return {key: _without_times(value) for key, value in content.items() if key not in _NOT_OF_THE_RESULT}
+    return [_without_times(value) for value in content] if isinstance(content, list) else content
+
+
+def lacking(whole: object, content: object) -> str:
+    """The dotted name of the first field of ``whole`` that ``content`` has not; empty where it has all."""
+    if isinstance(whole, dict) and isinstance(content, dict):
+        for name, value in whole.items():
+            if name not in content:
+                return str(name)
+            if deeper := lacking(value, content[name]):
+                return f"{name}.{deeper}"
+    elif isinstance(whole, list) and isinstance(content, list | tuple):
+        for index, (value, given) in enumerate(zip(whole, content, strict=False)):
+            if deeper := lacking(value, given):
+                return f"{index}.{deeper}"
+    return ""
 
 
 def type_fields(cls: type[Record]) -> Mapping[str, Any]:
@@ -169,6 +229,18 @@ def reject_outdated(content: Mapping[str, object], schema: str, path: Path, reme
         raise InputError(f"{path}: schema = {json.dumps(found)[:60]}, must be {schema!r}; {remedy}")
 
 
+def _bytes(path: Path, required: bool, remedy: str) -> bytes | None:
+    """What a file of its own holds; None for one that need not be there."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        if required:
+            raise InputError(f"{path}: no such file; {remedy}") from None
+        return None
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}); {remedy}") from None
+
+
 def _arrays(cls: type[StageResult], path: Path) -> dict[str, np.ndarray]:
     """The arrays of ``cls`` in an npz file; absent ones are for the validation to name."""
     names = [name for name, info in type_fields(cls).items() if marker(info, Array) is not None]
@@ -181,4 +253,6 @@ def _arrays(cls: type[StageResult], path: Path) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {cls.again()}") from None
 
 
-_NOT_OF_THE_RESULT = ("seconds", "cast_seconds", "version")  # the same result may take another time
+_PICTURES = (".png", ".svg", ".pdf")
+_DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # what would change from one file to the next
+_NOT_OF_THE_RESULT = ("seconds", "cast_seconds", "rate", "version")  # the same result may take another time

@@ -5,18 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
-from lensforge.report import headline
+from lensforge.evaluation.light import Light
+from lensforge.records import Metric
 from lensforge.report.cards import cards
 from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.headline import headline
 from lensforge.report.page import template
-from lensforge.report.pdf import drop_stale
-from lensforge.report.results import Results, load_results
 from lensforge.report.tables import rows
 from lensforge.report.task import task
+from lensforge.results import Results
 from lensforge.version import __version__
 
-FILE_NAME = "compare.html"
 _MOST = 8  # more columns than that no page holds
 _ABSENT = "–"
 
@@ -41,37 +40,42 @@ class Line:
     cells: tuple[Cell, ...]
 
 
-def build_comparison(directories: Sequence[Path], path: Path) -> Path:
-    """Write one page on the designs in ``directories`` to ``path`` and return it.
+def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
+    """One page that needs nothing else, on two to eight designs; ``names``: by default those of their specs.
 
-    Raises :class:`InputError` for fewer than two or more than eight folders, the same one twice, or a damaged one.
+    Raises :class:`InputError` for another number of designs.
     """
-    directories = [Path(directory) for directory in directories]
-    if not 2 <= len(directories) <= _MOST:
-        raise InputError(f"report: {len(directories)} folders given; from 2 to {_MOST} can be laid side by side")
-    if len({directory.resolve() for directory in directories}) < len(directories):
-        raise InputError("report: the same folder is given twice; give each design once")
-    designs = [load_results(directory) for directory in directories]
-    names = names_of(designs)
-    page = template("compare.html").render(
+    if not 2 <= len(designs) <= _MOST:
+        raise InputError(f"report: {len(designs)} designs given; from 2 to {_MOST} can be laid side by side")
+    names = spec_names(designs) if names is None else list(names)
+    return template("compare.html").render(
         names=names,
-        tasks=[task(design.lens.spec) for design in designs],
-        verdicts=[headline.verdict(design) for design in designs],
+        tasks=[task(design.spec) for design in designs],
+        headlines=[headline(design) for design in designs],
         numbers=number_lines(designs),
         differences=difference_lines(designs),
         pictures=ComparedPictures(names, designs),
         version=__version__,
     )
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
-    drop_stale(path)
-    return path
 
 
-def names_of(designs: Sequence[Results]) -> list[str]:
-    """The folders' names, or their whole paths where two are called the same."""
-    short = [design.directory.resolve().name for design in designs]
-    return short if len(set(short)) == len(short) else [str(design.directory) for design in designs]
+def spec_names(designs: Sequence[Results]) -> list[str]:
+    """The names of their specs, numbered where two are called the same."""
+    names = [design.spec.name for design in designs]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} ({index})" for index, name in enumerate(names, start=1)]
+
+
+def folder_names(folders: Sequence[Path]) -> list[str]:
+    """The folders' names, or their whole paths where two are called the same.
+
+    Raises :class:`InputError` where the same folder is given twice.
+    """
+    if len({folder.resolve() for folder in folders}) < len(folders):
+        raise InputError("report: the same folder is given twice; give each design once")
+    short = [folder.resolve().name for folder in folders]
+    return short if len(set(short)) == len(short) else list(map(str, folders))
 
 
 def number_lines(designs: Sequence[Results]) -> list[Line]:
@@ -99,7 +103,8 @@ def _best(label: str, designs: Sequence[Results]) -> int | None:
     """Which design has the best value of the number called ``label``."""
     if label not in _BETTER:
         return None
-    values = [getattr(design.evaluate, label.lower(), None) for design in designs]
+    metrics: list[Metric | None] = [getattr(design.find(Light), label.lower(), None) for design in designs]
+    values = [None if metric is None else metric.value for metric in metrics]
     known = [value for value in values if value is not None]
     return values.index(_BETTER[label](known)) if known else None
 
@@ -108,7 +113,7 @@ def difference_lines(designs: Sequence[Results]) -> list[Line]:
     """The entries of the specs that are not the same in all designs, with preset and seed."""
     tables = []
     for design in designs:
-        content = {"accuracy": design.lens.accuracy, "seed": design.lens.seed, **design.lens.spec.model_dump()}
+        content = {"accuracy": design.lens.accuracy, "seed": design.lens.seed, **design.spec.model_dump()}
         tables.append({row.path: f"{row.value} {row.unit}".strip() for row in rows(content)})
     lines = []
     for path in dict.fromkeys(path for table in tables for path in table):

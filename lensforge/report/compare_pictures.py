@@ -7,14 +7,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lensforge.evaluation.light import Light
+from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.measurement.comparison import PhotoComparison
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
-from lensforge.figures.light_unit import WATTS, LightUnit, light_unit
 from lensforge.report.measured_pictures import RELATIVE
 from lensforge.report.numerals import number
 from lensforge.report.pictures import Picture, picture, source_outline
-from lensforge.report.results import Results
 from lensforge.report.section_figures import lens_section, reach_mm
+from lensforge.report.task import unit_of_light
+from lensforge.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
 _DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide are all seen
@@ -27,39 +30,40 @@ class ComparedPictures:
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
-        self._lit = [(name, design) for name, design in self._designs if design.images is not None and design.evaluate]
+        found = ((name, design, design.find(Light)) for name, design in self._designs)
+        self._lit = [(name, design.spec, light) for name, design, light in found if light is not None]
 
     @cached_property
     def _units(self) -> list[LightUnit]:
         """Of the lit designs: lux only where all of them know their lumens."""
-        units = [light_unit(design.lens.spec) for _, design in self._lit]
+        units = [unit_of_light(spec) for _, spec, _ in self._lit]
         return units if WATTS not in units else [WATTS] * len(units)
 
     @cached_property
     def one_scale(self) -> bool:
         """Whether maps of all designs can be read with the same colours and millimetres."""
-        sides = [_side(design) for _, design in self._lit]
+        sides = [light.receiver_mm for _, _, light in self._lit]
         return _spread(self._peaks) <= _APART and _spread(sides) <= _APART
 
     @cached_property
     def _peaks(self) -> list[float]:
         """Of the lit designs, each in its unit."""
         lit = zip(self._lit, self._units, strict=True)
-        return [unit.per_w_m2 * float(_image(design).max()) for (_, design), unit in lit]
+        return [unit.per_w_m2 * float(light.map.max()) for (_, _, light), unit in lit]
 
     @cached_property
     def maps(self) -> list[Picture]:
         """Irradiance, every map with the same colours and the same millimetres where that can be read."""
         lit = list(zip(self._lit, self._units, self._peaks, strict=True))
+        widest = max((light.receiver_mm for _, _, light in self._lit), default=0.0)
         pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
-        for index, ((name, design), unit, peak) in enumerate(lit):
+        for index, ((name, _, light), unit, peak) in enumerate(lit):
             top = (max(self._peaks) if self.one_scale else peak) or 1.0
-            half = 0.5 * (max(_side(other) for _, other in self._lit) if self.one_scale else _side(design))
-            figure = irradiance_map(_image(design), _side(design), top / unit.per_w_m2, unit=unit, width=width)
+            half = 0.5 * (widest if self.one_scale else light.receiver_mm)
+            figure = irradiance_map(light.map, light.receiver_mm, top / unit.per_w_m2, unit=unit, width=width)
             figure.axes[0].axhspan(-half, half, color=_DARK, linewidth=0, zorder=-1.0)
             figure.axes[0].set(xlim=(-half, half), ylim=(-half, half))
-            distance = f"At {design.lens.spec.target.distance_mm:g} mm."
-            pictures.append(picture(f"map{index}", figure, name, distance))
+            pictures.append(picture(f"map{index}", figure, name, f"At {light.distance_mm:g} mm."))
         return pictures
 
     @cached_property
@@ -76,14 +80,13 @@ class ComparedPictures:
     @cached_property
     def photographs(self) -> list[Picture]:
         """Photographs of the machined parts' light, each scaled to a mean of 1, on one scale."""
-        taken = [(name, design) for name, design in self._designs if design.photo and design.photo_images]
-        images = [design.photo_images["measured"] for _, design in taken if design.photo_images]
-        top = float(max((image.max() for image in images), default=1.0)) or 1.0
+        found = ((name, design.find(PhotoComparison)) for name, design in self._designs)
+        taken = [(name, photo) for name, photo in found if photo is not None]
+        top = float(max((photo.measured.max() for _, photo in taken), default=1.0)) or 1.0
         pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
-        for index, ((name, design), image) in enumerate(zip(taken, images, strict=True)):
-            assert design.photo is not None
-            figure = irradiance_map(image, design.lens.spec.target.receiver_mm, top, unit=RELATIVE, width=width)
-            alike = f"SSIM to the simulation {number(design.photo.ssim, 3)}, NMSE {number(design.photo.nmse, 3)}."
+        for index, (name, photo) in enumerate(taken):
+            figure = irradiance_map(photo.measured, photo.receiver_mm, top, unit=RELATIVE, width=width)
+            alike = f"SSIM to the simulation {number(photo.ssim, 3)}, NMSE {number(photo.nmse, 3)}."
             pictures.append(picture(f"photo{index}", figure, name, alike))
         return pictures
 
@@ -99,10 +102,10 @@ class ComparedPictures:
     @in_house_style
     def _lines(self, direction: tuple[float, float]) -> Figure:
         figure, axes = new_figure(NARROW, 2.6)
-        for (_, design), unit, colour in zip(self._lit, self._units, _COLOURS, strict=False):
-            half = 0.5 * _side(design)
+        for (_, _, light), unit, colour in zip(self._lit, self._units, _COLOURS, strict=False):
+            half = 0.5 * light.receiver_mm
             end = half * np.array(direction)
-            values = unit.per_w_m2 * along(_image(design), -end, end, _side(design))
+            values = unit.per_w_m2 * along(light.map, -end, end, light.receiver_mm)
             axes.plot(np.linspace(-half, half, len(values)), values, color=colour)
         axes.set(xlabel="position on the line (mm)", ylabel=self._units[0].label)
         axes.set_ylim(bottom=0.0)
@@ -111,16 +114,15 @@ class ComparedPictures:
     @in_house_style
     def _circles(self) -> Figure:
         figure, axes = new_figure(NARROW, 2.6)
-        for (_, design), colour in zip(self._lit, _COLOURS, strict=False):
-            assert design.images is not None
-            axes.plot(*encircled_share(design.images["raw"], _side(design)), color=colour)
+        for (_, _, light), colour in zip(self._lit, _COLOURS, strict=False):
+            axes.plot(*encircled_share(light.raw_map, light.receiver_mm), color=colour)
         axes.set(xlabel="radius around the axis (mm)", ylabel="share of the receiver's flux", ylim=(0.0, 1.02))
         axes.set_xlim(left=0.0)
         return self._named(figure, axes)
 
     def _named(self, figure: Figure, axes: Axes) -> Figure:
         axes.grid(True)
-        for index, (line, (name, _)) in enumerate(zip(axes.lines, self._lit, strict=True)):
+        for index, (line, (name, _, _)) in enumerate(zip(axes.lines, self._lit, strict=True)):
             line.set(label=name, linestyle=_DASHES[index % len(_DASHES)])
         figure.legend(loc="outside upper left", ncols=min(2, len(self._lit)), handlelength=1.3)
         return figure
@@ -129,13 +131,3 @@ class ComparedPictures:
 def _spread(values: Sequence[float]) -> float:
     """The largest over the least."""
     return max(values) / min(values) if values and min(values) > 0.0 else float("inf") if values else 1.0
-
-
-def _image(design: Results) -> np.ndarray:
-    assert design.images is not None
-    return design.images["irradiance"]
-
-
-def _side(design: Results) -> float:
-    assert design.evaluate is not None
-    return design.evaluate.receiver_mm

@@ -111,6 +111,14 @@ def save_picture(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, facecolor="white")
 
 
+def to_png(figure: Figure) -> bytes:
+    """``figure`` on white as a PNG file."""
+    buffer = io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(buffer, format="png", facecolor="white")
+    return buffer.getvalue()
+
+
 def to_svg(figure: Figure, name: str, description: str) -> str:
     """``figure`` as an SVG element for HTML. ``name`` keeps its ids apart from those of other figures."""
     buffer = io.StringIO()

@@ -1,47 +1,36 @@
 """Where the light went: what is emitted, less each loss, is what arrives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from lensforge.evaluation.light import Flux, MissedByCause
 from lensforge.report.drawing import BLUE, GREEN, NARROW, ORANGE, in_house_style, new_figure
 
 _WORDS = {
-    "absorbed_fresnel": "reflected at the surfaces",
-    "missed": "missed the lens",
     "backward": "emitted backwards",
     "outside_cavity": "started outside the cavity",
     "base": "ran into the base",
     "averted": "left away from the receiver",
     "crossed": "met crossed surfaces",
-    "no_hit": "met no surface",
-    "starts_inside": "started inside the lens",
-    "back_into_cavity": "ran back into the cavity",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",
+    "absorbed_fresnel": "reflected at the surfaces",
     "outside": "landed outside the window",
-    "detected": "detected",
 }
 
 
-def losses(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> list[tuple[str, float]]:
+def losses(flux: Flux, missed: MissedByCause) -> list[tuple[str, float]]:
     """(what happened, share of the emitted flux) of every loss above zero, in the order in which light meets them."""
-    causes = missed_by_cause if missed_by_cause else {"missed": flux.get("missed", 0.0)}
-    shares = {
-        **causes,
-        "total_reflection": flux.get("total_reflection", 0.0),
-        "not_converged": flux.get("not_converged", 0.0),
-        "absorbed_fresnel": flux.get("absorbed_fresnel", 0.0),
-        "outside": flux.get("outside", 0.0),
-    }
-    return [(_WORDS.get(name, name.replace("_", " ")), share) for name, share in shares.items() if share > 0.0]
+    shares = {**missed.model_dump(), **flux.model_dump()}
+    return [(words, shares[name]) for name, words in _WORDS.items() if shares[name] > 0.0]
 
 
-def flux_account(flux: Mapping[str, float], missed_by_cause: Mapping[str, float]) -> Figure:
+def flux_account(flux: Flux, missed: MissedByCause) -> Figure:
     """A waterfall from the emitted flux through each loss to the detected flux; shares of the emitted flux."""
-    return waterfall(losses(flux, missed_by_cause), [(_WORDS["detected"], flux.get("detected", 0.0))])
+    return waterfall(losses(flux, missed), [("detected", flux.detected)])
 
 
 @in_house_style

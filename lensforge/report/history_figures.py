@@ -8,11 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from lensforge.optimisation.design import Level
 from lensforge.report.drawing import BLUE, GREEN, INK, NARROW, ORANGE, RED, in_house_style, new_figure
-from lensforge.report.records import Level
 
 _HEIGHT = 2.5
-_CONSTRAINTS = {"g1_mm": ("cavity", GREEN), "g2_mm": ("thickness", BLUE), "g3_mm": ("radius", ORANGE)}
+_CONSTRAINTS = {
+    "cavity_clearance_mm": ("cavity", GREEN),
+    "wall_margin_mm": ("thickness", BLUE),
+    "radius_margin_mm": ("radius", ORANGE),
+}
 _COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
 _LINEAR_MM = 0.01  # the scale is linear within, so that 0 has a place on it
 
@@ -37,7 +41,7 @@ def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficien
 
 def _positive(levels: Sequence[Level], quantity: str) -> bool:
     """Whether a logarithmic scale holds it: a penalty with multipliers may turn the whole loss negative."""
-    return all(value is None or value > 0.0 for level in levels for value in getattr(level, quantity))
+    return all(value > 0.0 for level in levels for value in getattr(level, quantity))
 
 
 @in_house_style
@@ -46,7 +50,7 @@ def constraint_history(levels: Sequence[Level]) -> Figure:
     figure, axes = new_figure(NARROW, _HEIGHT)
     for start, level in _draw_levels(axes, levels):
         for name, (label, colour) in _CONSTRAINTS.items():
-            values = np.array(getattr(level, name), dtype=np.float64)
+            values = np.array(level.constraints.get(name, ()), dtype=np.float64)
             axes.plot(_steps(start, values), values, color=colour, label=label if start == 0 else None)
     axes.set_yscale("symlog", linthresh=_LINEAR_MM, linscale=0.5)
     axes.set(ylabel="least margin (mm)")

@@ -13,8 +13,8 @@ from matplotlib.patches import Rectangle
 from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
-from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
 from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
 from lensforge.report.numerals import number
 
 Image = Float[np.ndarray, "p p"]
@@ -148,7 +148,8 @@ def along(
     pixels = len(image)
     x, y = (start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, 2 * pixels)) / receiver_mm
     rows_columns = np.stack([y, x]) * pixels + 0.5 * pixels - 0.5
-    return map_coordinates(image, rows_columns, order=1, mode="nearest")
+    values: Float[np.ndarray, " k"] = map_coordinates(image, rows_columns, order=1, mode="nearest")
+    return values
 
 
 def telling_lines(target: Image, receiver_mm: float) -> list[tuple[str, tuple[np.ndarray, np.ndarray]]]:

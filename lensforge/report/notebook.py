@@ -1,45 +1,28 @@
-"""A result folder as a notebook shows it: verdict, headline numbers, the light and a section."""
+"""Results as a notebook shows them: the verdicts, headline numbers, the light and a section."""
 
 from html import escape
-from pathlib import Path
 
-from lensforge.lens import Lens
-from lensforge.report import headline
 from lensforge.report.cards import cards
+from lensforge.report.headline import headline
 from lensforge.report.pictures import first_picture, section_pictures
-from lensforge.report.results import Results, load_results
+from lensforge.results import Results
 
 _MARKS = {"pass": "✓", "fail": "✗", "open": "see shop", "": ""}
 
 
-class ResultFolder:
-    """What the stages left in ``directory``. Raises :class:`InputError` as the report does.
-
-    ``results`` holds every stage's record and arrays; ``lens`` the lens. As the last value of a notebook's cell it
-    shows itself.
-    """
-
-    def __init__(self, directory: Path | str) -> None:
-        self.results: Results = load_results(Path(directory))
-
-    @property
-    def lens(self) -> Lens:
-        """The designed lens."""
-        return self.results.lens
-
-    def __repr__(self) -> str:
-        return f"ResultFolder({str(self.results.directory)!r}): {headline.verdict(self.results).sentence}"
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th>{escape(card.label)}</th><td>{escape(f'{card.value} {card.unit}'.strip())}</td>"
-            f"<td>{_MARKS[card.state]}</td><td>{escape(card.note)}</td></tr>"
-            for card in cards(self.results)
-        )
-        first = first_picture(self.results)
-        shown = [*([first] if first else []), section_pictures(self.results)[0]]
-        pictures = "".join(f'<div style="max-width:30em">{picture.svg}</div>' for picture in shown)
-        return (
-            f"<div><strong>{escape(self.lens.spec.name)}</strong>: {escape(headline.verdict(self.results).sentence)}"
-            f'<div style="display:flex;flex-wrap:wrap;gap:1em">{pictures}</div><table>{rows}</table></div>'
-        )
+def results_html(results: Results) -> str:
+    """``results`` as HTML for the output of a notebook's cell."""
+    top, first = headline(results), first_picture(results)
+    rows = "".join(
+        f"<tr><th>{escape(card.label)}</th><td>{escape(f'{card.value} {card.unit}'.strip())}</td>"
+        f"<td>{_MARKS[card.state]}</td><td>{escape(card.note)}</td></tr>"
+        for card in cards(results)
+    )
+    states = ", ".join(f"{part.name.lower()}: {part.word}" for part in top.parts)
+    reasons = "".join(f"<li>{part.name}: {escape(reason)}</li>" for part in top.parts for reason in part.reasons)
+    shown = [*([first] if first else []), section_pictures(results)[0]]
+    pictures = "".join(f'<div style="max-width:30em">{picture.svg}</div>' for picture in shown)
+    return (
+        f"<div><strong>{escape(results.spec.name)}</strong>: {states}. {escape(top.sentence)}<ul>{reasons}</ul>"
+        f'<div style="display:flex;flex-wrap:wrap;gap:1em">{pictures}</div><table>{rows}</table></div>'
+    )

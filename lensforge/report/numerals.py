@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 _THIN_SPACE = "\u2009"
 _MINUS = "\u2212"
@@ -39,7 +38,7 @@ def size(count: int) -> str:
     return f"{count}{_THIN_SPACE}B"
 
 
-def anything(value: Any) -> str:
+def anything(value: object) -> str:
     """Any scalar of a spec or a JSON file; a path by its name."""
     if value is None:
         return NOTHING

@@ -1,19 +1,23 @@
 """Which pictures the page shows of the results at hand, and what is written under each."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from lensforge.evaluation.light import Light
+from lensforge.manufacturing.cut import Check, FaceResult
+from lensforge.optimisation.design import Design
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import to_svg
-from lensforge.figures.light_unit import light_unit
 from lensforge.report.numerals import number, percent
-from lensforge.report.records import FaceRecord
-from lensforge.report.results import Results
+from lensforge.report.snapshot import Snapshot
 from lensforge.report.snapshot_figure import snapshot_figure
-from lensforge.report.snapshots import load_snapshots
+from lensforge.report.surface_figures import ChartMap
+from lensforge.report.task import unit_of_light
+from lensforge.results import Results
 from lensforge.spec.source import SquareSource
 
 _FIRST = 4.6  # inches: half of the page
@@ -35,26 +39,24 @@ def picture(name: str, figure: Figure, title: str, caption: str = "") -> Picture
 
 def first_picture(results: Results) -> Picture | None:
     """The light, as the page opens with it."""
-    if results.evaluate is None or results.images is None:
+    light = results.find(Light)
+    if light is None:
         return None
-    side, reached, unit = results.evaluate.receiver_mm, results.images["irradiance"], light_unit(results.lens.spec)
-    figure = irradiance_figures.irradiance_map(reached, side, float(reached.max()) or 1.0, unit=unit, width=_FIRST)
-    distance = results.lens.spec.target.distance_mm
-    return picture("first", figure, "The light", f"Simulated {unit.quantity} at {distance:g} mm.")
+    unit, top = unit_of_light(results.spec), float(light.map.max()) or 1.0
+    figure = irradiance_figures.irradiance_map(light.map, light.receiver_mm, top, unit=unit, width=_FIRST)
+    return picture("first", figure, "The light", f"Simulated {unit.quantity} at {light.distance_mm:g} mm.")
 
 
 def irradiance_pictures(results: Results) -> list[Picture]:
     """Target, simulated irradiance and their difference."""
-    if results.evaluate is None or results.images is None:
+    light = results.find(Light)
+    if light is None:
         return []
-    side, images = results.evaluate.receiver_mm, results.images
-    target, reached, unit = images["target"], images["irradiance"], light_unit(results.lens.spec)
+    side, target, reached, unit = light.receiver_mm, light.target_map, light.map, unit_of_light(results.spec)
     top = float(max(target.max(), reached.max())) or 1.0
-    draw = irradiance_figures.irradiance_map
-    record = results.evaluate
-    mask = results.lens.spec.target.uniform_mm
+    draw, mask = irradiance_figures.irradiance_map, light.uniform_mm
     dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
-    simulated = f"{number(record.rays)} rays, {record.pixels} × {record.pixels} pixels. {_typeset(record.filter)}."
+    simulated = f"{number(light.rays)} rays, {light.pixels} × {light.pixels} pixels. {_typeset(light.filter)}."
     if len(reached) > irradiance_figures.MOST_DRAWN:
         simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels a side."
     wanted_map = draw(target, side, top, target, unit=unit)
@@ -73,58 +75,52 @@ def _typeset(text: str) -> str:
 
 def line_pictures(results: Results) -> list[Picture]:
     """Cross-sections of target and simulation."""
-    if results.evaluate is None or results.images is None:
+    light = results.find(Light)
+    if light is None:
         return []
-    side, target, reached = results.evaluate.receiver_mm, results.images["target"], results.images["irradiance"]
-    draw, unit = irradiance_figures.line_comparison, light_unit(results.lens.spec)
+    side, draw, unit = light.receiver_mm, irradiance_figures.line_comparison, unit_of_light(results.spec)
     return [
-        picture(f"line{index}", draw(line, target, reached, side, unit), f"Along {name}")
-        for index, (name, line) in enumerate(irradiance_figures.telling_lines(target, side))
+        picture(f"line{index}", draw(line, light.target_map, light.map, side, unit), f"Along {name}")
+        for index, (name, line) in enumerate(irradiance_figures.telling_lines(light.target_map, side))
     ]
 
 
 def flux_pictures(results: Results) -> list[Picture]:
     """Isolines, how the flux gathers around the axis, and the flux account."""
-    if results.evaluate is None:
+    light = results.find(Light)
+    if light is None:
         return []
-    record, pictures = results.evaluate, []
-    if results.images is not None:
-        target, side = results.images["target"], record.receiver_mm
-        level = float(target.max()) or 1.0
-        lines = irradiance_figures.isolines(results.images["irradiance"], side, level, light_unit(results.lens.spec))
-        gathered = irradiance_figures.encircled_energy(target, results.images["raw"], side)
-        pictures = [
-            picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
-            picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
-        ]
-    account = flux_figures.flux_account(record.flux, record.missed_by_cause)
-    window = f"Window: {record.window_mm:g} × {record.window_mm:g} mm."
-    return [*pictures, picture("flux", account, "Flux account", window)]
+    level, side = float(light.target_map.max()) or 1.0, light.receiver_mm
+    lines = irradiance_figures.isolines(light.map, side, level, unit_of_light(results.spec))
+    gathered = irradiance_figures.encircled_energy(light.target_map, light.raw_map, side)
+    account = flux_figures.flux_account(light.flux, light.missed_by_cause)
+    return [
+        picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
+        picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
+        picture("flux", account, "Flux account", f"Window: {light.window_mm:g} × {light.window_mm:g} mm."),
+    ]
 
 
 def history_pictures(results: Results) -> list[Picture]:
-    """Loss, efficiency and constraints over the search."""
-    if results.design is None or not any(level.nmse for level in results.design.history):
+    """Loss, pattern error, efficiency and constraints over the search."""
+    design = results.find(Design)
+    if design is None or not any(level.nmse for level in design.history):
         return []
-    levels = results.design.history
-    caption = "Numbers above: functions of each surface that are free to move."
-    pictures = [
-        picture("error", history_figures.history(levels, "nmse"), "Pattern error by level", caption),
-        picture("gain", history_figures.history(levels, "efficiency"), "Efficiency by level"),
+    levels, draw = design.history, history_figures.history
+    total = "All that the optimiser lessens: the pattern's error and what constraints and bounds add to it."
+    free = "Numbers above: functions of each surface that are free to move."
+    least = "Least room at the cavity, thickness and radius over the lens. Below 0 (red) the lens is not allowed."
+    return [
+        picture("loss", draw(levels, "loss"), "Loss by level", total),
+        picture("error", draw(levels, "nmse"), "Pattern error by level", free),
+        picture("gain", draw(levels, "efficiency"), "Efficiency by level"),
+        picture("margins", history_figures.constraint_history(levels), "Constraints by level", least),
     ]
-    if all(len(level.loss) == len(level.nmse) for level in levels):
-        total = "All that the optimiser lessens: the pattern's error and what constraints and bounds add to it."
-        pictures.insert(0, picture("loss", history_figures.history(levels, "loss"), "Loss by level", total))
-    if all(level.g1_mm and level.g2_mm and level.g3_mm for level in levels):
-        margins = history_figures.constraint_history(levels)
-        caption = "Least of g1, g2, g3 over the lens. Below 0 (red) the lens is not allowed."
-        pictures.append(picture("margins", margins, "Constraints by level", caption))
-    return pictures
 
 
-def snapshot_pictures(results: Results) -> list[Picture]:
+def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[Picture]:
     """The levels of the search, all on one scale."""
-    taken, unit = load_snapshots(results.directory, results.lens), light_unit(results.lens.spec)
+    unit = unit_of_light(results.spec)
     steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
     top = max((float(each.irradiance.max()) for each in taken), default=None)
     return [
@@ -155,42 +151,40 @@ def section_pictures(results: Results) -> list[Picture]:
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     """A polygon (mm) around the emitting area: of the spec, or as the design noted it of a ray file."""
-    source = results.lens.spec.source
+    source, design = results.spec.source, results.find(Design)
     if isinstance(source, SquareSource):
         corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
         return 0.5 * source.side_mm * corners
-    noted = None if results.design is None else results.design.source_outline_mm
-    return None if noted is None else np.array(noted, dtype=np.float64)
+    noted = () if design is None else design.source_outline_mm
+    return np.array(noted, dtype=np.float64) if noted else None
 
 
 def surface_pictures(results: Results) -> list[list[Picture]]:
     """Sag, curvature and what the cutter leaves, for each face."""
-    if results.check is None or results.maps is None:
+    check = results.find(Check)
+    if check is None:
         return []
-    faces = {"inner": results.check.inner, "outer": results.check.outer}
-    return [_face_pictures(name, face, results.maps) for name, face in faces.items()]
-
-
-def _face_pictures(name: str, face: FaceRecord, maps: dict[str, Float[np.ndarray, "n n"]]) -> list[Picture]:
-    sphere, cutter = face.best_fit_sphere, face.cutter
-    sag, kappa, left = (maps[f"{name}_{key}"] for key in ("sag_mm", "kappa_min", "residual_mm"))
-    pv, rms, radius = number(sphere.pv_mm, 4), number(sphere.rms_mm, 4), number(sphere.radius_mm, 5)
-    pictures = [
-        picture(
-            f"sag-{name}",
-            surface_figures.sag_map(sag),
-            f"{name.capitalize()} face: departure from a sphere",
-            f"Best-fit sphere R = {radius} mm; PV {pv} mm, rms {rms} mm.",
-        ),
-        picture(
-            f"curvature-{name}",
-            surface_figures.curvature_map(kappa, cutter.radius_mm),
-            f"{name.capitalize()} face: curvature",
-            f"Hollow is negative. Line: −1/R of the mill, R = {cutter.radius_mm:g} mm.",
-        ),
+    return [
+        _face_pictures("inner", check.inner, check.inner_sag_mm, check.inner_kappa_min, check.inner_residual_mm),
+        _face_pictures("outer", check.outer, check.outer_sag_mm, check.outer_kappa_min, check.outer_residual_mm),
     ]
+
+
+def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, left: ChartMap) -> list[Picture]:
+    sphere, cutter = face.best_fit_sphere, face.cutter
+    pv, rms, radius = number(sphere.pv_mm, 4), number(sphere.rms_mm, 4), number(sphere.radius_mm, 5)
+    face_name, pictures = f"{name.capitalize()} face", []
+    if np.isfinite(sag).any():
+        caption = f"Best-fit sphere R = {radius} mm; PV {pv} mm, rms {rms} mm."
+        title = f"{face_name}: departure from a sphere"
+        pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, caption))
+    if np.isfinite(kappa).any():
+        caption = f"Hollow is negative. Line: −1/R of the mill, R = {cutter.radius_mm:g} mm."
+        drawn = surface_figures.curvature_map(kappa, cutter.radius_mm)
+        pictures.append(picture(f"curvature-{name}", drawn, f"{face_name}: curvature", caption))
     if (left > 0.0).any():
         caption = f"The mill reaches {percent(cutter.reachable_fraction, 2)} of the face (grey)."
-        title = f"{name.capitalize()} face: left by the mill"
-        pictures.append(picture(f"uncut-{name}", surface_figures.uncut_map(left), title, caption))
+        pictures.append(
+            picture(f"uncut-{name}", surface_figures.uncut_map(left), f"{face_name}: left by the mill", caption)
+        )
     return pictures

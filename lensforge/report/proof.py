@@ -1,14 +1,17 @@
 """What the exported files were shown to be, in two short tables: the STEP as read back, and the part under rays."""
 
+from lensforge.evaluation.light import Light
+from lensforge.geometry.part import Part
 from lensforge.report.numerals import number, percent
-from lensforge.report.results import Results
+from lensforge.results import Results
+from lensforge.verification.proof import Proof
 
 Facts = list[tuple[str, str]]
 
 
 def step_facts(results: Results) -> Facts:
     """The STEP and STL as read back from disk."""
-    record = results.export
+    record = results.find(Part)
     if record is None:
         return []
     form, normal = record.form_error_nm, record.normal_error_mrad
@@ -22,19 +25,18 @@ def step_facts(results: Results) -> Facts:
 
 def cast_facts(results: Results) -> Facts:
     """The exported mesh against the design, under the same rays and against the converged picture."""
-    record = results.verify
+    record, light = results.find(Proof), results.find(Light)
     if record is None:
         return []
     deviation = record.deviation_mm
-    facts = [
+    efficiency = percent(record.efficiency, 2)
+    if light is not None:
+        efficiency += f"; the design has {percent(light.efficiency.value, 2)}"
+    return [
         ("Rays", number(record.rays)),
         ("Landing, part against design", f"{number(deviation.rms, 3)} mm rms, {number(deviation.max, 3)} mm largest"),
         ("NMSE against the design's picture", number(record.nmse_vs_design, 3)),
         ("NMSE that the noise of so many rays makes", number(record.noise_floor_nmse, 3)),
+        ("NMSE against the design under the same rays", number(record.nmse_same_rays, 3)),
+        ("Efficiency", efficiency),
     ]
-    if record.nmse_same_rays is not None:
-        facts.append(("NMSE against the design under the same rays", number(record.nmse_same_rays, 3)))
-    efficiency = percent(record.efficiency, 2)
-    if results.evaluate is not None:
-        efficiency += f"; the design has {percent(results.evaluate.efficiency, 2)}"
-    return [*facts, ("Efficiency", efficiency)]

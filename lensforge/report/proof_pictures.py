@@ -1,10 +1,11 @@
 """Pictures of the proof: the part's light against the design's, how far rays land off, and the light gone astray."""
 
 from lensforge.report import flux_figures, irradiance_figures, proof_figures
-from lensforge.figures.light_unit import light_unit
 from lensforge.report.numerals import number, percent
 from lensforge.report.pictures import Picture, picture
-from lensforge.report.results import Results
+from lensforge.report.task import unit_of_light
+from lensforge.results import Results
+from lensforge.verification.proof import Proof, StrayFlux, StrayLight
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",
@@ -26,12 +27,13 @@ _ENDS = {
 
 def verification_pictures(results: Results) -> list[Picture]:
     """The design's picture, the part's, and their difference."""
-    if results.verify is None or results.verified is None:
+    proof = results.find(Proof)
+    if proof is None:
         return []
-    side, unit = results.lens.spec.target.receiver_mm, light_unit(results.lens.spec)
-    design, part = results.verified["design_irradiance"], results.verified["irradiance"]
+    side, unit = results.spec.target.receiver_mm, unit_of_light(results.spec)
+    design, part = proof.design_irradiance, proof.irradiance
     top = float(max(design.max(), part.max())) or 1.0
-    rays = f"{number(results.verify.rays)} rays cast through the exported mesh."
+    rays = f"{number(proof.rays)} rays cast through the exported mesh."
     noise = "What is left where the two agree is the noise of the rays."
     draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
     return [
@@ -43,11 +45,16 @@ def verification_pictures(results: Results) -> list[Picture]:
 
 def gap_pictures(results: Results) -> list[Picture]:
     """How far from the design's landings each referee puts the rays."""
-    if not results.gaps or results.verify is None:
+    proof = results.find(Proof)
+    if proof is None:
         return []
-    names = {"gaps_mesh_mm": "exported mesh", "gaps_step_mm": "STEP file", "gaps_mitsuba_mm": "mesh, by Mitsuba"}
-    gaps = {names[key]: values for key, values in results.gaps.items()}
-    limit = next((gate.limit for gate in results.verify.gates if gate.name == "deviation_rms"), None)
+    named = {
+        "exported mesh": proof.gaps_mesh_mm,
+        "STEP file": proof.gaps_step_mm,
+        "mesh, by Mitsuba": proof.gaps_mitsuba_mm,
+    }
+    gaps = {name: quantiles for name, quantiles in named.items() if quantiles is not None}
+    limit = next((gate.limit for gate in proof.gates if gate.name == "deviation_rms"), None)
     figure = proof_figures.gap_figure(gaps, limit)
     caption = "Share of the rays that land no farther than this from where the design sends them."
     return [picture("gaps", figure, "Ray by ray", caption)]
@@ -55,52 +62,49 @@ def gap_pictures(results: Results) -> list[Picture]:
 
 def stray_pictures(results: Results) -> list[Picture]:
     """Where the light goes that the design does not follow, in one account and on the receiver."""
-    record, images = results.stray, results.stray_images
-    if record is None:
+    stray = results.find(StrayLight)
+    if stray is None:
         return []
-    stray = {name: share for name, share in record.detected_stray_by_cause.items() if share > 0.0}
-    kept = [("detected as designed", record.flux.get("detected_direct", 0.0))]
-    kept += [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in stray.items()]
-    lost = [(_ENDS.get(name, name), share) for name, share in _lost(record.flux).items() if share > 0.0]
-    account = flux_figures.waterfall(lost, kept)
-    pictures = [picture("stray-account", account, "Where all of the light ends", "Green: what the window gets.")]
-    if images is None:
-        return pictures
-    side, unit = results.lens.spec.target.receiver_mm, light_unit(results.lens.spec)
-    spread, peak = record.stray, float(images["stray"].max())
-    scattered = irradiance_figures.irradiance_map(images["stray"], side, peak or 1.0, unit=unit)
-    caption = "No stray light lands on the receiver."
+    side, unit, peak = stray.receiver_mm, unit_of_light(results.spec), float(stray.stray.max())
+    scattered = irradiance_figures.irradiance_map(stray.stray, side, peak or 1.0, unit=unit)
+    spread, caption = stray.spread, "No stray light lands on the receiver."
     if spread.rms_radius_mm is not None and spread.peak_of_mean is not None:
         caption = (
             f"A scale of its own: its peak is {percent(spread.peak_of_mean)} of the mean light on the receiver. "
             f"Rms distance from its centroid: {number(spread.rms_radius_mm, 3)} mm."
         )
-    change = images["direct"] + images["stray"] - images["sequential"]
-    whole = irradiance_figures.difference_map(change, side, unit)
+    whole = irradiance_figures.difference_map(stray.direct + stray.stray - stray.sequential, side, unit)
+    account = flux_figures.waterfall(_lost(stray.flux), _kept(stray))
     return [
-        *pictures,
+        picture("stray-account", account, "Where all of the light ends", "Green: what the window gets."),
         picture("stray-light", scattered, "Stray light on the receiver", caption),
         picture("misjudged", whole, "All light less the design's model", "Red: the design foretells too little."),
     ]
 
 
-def _lost(flux: dict[str, float]) -> dict[str, float]:
-    return {name: share for name, share in flux.items() if not name.startswith("detected")}
+def _kept(stray: StrayLight) -> list[tuple[str, float]]:
+    by_cause = stray.detected_stray_by_cause.items()
+    causes = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in by_cause if share > 0.0]
+    return [("detected as designed", stray.flux.detected_direct), *causes]
+
+
+def _lost(flux: StrayFlux) -> list[tuple[str, float]]:
+    return [(words, getattr(flux, name)) for name, words in _ENDS.items() if getattr(flux, name) > 0.0]
 
 
 def stray_sentence(results: Results) -> str:
     """How much flux the sequential design misjudges, in words."""
-    record = results.stray
-    if record is None:
+    stray = results.find(StrayLight)
+    if stray is None:
         return ""
-    gain = record.efficiency - record.efficiency_sequential
-    nmse = "" if record.nmse_vs_sequential is None else f", an NMSE of {number(record.nmse_vs_sequential, 2)}"
+    gain = stray.efficiency - stray.efficiency_sequential
+    nmse = "" if stray.nmse_vs_sequential is None else f", an NMSE of {number(stray.nmse_vs_sequential, 2)}"
     return (
-        f"The design follows each ray once in and once out. Followed through all reflections ({number(record.rays)} "
-        f"rays, {record.base} base, absorption {record.absorption_per_mm:g} per mm), "
-        f"{percent(record.flux['detected_stray'], 2)} of the emitted flux lands in the window as stray light, "
-        f"{percent(record.flux['absorbed'], 2)} is absorbed, and the efficiency is "
-        f"{percent(record.efficiency, 2)} instead of {percent(record.efficiency_sequential, 2)} "
+        f"The design follows each ray once in and once out. Followed through all reflections ({number(stray.rays)} "
+        f"rays, {stray.base} base, absorption {stray.absorption_per_mm:g} per mm), "
+        f"{percent(stray.flux.detected_stray, 2)} of the emitted flux lands in the window as stray light, "
+        f"{percent(stray.flux.absorbed, 2)} is absorbed, and the efficiency is "
+        f"{percent(stray.efficiency, 2)} instead of {percent(stray.efficiency_sequential, 2)} "
         f"({'+' if gain >= 0.0 else '−'}{number(abs(100.0 * gain), 2)} points). "
-        f"On the receiver the sequential model misjudges {percent(record.misjudged_flux, 2)} of the flux{nmse}."
+        f"On the receiver the sequential model misjudges {percent(stray.misjudged_flux, 2)} of the flux{nmse}."
     )

@@ -39,7 +39,7 @@ def _first_crossing(surface: Surface, start: Points, direction: Points, reach_mm
         middle = 0.5 * (low + high)
         outside = _height(surface, start + middle[:, None] * direction) >= 0.0
         low, high = np.where(outside, low, middle), np.where(outside, middle, high)
-    hit = start + high[:, None] * direction
+    hit: Points = start + high[:, None] * direction
     hit[~crossed.any(axis=1) | ~(hit[:, 2] >= 0.0)] = np.nan
     return hit
 
@@ -74,7 +74,8 @@ def _refract(direction: Points, normal: Points, ratio: float) -> Points:
     cosine = np.sum(direction * normal, axis=1, keepdims=True)
     squared = 1.0 - ratio**2 * (1.0 - cosine**2)
     behind = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
-    return ratio * direction + (behind - ratio * cosine) * normal
+    refracted: Points = ratio * direction + (behind - ratio * cosine) * normal
+    return refracted
 
 
 def _at_distance(point: Points, direction: Points, reach_mm: float) -> Points:
@@ -82,4 +83,5 @@ def _at_distance(point: Points, direction: Points, reach_mm: float) -> Points:
     along = np.sum(point * direction, axis=1)
     squared = along**2 + reach_mm**2 - np.sum(point**2, axis=1)
     length = np.sqrt(np.where(squared > 0.0, squared, np.nan)) - along
-    return point + length[:, None] * direction
+    end: Points = point + length[:, None] * direction
+    return end

@@ -10,9 +10,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.report.drawing import add_colour_bar, in_house_style
 from lensforge.report.irradiance_figures import drawn
-from lensforge.figures.light_unit import WATTS, LightUnit
 
 _WIDTH, _HEIGHT = 2.7, 5.0
 _SLOPES, _LIGHT = "coolwarm", "inferno"
@@ -79,4 +79,5 @@ def _light_on(points: Float[np.ndarray, "i j 3"]) -> Float[np.ndarray, "k l"]:
     down, around = points[1:, :-1] - points[:-1, :-1], points[1:, 1:] - points[1:, :-1]
     normal = np.cross(down, around)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    return 1.0 - _SHADE * (1.0 - np.clip(normal @ _TOWARDS_LIGHT, 0.0, 1.0))
+    lit: Float[np.ndarray, "k l"] = np.clip(normal @ _TOWARDS_LIGHT, 0.0, 1.0)
+    return 1.0 - _SHADE * (1.0 - lit)

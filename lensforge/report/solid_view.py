@@ -1,7 +1,7 @@
 """The exported mesh in three dimensions, rendered off-screen by a process of its own.
 
 Where a machine has no renderer at all, OpenGL may end the process instead of raising: then the page says so in one
-line and all else stays. ``python -m lensforge.report.solid_view STL FOLDER RADIUS`` is that process.
+line and all else stays. This file is what that process runs: ``solid_view.py STL FOLDER RADIUS``.
 """
 
 import json
@@ -15,7 +15,9 @@ from typing import Any
 from lensforge.errors import InputError
 from lensforge.report.turn_mesh import small_mesh
 
-_COMMAND = (sys.executable, "-m", "lensforge.report.solid_view")
+# -P: the folder of this file is not searched for modules, only where lensforge itself is installed.
+_COMMAND = (sys.executable, "-P", str(Path(__file__).resolve()))
+_MESH = "part.stl"
 _LIMIT_SECONDS = 60.0
 _UNREADABLE = 3  # exit code of the process when the file is no mesh
 _PIXELS = (880, 640)
@@ -55,20 +57,22 @@ class SolidViews:
 
 
 class Rendering:
-    """A rendering under way, so that figures can be drawn meanwhile."""
+    """A rendering of the bytes of an STL under way, so that figures can be drawn meanwhile."""
 
-    def __init__(self, stl: Path, optics_radius_mm: float) -> None:
-        self._stl = stl
+    def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lensforge-")
+        folder = Path(self._folder.name).resolve()
+        (folder / _MESH).write_bytes(stl)
         self._process = subprocess.Popen(
-            [*_COMMAND, str(stl), self._folder.name, str(optics_radius_mm)],
+            [*_COMMAND, str(folder / _MESH), str(folder), str(optics_radius_mm)],
+            cwd=folder,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             stdin=subprocess.DEVNULL,
         )
 
     def result(self) -> SolidViews:
-        """Wait for the pictures. Raises :class:`InputError` when the file is no mesh."""
+        """Wait for the pictures. Raises :class:`InputError` when the bytes are no mesh."""
         try:
             code = self._process.wait(_LIMIT_SECONDS)
         except subprocess.TimeoutExpired:
@@ -77,7 +81,7 @@ class Rendering:
             self._process.kill()
             self._process.wait()
         if code == _UNREADABLE:
-            raise InputError(f"{self._stl}: not a readable mesh; run `lensforge export` again")
+            raise InputError("lens.stl: not a readable mesh; run `lensforge export` again")
         if code != 0:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
         folder = Path(self._folder.name)

@@ -112,4 +112,5 @@ def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, f
 def _filled(values: ChartMap) -> ChartMap:
     """Cells that the rim cuts take the value of the nearest node inside; the picture is clipped at the rim."""
     nearest = distance_transform_edt(np.isnan(values), return_distances=False, return_indices=True)
-    return values[tuple(nearest)]
+    filled: ChartMap = values[tuple(nearest)]
+    return filled

@@ -1,13 +1,18 @@
-"""Every number of a JSON file as a row: where it is, what it is, its unit."""
+"""Every number of a record as a row: where it is, what it is, its unit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from hashlib import sha256
 
-from lensforge.report.numerals import anything
+from pydantic import JsonValue
+
+from lensforge.records import Metric, StageResult
+from lensforge.report.numerals import NOTHING, anything, number
 from lensforge.report.units import unit_of
 
 _SHORT = 6  # as many numbers share a cell; more are a block of their own
+_METRIC = frozenset(Metric.model_fields)
+_PACKED = frozenset(("shape", "float64"))  # an array of a spec, as spec/arrays.py writes it
 
 
 @dataclass(frozen=True)
@@ -20,26 +25,50 @@ class Row:
     block: bool = False
 
 
-def rows(content: Any, without: Sequence[str] = ()) -> list[Row]:
-    """All values in ``content`` in the order of the file, less the top-level keys in ``without``."""
+def plain(result: StageResult) -> dict[str, JsonValue]:
+    """The result as its JSON file holds it: without arrays, files and what belongs to another stage."""
+    return result.model_dump(mode="json", exclude=set(result.stored_elsewhere()))
+
+
+def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Row]:
+    """All values in ``content`` in their order, less the top-level keys in ``without``; a metric is one row."""
     kept = {key: value for key, value in content.items() if key not in without}
     return list(_walk(kept, ()))
 
 
-def _walk(content: Any, names: tuple[str, ...]) -> Iterator[Row]:
-    if isinstance(content, dict):
+def _walk(content: object, names: tuple[str, ...]) -> Iterator[Row]:
+    if isinstance(content, dict) and content.keys() == _METRIC:
+        yield _metric(content, names)
+    elif isinstance(content, dict) and content.keys() == _PACKED:
+        yield Row(_path(names), _packed(content), "")
+    elif isinstance(content, dict):
         for key, value in content.items():
             yield from _walk(value, (*names, str(key)))
     elif isinstance(content, list | tuple) and any(isinstance(item, dict | list | tuple) for item in content):
         for index, item in enumerate(content):
             yield from _walk(item, (*names, f"[{index}]"))
     elif isinstance(content, list | tuple):
-        yield Row(_path(names), "  ".join(map(anything, content)), _unit(content, names), len(content) > _SHORT)
+        text = "  ".join(map(anything, content)) or NOTHING
+        yield Row(_path(names), text, _unit(content, names), len(content) > _SHORT)
     else:
         yield Row(_path(names), anything(content), _unit([content], names))
 
 
-def _unit(values: Sequence[Any], names: tuple[str, ...]) -> str:
+def _metric(content: Mapping[str, object], names: tuple[str, ...]) -> Row:
+    """Value, standard error and unit in one row."""
+    error = content["standard_error"]
+    value = anything(content["value"]) + ("" if error is None else f" ± {anything(error)}")
+    return Row(_path(names), value, str(content["unit"]) or unit_of(names))
+
+
+def _packed(content: Mapping[str, object]) -> str:
+    """How many numbers, and a hash by which one array can be told from another."""
+    shape = content["shape"]
+    count = " × ".join(map(number, shape)) if isinstance(shape, list | tuple) else NOTHING
+    return f"{count} numbers, SHA-256 {sha256(str(content['float64']).encode()).hexdigest()[:12]}…"
+
+
+def _unit(values: Sequence[object], names: tuple[str, ...]) -> str:
     """Text, truth and absence have no unit."""
     numeric = any(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
     return unit_of(names) if numeric else ""

@@ -1,4 +1,4 @@
-"""The unit of a number in a JSON file, read from the names that lead to it: ``form_error_nm.max`` is in nm."""
+"""The unit of a number in a record, read from the names that lead to it: ``form_error_nm.max`` is in nm."""
 
 from collections.abc import Sequence
 
@@ -20,9 +20,19 @@ _SUFFIXES = (
     ("_um", "µm"),
     ("_nm", "nm"),
     ("_lm", "lm"),
+    ("_cd", "cd"),
+    ("_px", "pixel"),
     ("_w", "W"),
 )
-_WHOLE_NAMES = {"seconds": "s", "bytes": "B", "filter_variance": "pixel²", "rate": "1/s"}
+_WHOLE_NAMES = {
+    "seconds": "s",
+    "bytes": "B",
+    "filter_variance": "pixel²",
+    "rate": "1/s",
+    "lumens": "lm",
+    "watts": "W",
+    "lumens_per_watt": "lm/W",
+}
 _PURE_NUMBERS = ("fraction", "share", "count", "nmse", "efficiency")
 
 

@@ -1,14 +1,17 @@
-"""What a source is and what was done to its files: the account that a design keeps of its light."""
+"""What a source is and what was done to its rays: the account that a design keeps of its light."""
 
 from typing import Literal
 
 from lensforge.records import Count, NotNegative, Number, Point, Positive, Record, Share, Text
 
+Range = tuple[Positive, Positive]
+
 
 class FileAccount(Record):
     """One ray file: what it holds, what was left out of it, and the power that it was given.
 
-    ``wavelengths_nm``, ``refractive_indices``: least and largest, where the lens disperses its light.
+    ``wavelengths_nm``: the least and the largest, ``refractive_indices``: of the lens there; None where one index is
+    taken for all light.
     """
 
     file: Text
@@ -22,8 +25,8 @@ class FileAccount(Record):
     flux_w: Positive
     virtual_focus_mm: Point | None
     warnings: tuple[Text, ...] = ()
-    wavelengths_nm: tuple[Positive, Positive] | None = None
-    refractive_indices: tuple[Positive, Positive] | None = None
+    wavelengths_nm: Range | None = None
+    refractive_indices: Range | None = None
 
 
 class PlacementAccount(Record):
@@ -42,7 +45,11 @@ class PlacementAccount(Record):
 
 
 class SourceAccount(Record):
-    """What emits: its power, its mirror symmetry, and of measured rays their files and placement."""
+    """What emits: its power, its mirror symmetry, and of measured rays their files and placement.
+
+    ``rays``: of all files, what was left out included; None for a source that can be sampled without end.
+    ``wavelengths_nm`` and ``refractive_indices`` as in :class:`FileAccount`, of all light.
+    """
 
     title: Text
     flux_w: Positive
@@ -51,7 +58,7 @@ class SourceAccount(Record):
     effective_rays: NotNegative | None = None
     virtual_focus_mm: Point | None = None
     warnings: tuple[Text, ...] = ()
-    wavelengths_nm: tuple[Positive, Positive] | None = None
-    refractive_indices: tuple[Positive, Positive] | None = None
+    wavelengths_nm: Range | None = None
+    refractive_indices: Range | None = None
     files: tuple[FileAccount, ...] = ()
     placement: PlacementAccount | None = None

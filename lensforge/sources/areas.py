@@ -46,7 +46,10 @@ class Disc:
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """A polygon of 64 corners around the disc."""
         azimuth = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-        return self.radius_mm / np.cos(np.pi / 64) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        corners: Float[np.ndarray, "k 2"] = (
+            self.radius_mm / np.cos(np.pi / 64) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+        )
+        return corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +75,15 @@ class Rectangles:
         """The first number chooses the rectangle; what is left of it, and the second, the place in it."""
         index, rest = choose(np.cumsum(self.shares), points[:, 0])
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
-        return self.centres[index] + inside * self.sides[index]
+        placed: Float[np.ndarray, "n 2"] = self.centres[index] + inside * self.sides[index]
+        return placed
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """The convex hull of all rectangles."""
         signs = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
         points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
-        return points[ConvexHull(points).vertices]
+        hull: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
+        return hull
 
 
 def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
@@ -104,4 +109,7 @@ def linear_inverse(
     """Where in [0, 1] a density that runs from ``first`` to ``second`` has given the share ``rest`` of its integral."""
     target = rest * (first + second)
     denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
-    return np.clip(np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0)
+    place: Float[np.ndarray, " n"] = np.clip(
+        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0
+    )
+    return place

@@ -1,25 +1,32 @@
 """From a spec's ``[source]`` to an emitter; what one kind needs is loaded for that kind only."""
 
-from importlib import import_module
-from typing import Any
-
 from lensforge.optics.materials import Material
+from lensforge.sources.account import SourceAccount
 from lensforge.sources.bundle import Source
+from lensforge.sources.dispersed import DispersedSource
+from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
-from lensforge.spec.source import RayfileSource, RayfilesSource, SquareSource
-from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.source import (
+    ChipArraySource,
+    ChipsSource,
+    DiscSource,
+    LuminanceSource,
+    RadianceSource,
+    RayfileSource,
+    RayfilesSource,
+    RaySource,
+    RectangleSource,
+    SquareSource,
+)
+from lensforge.spec.source import (
+    Source as SourceSpec,
+)
 
-# The kinds that are loaded only where they are asked for, and what makes their emitter.
-_BUILDERS = {
-    "rayfile": "lensforge.sources.rayfile_loading:load_rayfile",
-    "rayfiles": "lensforge.sources.rayfile_loading:load_rayfiles",
-    "rectangle": "lensforge.sources.planar:planar_emitter",
-    "disc": "lensforge.sources.planar:planar_emitter",
-    "chips": "lensforge.sources.planar:planar_emitter",
-    "chip_array": "lensforge.sources.planar:planar_emitter",
-    "luminance": "lensforge.sources.planar:planar_emitter",
-    "radiance": "lensforge.sources.radiance:radiance_emitter",
-}
+_Measured = RayfileSource | RayfilesSource | RaySource
+_Computed = (
+    SquareSource | RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource | RadianceSource
+)
 
 
 def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
@@ -27,23 +34,49 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
 
     ``material``: the dispersive one of the lens, if it is; then rays whose wavelength is known carry its index there.
     """
-    if isinstance(spec, RayfileSource | RayfilesSource):
-        return _made(spec, material)
-    emitter = SquareEmitter(spec.side_mm, spec.flux_w) if isinstance(spec, SquareSource) else _made(spec)
+    if isinstance(spec, _Measured):
+        return _measured(spec, material)
+    emitter = _computed(spec)
     if material is None or spec.spectrum is None:
         return emitter
-    spectrum = import_module("lensforge.sources.spectrum").spectrum_of(spec.spectrum)
-    coloured: Source = import_module("lensforge.sources.dispersed").DispersedSource(emitter, spectrum, material)
-    return coloured
+    return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
 
 
-def _made(spec: SourceSpec, *more: Any) -> Source:
-    module, function = _BUILDERS[spec.kind].split(":")
-    emitter: Source = getattr(import_module(module), function)(spec, *more)
-    return emitter
+def _measured(spec: _Measured, material: Material | None) -> Source:
+    from lensforge.sources.given_rays import load_rays
+    from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
+
+    match spec:
+        case RayfileSource():
+            return load_rayfile(spec, material)
+        case RayfilesSource():
+            return load_rayfiles(spec, material)
+        case RaySource():
+            return load_rays(spec, material)
 
 
-def account_of(source: Source, spec: SourceSpec) -> dict[str, Any]:
-    """What ``source`` is, its power and symmetry; of a measured one also its files and all that was done to them."""
-    account: dict[str, Any] = getattr(source, "account", {})
-    return {"title": spec.title, "flux_w": source.flux_w, "symmetry": source.symmetry, **account}
+def _computed(spec: _Computed) -> Source:
+    match spec:
+        case SquareSource():
+            return SquareEmitter(spec.side_mm, spec.flux_w)
+        case RadianceSource():
+            from lensforge.sources.radiance import radiance_emitter
+
+            return radiance_emitter(spec)
+        case _:
+            from lensforge.sources.planar import planar_emitter
+
+            return planar_emitter(spec)
+
+
+def account_of(source: Source, spec: SourceSpec) -> SourceAccount:
+    """What ``source``, built from ``spec``, is; of a measured one also its files and all that was done to them."""
+    match source:
+        case RayfileEmitter(account=SourceAccount() as known):
+            return known
+        case DispersedSource():
+            waves, indices = source.colours
+            found = {"wavelengths_nm": waves, "refractive_indices": indices}
+            return account_of(source.source, spec).model_copy(update=found)
+        case _:
+            return SourceAccount(title=spec.title, flux_w=source.flux_w, symmetry=source.symmetry)

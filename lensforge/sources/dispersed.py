@@ -1,12 +1,12 @@
 """A source whose light the lens disperses: every ray gets the refractive index at a wavelength of its own."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.materials import Material
+from lensforge.sources.account import Range
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.spectrum import Spectrum
 
@@ -35,9 +35,9 @@ class DispersedSource:
         return self.source.population
 
     @property
-    def account(self) -> dict[str, Any]:
-        """That of the source itself, and what the colours do."""
-        return {**getattr(self.source, "account", {}), **colours(self.spectrum.wavelengths_nm, self.material)}
+    def colours(self) -> tuple[Range, Range]:
+        """The ends of the spectrum (nm), and the indices there."""
+        return colours(self.spectrum.wavelengths_nm, self.material)
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """The rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
@@ -49,7 +49,8 @@ class DispersedSource:
         return self.source.outline()
 
 
-def colours(wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> dict[str, Any]:
-    """For the account: the range of wavelengths, and the indices that the material has there."""
+def colours(wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> tuple[Range, Range]:
+    """For the account: the least and the largest wavelength (nm), and the indices that the material has there."""
     ends = np.array([wavelengths_nm.min(), wavelengths_nm.max()])
-    return {"wavelengths_nm": ends.tolist(), "refractive_indices": material.index(ends).tolist()}
+    low, high = material.index(ends)
+    return (float(ends[0]), float(ends[1])), (float(low), float(high))

@@ -66,10 +66,12 @@ class TabulatedIntensity:
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
         """The half-plane at ``c_deg``, whatever its sign or turn."""
         if len(self.c_deg) == 1:
-            return self.values[0]
+            only: Float[np.ndarray, " g"] = self.values[0]
+            return only
         place = np.interp(c_deg % 360.0, self.c_deg, np.arange(len(self.c_deg)))
         low = min(int(place), len(self.c_deg) - 2)
-        return self.values[low] + (place - low) * (self.values[low + 1] - self.values[low])
+        plane: Float[np.ndarray, " g"] = self.values[low] + (place - low) * (self.values[low + 1] - self.values[low])
+        return plane
 
     @property
     def symmetry(self) -> str:
@@ -135,7 +137,8 @@ def _invert(
     """The cell of gamma, and the place in it, where the blend of two half-planes' fluxes reaches each number."""
 
     def blend(index: np.ndarray) -> np.ndarray:
-        return (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]
+        mixed: np.ndarray = (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]
+        return mixed
 
     first, last = np.zeros(len(low), dtype=int), np.full(len(low), cumulative.shape[1] - 1)
     wanted = numbers * blend(last)

@@ -97,7 +97,8 @@ class RadianceEmitter:
         radiance, each = blend(self.table.radiance), np.arange(len(numbers))
         place = linear_inverse(radiance[each, cell], radiance[each, cell + 1], rest)
         squares = self.table.squares
-        return squares[cell] + place * (squares[cell + 1] - squares[cell])
+        squared: Float[np.ndarray, " n"] = squares[cell] + place * (squares[cell + 1] - squares[cell])
+        return squared
 
     @cached_property
     def _rows(self) -> Float[np.ndarray, " y"]:

@@ -34,7 +34,8 @@ class RadianceTable:
     @cached_property
     def squares(self) -> Float[np.ndarray, " g"]:
         """``sin^2 gamma`` at the nodes, never falling."""
-        return np.sin(np.deg2rad(self.gamma_deg)) ** 2
+        squares: Float[np.ndarray, " g"] = np.sin(np.deg2rad(self.gamma_deg)) ** 2
+        return squares
 
     @cached_property
     def cumulative(self) -> Float[np.ndarray, "y x c g"]:
@@ -49,7 +50,10 @@ class RadianceTable:
         planes = self.cumulative[..., -1]
         if len(self.c_deg) == 1:
             return 2.0 * np.pi * planes
-        return 0.5 * (planes[..., 1:] + planes[..., :-1]) * np.diff(np.deg2rad(self.c_deg))
+        exitance: Float[np.ndarray, "y x s"] = (
+            0.5 * (planes[..., 1:] + planes[..., :-1]) * np.diff(np.deg2rad(self.c_deg))
+        )
+        return exitance
 
     @cached_property
     def cell_fluxes(self) -> Float[np.ndarray, "y x"]:
@@ -88,6 +92,7 @@ class RadianceTable:
         degrees = np.rad2deg(np.arctan2(before[:, 1], before[:, 0])) % 360.0
         place = np.interp(degrees, self.c_deg, np.arange(len(self.c_deg)))
         low = np.minimum(place.astype(int), len(self.c_deg) - 2)
-        return self.radiance[:, :, low] + (place - low)[:, None] * (
+        turned: Float[np.ndarray, "y x c g"] = self.radiance[:, :, low] + (place - low)[:, None] * (
             self.radiance[:, :, low + 1] - self.radiance[:, :, low]
         )
+        return turned

@@ -1,13 +1,13 @@
 """Measured rays as a source, in lens coordinates: drawn by seed, with weights that add up to a stated power."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.errors import InputError
+from lensforge.sources.account import SourceAccount
 from lensforge.sources.bundle import RayBundle
 
 _OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest is stray light, far out
@@ -18,12 +18,13 @@ class RayfileEmitter:
     """The usable rays of one file or several in lens coordinates, their weights adding up to ``flux_w``.
 
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer accounts for them by
-    cause. Only rows that are no rays are left out; ``account`` says how many, and what else was done to each file.
+    cause. Only rows that are no rays are left out; ``account`` says how many, and what else was done to each file. It
+    is None for rays of which nothing is to be said.
     """
 
     rays: RayBundle
     flux_w: float
-    account: dict[str, Any]
+    account: SourceAccount | None = None
     symmetry: str = "none"
 
     def __len__(self) -> int:
@@ -93,7 +94,8 @@ class RayfileEmitter:
         start, direction = self.rays.origins, self.rays.directions
         level = np.abs(direction[:, 2]) < 1e-9
         length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
-        return start[:, :2] + length[:, None] * direction[:, :2]
+        crossings: Float[np.ndarray, "n 2"] = start[:, :2] + length[:, None] * direction[:, :2]
+        return crossings
 
     def _only(self, index: np.ndarray) -> "RayfileEmitter":
         part = self.rays.take(index)
@@ -110,7 +112,8 @@ def _median(points: Float[np.ndarray, "n 2"], weights: Float[np.ndarray, " n"]) 
 def _hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
     """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
     try:
-        return points[ConvexHull(points).vertices]
+        corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
+        return corners
     except (QhullError, ValueError):
         (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

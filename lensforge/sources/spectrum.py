@@ -42,7 +42,8 @@ class Spectrum:
         cell, rest = choose(self._cumulative, numbers)
         place = linear_inverse(self.weights[cell], self.weights[cell + 1], rest)
         low = self.wavelengths_nm[cell]
-        return low + place * (self.wavelengths_nm[cell + 1] - low)
+        wavelengths: Float[np.ndarray, " n"] = low + place * (self.wavelengths_nm[cell + 1] - low)
+        return wavelengths
 
     def draw(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
         """``count`` wavelengths, one from each of as many equal shares of the power, in random order.

@@ -4,10 +4,11 @@ from lensforge.spec.base import BaseSection
 from lensforge.spec.design import Spec, load_spec, parse_spec
 from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection, Tool
 from lensforge.spec.search import Accuracy, EvaluateSection, OptimiseSection
-from lensforge.spec.target import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
+from lensforge.spec.target import ArrayTarget, CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
 __all__ = [
     "Accuracy",
+    "ArrayTarget",
     "BaseSection",
     "ConstraintsSection",
     "CrossTarget",

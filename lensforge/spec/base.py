@@ -1,11 +1,10 @@
 """The base: what holds the lens, below z = 0."""
 
-from pathlib import Path
 from typing import Literal
 
 from pydantic import model_validator
 
-from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
+from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
 
 
 class BaseSection(Section):
@@ -19,7 +18,7 @@ class BaseSection(Section):
     """
 
     kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
-    file: Path | None = None
+    file: FilePath | None = None
     diameter_mm: Millimetres = 25.4
     side_mm: Millimetres = 25.4
     height_mm: Millimetres = 2.0

@@ -4,16 +4,19 @@ A field that is wrong is reported in one line: its name, its value, what is allo
 """
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
+import tomli_w
 from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
+from lensforge.files import replacing
 from lensforge.spec.base import BaseSection
 from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection
 from lensforge.spec.search import EvaluateSection, OptimiseSection
-from lensforge.spec.section import Section
+from lensforge.spec.section import Section, first_error
 from lensforge.spec.source import Source
 from lensforge.spec.target import Target
 
@@ -21,7 +24,7 @@ from lensforge.spec.target import Target
 class Spec(Section):
     """One design: what goes in, what is wanted, what is allowed."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     source: Source
     lens: LensSection
     constraints: ConstraintsSection
@@ -30,6 +33,30 @@ class Spec(Section):
     evaluate: EvaluateSection = EvaluateSection()
     base: BaseSection = BaseSection()
     manufacture: ManufactureSection = ManufactureSection()
+
+    def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
+        """Another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
+
+        A section is replaced by an object of its kind, or changed by a table of fields; what is not named stays as it
+        was given. Raises :class:`InputError` for what a spec cannot have.
+        """
+        content = self.model_dump(exclude_unset=True)
+        for union in ("source", "target"):  # a kind that was not written is still the kind
+            content[union]["kind"] = getattr(self, union).kind
+        wanted = {**(changes or {}), **sections}
+        return parse_spec(_changed(content, wanted), f"{self.name}, changed")
+
+    def save(self, path: Path | str) -> None:
+        """Write the spec as TOML; :func:`load_spec` reads an equal one."""
+        with replacing(Path(path)) as temporary:
+            temporary.write_text(self.to_toml(), encoding="utf-8")
+
+    def to_toml(self) -> str:
+        """The spec as TOML: what was given, each kind named."""
+        content = self.model_dump(mode="json", exclude_unset=True)
+        everything = self.model_dump(mode="json")
+        _name_kinds(content, everything)
+        return tomli_w.dumps({"name": self.name, **_table(_plain(content))})
 
     @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
@@ -61,14 +88,18 @@ class Spec(Section):
         return self
 
 
-def load_spec(path: Path) -> Spec:
+def load_spec(path: Path | str) -> Spec:
     """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
+    if not isinstance(path, Path | str):
+        raise InputError(f"load_spec: {type(path).__name__} given; give the path of a TOML file")
     path = Path(path)
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; the shipped specs are in examples/") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except RecursionError:
+        raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: not readable as TOML ({error})") from None
     content.setdefault("name", path.stem)
     for section in ("source", "target", "base"):
@@ -76,7 +107,7 @@ def load_spec(path: Path) -> Spec:
     return parse_spec(content, str(path))
 
 
-def _resolve_files(table: Any, folder: Path) -> None:
+def _resolve_files(table: object, folder: Path) -> None:
     """Make every ``file`` in ``table``, however deep, relative to ``folder``."""
     if isinstance(table, list):
         for entry in table:
@@ -89,22 +120,58 @@ def _resolve_files(table: Any, folder: Path) -> None:
                 _resolve_files(value, folder)
 
 
-def parse_spec(content: dict[str, Any], origin: str) -> Spec:
+def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
     """Validate ``content``; ``origin`` names it in the error, which is one line for the first wrong field."""
     try:
         return Spec.model_validate(content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        field = _field(first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
-        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-        raise InputError(f"{origin}: {field}{value}: {message}{more}".replace(": : ", ": ")) from None
+        raise first_error(error, origin) from None
 
 
-def _field(location: tuple[int | str, ...]) -> str:
-    """The path to a field as the user wrote it: without the ``kind`` that chose the form of a section."""
-    unions = ("source", "target", "intensity", "spectrum", "fixed_inner", "fixed_outer")
-    return ".".join(
-        str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
-    )
+def require_spec(spec: object, verb: str) -> Spec:
+    """``spec`` if it is one. Raises :class:`InputError` for a path or anything else where a spec belongs."""
+    if isinstance(spec, Spec):
+        return spec
+    remedy = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
+    raise InputError(f"{verb}: {str(spec)[:60]!r} is a {type(spec).__name__}, no Spec; {remedy}")
+
+
+def _changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
+    result = dict(content)
+    for name, value in changes.items():
+        section, _, rest = name.partition(".")
+        before = result.get(section)
+        if rest:
+            result[section] = _changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
+        elif isinstance(value, Mapping) and isinstance(before, Mapping):
+            result[section] = _changed(dict(before), value)
+        else:
+            result[section] = value
+    return result
+
+
+def _name_kinds(given: object, everything: object) -> None:
+    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
+    if isinstance(given, dict) and isinstance(everything, dict):
+        if "kind" in everything:
+            given["kind"] = everything["kind"]
+        for key, value in given.items():
+            _name_kinds(value, everything.get(key))
+    elif isinstance(given, list) and isinstance(everything, list):
+        for one, whole in zip(given, everything, strict=True):
+            _name_kinds(one, whole)
+
+
+def _table(value: object) -> dict[str, object]:
+    assert isinstance(value, dict)
+    return value
+
+
+def _plain(value: object) -> object:
+    """What TOML can hold: no None, paths as text."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items() if entry is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return str(value) if isinstance(value, Path) else value

@@ -53,7 +53,7 @@ class _Fixed(Section):
 class FixedSphere(_Fixed):
     """A sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
-    kind: Literal["sphere"]
+    kind: Literal["sphere"] = "sphere"
     radius_mm: Millimetres
     centre_z_mm: _Coordinate = 0.0
 
@@ -69,7 +69,7 @@ class FixedAsphere(_Fixed):
     ``coefficients``: A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...
     """
 
-    kind: Literal["asphere"]
+    kind: Literal["asphere"] = "asphere"
     vertex_z_mm: Millimetres
     radius_mm: _Coordinate
     conic_constant: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0

@@ -157,11 +157,13 @@ class ManufactureSection(Section):
 
     ``make``: the lens itself, or the mould inserts that are cut to its shape. ``max_tilt_deg``: how far a tool's axis
     may lean from the lens axis. ``stepover_mm`` and ``slope_limit_mrad``: passes, and the slope of their cusps.
+    ``required``: a part that cannot be cut counts as a failure of the run.
     """
 
     cutter_radius_mm: Millimetres = 1.0
     tools: tuple[Tool, ...] = ()
     make: Literal["part", "insert"] = "part"
+    required: bool = False
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
     stepover_mm: Millimetres = 0.02
     slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0

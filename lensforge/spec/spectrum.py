@@ -1,12 +1,11 @@
 """The ``spectrum`` of a source: what wavelengths it emits; counts where the lens's material disperses them."""
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import Section
+from lensforge.spec.section import FilePath, Section
 
 Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
 
@@ -21,7 +20,7 @@ class LineSpectrum(Section):
 class TableSpectrum(Section):
     """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
 
-    kind: Literal["table"]
+    kind: Literal["table"] = "table"
     wavelength_nm: tuple[Nanometres, ...]
     weight: tuple[Annotated[float, Field(ge=0.0)], ...]
 
@@ -38,8 +37,8 @@ class TableSpectrum(Section):
 class FileSpectrum(Section):
     """The same table as a text file of two columns, nm and weight, as LED makers ship it."""
 
-    kind: Literal["file"]
-    file: Path
+    kind: Literal["file"] = "file"
+    file: FilePath
 
 
 Spectrum = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]

@@ -1,11 +1,14 @@
 """The wanted light: a pattern on a receiver."""
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
+from lensforge.spec.arrays import Numbers
+from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
 
 
 class _Target(Section):
@@ -23,7 +26,7 @@ class _Target(Section):
 class FlatTopTarget(_Target):
     """A square super-Gaussian, ``exp(-|x/a|^p - |y/a|^p)``."""
 
-    kind: Literal["flat_top"]
+    kind: Literal["flat_top"] = "flat_top"
     half_width_mm: Millimetres
     exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
 
@@ -41,7 +44,7 @@ class _SoftTarget(_Target):
 class CrossTarget(_SoftTarget):
     """An upright cross of equal arms, ``length_mm`` from end to end, edges softened by a Gaussian of ``edge_mm``."""
 
-    kind: Literal["cross"]
+    kind: Literal["cross"] = "cross"
     length_mm: Millimetres
     stroke_mm: Millimetres
 
@@ -49,7 +52,7 @@ class CrossTarget(_SoftTarget):
 class TextTarget(_SoftTarget):
     """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
 
-    kind: Literal["text"]
+    kind: Literal["text"] = "text"
     text: Annotated[str, Field(min_length=1, max_length=40)]
     width_mm: Millimetres
 
@@ -57,9 +60,39 @@ class TextTarget(_SoftTarget):
 class ImageTarget(_SoftTarget):
     """An image file, ``width_mm`` wide, its luminance taken as irradiance."""
 
-    kind: Literal["image"]
-    file: Path
+    kind: Literal["image"] = "image"
+    file: FilePath
     width_mm: Millimetres
 
 
-Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget, Field(discriminator="kind")]
+class ArrayTarget(_SoftTarget):
+    """Irradiance (relative) given as an array [row, column], ``width_mm`` wide; row 0 is the top, as in a picture."""
+
+    positional: ClassVar[str] = "values"
+
+    kind: Literal["array"] = "array"
+    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
+    width_mm: Millimetres
+
+    if TYPE_CHECKING:  # what the class takes; the fields themselves are validated as everywhere
+
+        def __init__(
+            self,
+            values: ArrayLike | None = None,
+            /,
+            *,
+            width_mm: float,
+            distance_mm: float,
+            receiver_mm: float,
+            uniform_mm: float | None = None,
+            edge_mm: float = 0.0,
+        ) -> None: ...
+
+    @model_validator(mode="after")
+    def _is_light(self) -> "ArrayTarget":
+        if not (self.values.min() >= 0.0 and self.values.max() > 0.0):
+            raise ValueError("values: must be 0 or above, and not 0 everywhere")
+        return self
+
+
+Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget | ArrayTarget, Field(discriminator="kind")]

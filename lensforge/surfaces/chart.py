@@ -14,13 +14,15 @@ HALF_WIDTH = 1.02
 def to_sphere(chart: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
     """Unit directions of chart points: ``u = (2X, 2Y, 1 - R^2) / (1 + R^2)``."""
     squared = np.sum(chart * chart, axis=-1, keepdims=True)
-    return np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
+    unit: Float[np.ndarray, "*n 3"] = np.concatenate([2.0 * chart, 1.0 - squared], axis=-1) / (1.0 + squared)
+    return unit
 
 
 def to_chart(directions: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
     """Chart points of directions of any length: ``(X, Y) = (x, y) / (r + z)``; singular at -z only."""
     radius = np.linalg.norm(directions, axis=-1, keepdims=True)
-    return directions[..., :2] / (radius + directions[..., 2:])
+    projected: Float[np.ndarray, "*n 2"] = directions[..., :2] / (radius + directions[..., 2:])
+    return projected
 
 
 def grid(nodes: int, half_width: float = HALF_WIDTH) -> Float[np.ndarray, "n n 2"]:

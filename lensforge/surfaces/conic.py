@@ -62,13 +62,17 @@ class Asphere(Surface):
         height, slope = _on_profile(directions[:, 2])
         _, by_radius, by_height = self._implicit(self._at(height), height)
         rising = np.array([0.0, 0.0, 1.0]) - directions[:, 2:] * directions
-        return (-by_height / by_radius * slope)[:, None] * rising
+        gradient: Float[np.ndarray, "n 3"] = (-by_height / by_radius * slope)[:, None] * rising
+        return gradient
 
     def sag(self, r_mm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """``z(r)`` (mm) by the formula of the standard; NaN beyond the equator of its conic."""
         with np.errstate(invalid="ignore"):
             root = np.sqrt(1.0 - (1.0 + self.conic) * r_mm**2 / self.radius_mm**2)
-        return self.vertex_mm + r_mm**2 / (self.radius_mm * (1.0 + root)) + polynomial.polyval(r_mm**2, self._series)
+        z_mm: Float[np.ndarray, " n"] = (
+            self.vertex_mm + r_mm**2 / (self.radius_mm * (1.0 + root)) + polynomial.polyval(r_mm**2, self._series)
+        )
+        return z_mm
 
     @cached_property
     def _series(self) -> Float[np.ndarray, " k"]:
@@ -91,7 +95,7 @@ class Asphere(Surface):
     def _at(self, height: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Newton's steps from the profile, whose error is about 1e-5 of the radius: the second reaches rounding."""
         heights, radii = self._profile
-        rho = np.interp(height, heights[::-1], radii[::-1])
+        rho: Float[np.ndarray, " n"] = np.interp(height, heights[::-1], radii[::-1])
         for _ in range(3):
             value, by_radius, _ = self._implicit(rho, height)
             rho = rho - value / by_radius

@@ -98,7 +98,8 @@ def _chord_squared(directions: Float[np.ndarray, "n 3"], centres: Float[np.ndarr
     chord_squared = np.maximum(2.0 - 2.0 * directions @ centres.T, 0.0)
     rows, columns = np.nonzero(chord_squared < 1e-4)  # the dot product cancels here; the difference does not
     chord_squared[rows, columns] = np.sum((directions[rows] - centres[columns]) ** 2, axis=-1)
-    return np.minimum(chord_squared, 4.0)
+    clipped: Float[np.ndarray, "n m"] = np.minimum(chord_squared, 4.0)
+    return clipped
 
 
 def gaussians(
@@ -110,7 +111,8 @@ def gaussians(
     the centre, where rays along the axis of a function live.
     """
     angle = 2.0 * np.arcsin(0.5 * np.sqrt(_chord_squared(directions, centres)))
-    return np.exp(-((angle / sigmas) ** 2))
+    values: Float[np.ndarray, "n m"] = np.exp(-((angle / sigmas) ** 2))
+    return values
 
 
 def _slopes(
@@ -122,7 +124,8 @@ def _slopes(
     sine = 2.0 * half_chord * np.sqrt(1.0 - half_chord**2)
     smooth = sine > 1e-8
     ratio = np.where(smooth, angle / np.where(smooth, sine, 1.0), 1.0)
-    return 2.0 * np.exp(-((angle / sigmas) ** 2)) * ratio / sigmas**2
+    slopes: Float[np.ndarray, "n m"] = 2.0 * np.exp(-((angle / sigmas) ** 2)) * ratio / sigmas**2
+    return slopes
 
 
 @dataclass(frozen=True)

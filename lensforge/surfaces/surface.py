@@ -30,4 +30,5 @@ class Surface(Protocol):
     def normal(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Unit normals pointing away from the origin: ``u - grad(rho)/rho``, normalised."""
         outward = directions - self.gradient(directions) / self.radius(directions)[:, None]
-        return outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        unit: Float[np.ndarray, "n 3"] = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        return unit

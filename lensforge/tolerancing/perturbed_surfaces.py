@@ -42,7 +42,8 @@ class WithFormError:
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the lens origin."""
-        return self.surface.radius(directions) + self.error.radius(directions) - self.error.offset_mm
+        radius: Float[np.ndarray, " n"] = self.surface.radius(directions) + self.error.radius(directions)
+        return radius - self.error.offset_mm
 
 
 def with_form_error(surface: Surface, functions: int, sigma_c: float, rms_mm: float, seed: int) -> WithFormError:

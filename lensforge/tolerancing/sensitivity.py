@@ -1,59 +1,61 @@
-"""``sensitivity.json``: uniformity, NMSE and efficiency of the lens as it should be, and of it with each error."""
+"""Uniformity, NMSE and efficiency of the lens as it should be, and of it with each error."""
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, replace
-from pathlib import Path
-from typing import Any
 
 import torch
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.evaluate import evaluate_traced
+from lensforge.evaluation.light import Judged
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import write_json
 from lensforge.lens import Lens
+from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.tolerancing.perturbations import Amounts, Perturbation, Radius, perturbations
+from lensforge.tolerancing.sensitivity_table import Change, ErrorRow, Sensitivity
 from lensforge.tolerancing.shifted_source import ShiftedSource
 
-FILE = "sensitivity.json"
 RAYS = 2**19
-METRICS = ("uniformity", "rsd", "nmse", "efficiency")
 
 
 def measure_sensitivity(
     lens: Lens,
     source: Source,
     preset: Preset,
-    directory: Path,
     *,
     rays: int | None = None,
     amounts: Amounts | None = None,
-) -> dict[str, Any]:
-    """Trace the lens with each error of ``amounts``, always with the same rays; write and return the table.
+    progress: Callable[[int, int], None] | None = None,
+) -> Sensitivity:
+    """Trace the lens with each error of ``amounts``, always with the same rays.
 
-    ``change`` is against the lens as designed: with common rays most of the noise of both cancels.
+    Changes are against the lens as designed: with common rays most of the noise of both cancels. ``progress`` is
+    called after each lens with the number of those done and of all.
     """
     started = time.perf_counter()
     amounts = amounts or Amounts()
     nominal = TracedLens.of(lens, preset.judge_nodes_per_sigma)
-    count = rays or RAYS
-    designed = _metrics(nominal, lens, source, count)
+    count, errors = rays or RAYS, perturbations(lens, amounts, lens.seed)
+    announce = progress or (lambda done, total: None)
+    designed = _judged(nominal, lens, source, count)
+    announce(1, len(errors) + 1)
     rows = []
-    for error in perturbations(lens, amounts, lens.seed):
+    for done, error in enumerate(errors, start=2):
         shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
-        found = _metrics(perturbed(nominal, error), lens, shifted, count)
-        change = {key: _difference(found[key], designed[key]) for key in METRICS}
-        rows.append({"name": error.name, "amount": error.amount, "unit": error.unit, **found, "change": change})
-    content = {
-        "nominal": designed,
-        "rows": rows,
-        "amounts": asdict(amounts),
-        "rays": count,
-        "seconds": time.perf_counter() - started,
-    }
-    write_json(Path(directory) / FILE, content)
-    return content
+        found = _judged(perturbed(nominal, error), lens, shifted, count)
+        change = _change(found, designed)
+        rows.append(ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found, change=change))
+        announce(done, len(errors) + 1)
+    return Sensitivity(
+        inputs={"lens": lens.sha256},
+        nominal=designed,
+        rows=tuple(rows),
+        amounts=asdict(amounts),
+        rays=count,
+        seconds=time.perf_counter() - started,
+    )
 
 
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
@@ -72,10 +74,19 @@ def _table(nominal: TracedLens, radius: Radius) -> torch.Tensor:
     return torch.from_numpy(grid.coefficients(samples).reshape(grid.side, grid.side))
 
 
-def _metrics(traced: TracedLens, lens: Lens, source: Source, rays: int) -> dict[str, float | None]:
-    report = evaluate_traced(traced, lens.spec, source, rays, lens.seed).report
-    return {key: report[key] for key in METRICS}
+def _judged(traced: TracedLens, lens: Lens, source: Source, rays: int) -> Judged:
+    light = evaluate_traced(traced, lens.spec, source, rays, lens.seed)
+    return Judged.of(light)
 
 
-def _difference(value: float | None, before: float | None) -> float | None:
-    return None if value is None or before is None else value - before
+def _change(found: Judged, designed: Judged) -> Change:
+    return Change(
+        uniformity=_difference(found.uniformity, designed.uniformity),
+        rsd=_difference(found.rsd, designed.rsd),
+        nmse=found.nmse.value - designed.nmse.value,
+        efficiency=found.efficiency.value - designed.efficiency.value,
+    )
+
+
+def _difference(value: Metric | None, before: Metric | None) -> float | None:
+    return None if value is None or before is None else value.value - before.value

@@ -2,21 +2,13 @@
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from lensforge.evaluation.light import Judged
 from lensforge.records import Count, Metric, NotNegative, Number, Record, StageResult, Text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
-
-
-class Judged(Record):
-    """The metrics of one lens; None where a metric has no meaning."""
-
-    uniformity: Metric | None
-    rsd: Metric | None
-    nmse: Metric
-    efficiency: Metric
 
 
 class Change(Record):
@@ -39,7 +31,10 @@ class ErrorRow(Record):
 
 
 class Sensitivity(StageResult):
-    """What small errors of making and mounting do to the light; ``amounts`` by the name of the kind of error."""
+    """Small errors of making and mounting, and how they change the light.
+
+    ``amounts``: how much of each kind of error, by name; the unit stands in the name (mm, rad; ``index`` has none).
+    """
 
     stage: ClassVar[str] = "sensitivity"
 

@@ -43,4 +43,5 @@ class ShiftedSource:
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """The outline, moved."""
-        return self.source.outline() + np.array(self.shift_mm)
+        moved: Float[np.ndarray, "k 3"] = self.source.outline() + np.array(self.shift_mm)
+        return moved

@@ -1,1 +1,1 @@
-"""From a ray bundle to its hits on the receiver, every ray with a fate."""
+"""From a ray bundle to the rays that leave the lens, every ray with a fate."""

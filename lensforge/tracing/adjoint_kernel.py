@@ -11,9 +11,8 @@ from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
 from lensforge.tracing.spline_kernel import scatter, slope_and_curvature
 from lensforge.tracing.trace_kernel import outward_normal, refract
 
-_ARRIVED = 0
+_LEFT_LENS = 0
 _TOTAL_REFLECTION = 4
-_AVERTED = 5
 
 
 @inline
@@ -99,18 +98,26 @@ def hit_adjoint(
 @kernel
 def trace_adjoint(
     origins, directions, weights, indices, inner, outer, scene, lengths, fates,
-    by_hits, by_carried, by_sines, inner_gradient, outer_gradient,
+    level, by_crossings, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
-    """Add to the tables' gradients what every ray's sensitivities say: to hit and flux if it arrived, and to sin^2."""
-    distance, fresnel, table_origin, inverse_step = scene
+    """Add to the tables' gradients what every ray's sensitivities say.
+
+    If it left the lens: to where it crosses the plane ``z = level``, to its direction (where ``by_directions`` is not
+    empty) and to its flux; to sin^2 also if the outer surface reflected it totally.
+    """
+    fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
         index = indices[min(k, len(indices) - 1)]
-        arrived = fates[k] == _ARRIVED
-        left_or_reflected = fates[k] == _AVERTED or (fates[k] == _TOTAL_REFLECTION and lengths[k, 1] > 0.0)
-        if not (arrived or left_or_reflected):
+        left = fates[k] == _LEFT_LENS
+        if not left and not (fates[k] == _TOTAL_REFLECTION and lengths[k, 1] > 0.0):
             continue
-        gx, gy, gw, gs = by_hits[k, 0], by_hits[k, 1], by_carried[k] if arrived else 0.0, by_sines[k]
-        if gx == 0.0 and gy == 0.0 and gw == 0.0 and gs == 0.0:
+        gx, gy, gw, gs, fx, fy, fz = 0.0, 0.0, 0.0, by_sin2[k], 0.0, 0.0, 0.0
+        if left:
+            gx, gy, gw = by_crossings[k, 0], by_crossings[k, 1], by_flux[k]
+            if len(by_directions) > 0:
+                fx, fy, fz = by_directions[k, 0], by_directions[k, 1], by_directions[k, 2]
+        crosses = gx != 0.0 or gy != 0.0
+        if not crosses and gw == 0.0 and gs == 0.0 and fx == 0.0 and fy == 0.0 and fz == 0.0:
             continue
         # the ray again, forwards
         ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
@@ -124,21 +131,20 @@ def trace_adjoint(
         jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
         mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
         cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
-        if c1 <= 0.0 or c2 <= 0.0 or (arrived and q2_squared <= 0.0):
+        if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
             continue  # tangent, or at the critical angle, to the last bit: there is no derivative
-        # and backwards: receiver, outer surface, inner surface
+        # and backwards: behind the lens, outer surface, inner surface
         by_c2 = -2.0 * index * index * c2 * gs
         through2, slope2 = 1.0, 0.0
+        if left and fresnel:
+            through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
+        by_c2 += gw * weights[k] * through1 * slope2
         ex, ey, ez = 0.0, 0.0, 0.0
-        fx, fy, fz = 0.0, 0.0, 0.0
-        if arrived:
-            if fresnel:
-                through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
-            by_c2 += gw * weights[k] * through1 * slope2
-            t3 = (distance - sz) / cz
+        if crosses:
+            t3 = (level - sz) / cz
             by_t3 = gx * cx + gy * cy
             ex, ey, ez = gx, gy, -by_t3 / cz
-            fx, fy, fz = gx * t3, gy * t3, -by_t3 * t3 / cz
+            fx, fy, fz = fx + gx * t3, fy + gy * t3, fz - by_t3 * t3 / cz
         by_c1 = gw * weights[k] * through2 * slope1
         fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
         ex, ey, ez = hit_adjoint(

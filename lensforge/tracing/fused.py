@@ -1,7 +1,6 @@
-"""The fast path: the fused kernels on all cores, differentiable with respect to the two tables."""
+"""The fast path: the fused kernels on all cores, and the gradients with respect to the two tables."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -11,27 +10,26 @@ from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.adjoint_kernel import trace_adjoint
-from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.bounds_kernel import SurfaceBounds, surface_bounds
 from lensforge.tracing.chunks import CHUNKS, in_chunks
+from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 from lensforge.tracing.trace_kernel import trace
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a ray meets besides the surfaces: the index of the body, the receiver's plane; and the tables' grid.
+    """The body between two tables: its refractive index, and the tables' grid.
 
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
 
     refractive_index: float
-    distance_mm: float
     grid: TableGrid
     fresnel: bool = True
 
-    def packed(self) -> tuple[float, bool, float, float]:
-        """The four numbers that the kernels take."""
-        return self.distance_mm, self.fresnel, self.grid.origin, 1.0 / self.grid.step
+    def packed(self) -> tuple[bool, float, float]:
+        """The three numbers that the kernels take."""
+        return self.fresnel, self.grid.origin, 1.0 / self.grid.step
 
     def indices(self, rays: RayBundle) -> Float[np.ndarray, " k"]:
         """The body's refractive index for each ray where they differ, or one for all."""
@@ -43,47 +41,58 @@ def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " 
     return indices if len(indices) == 1 else indices[part]
 
 
-class _Trace(torch.autograd.Function):
+@dataclass(frozen=True)
+class TracedBundle:
+    """Exit rays of a bundle, and what the way back needs: the tables, and the path lengths to both surfaces (mm)."""
+
+    inner: Float[np.ndarray, "side side"]
+    outer: Float[np.ndarray, "side side"]
+    scene: Scene
+    rays: RayBundle
+    lengths: Float[np.ndarray, "n 2"]
+    exits: ExitRays
+
     @staticmethod
-    def forward(ctx: Any, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Any:
+    def of(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> "TracedBundle":
+        """Trace ``rays`` through two tables; see :func:`trace_tables`."""
         bounds = checked_bounds(inner, outer, scene)
-        tables = [table.detach().numpy() for table in (inner, outer)]
+        tables = inner.detach().numpy(), outer.detach().numpy()
         count, indices = len(rays), scene.indices(rays)
-        lengths, hits = np.empty((count, 2)), np.empty((count, 2))
-        carried, sines, fates = np.empty(count), np.empty(count), np.empty(count, dtype=np.int8)
+        lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
+        points, directions, flux, sin2_exit = (np.empty(shape) for shape in ((count, 3), (count, 3), count, count))
 
         def work(_: int, part: slice) -> None:
             trace(
                 rays.origins[part], rays.directions[part], rays.weights[part], _part(indices, part),
                 *tables, *bounds, scene.packed(),
-                lengths[part], hits[part], carried[part], sines[part], fates[part],
+                lengths[part], points[part], directions[part], flux[part], sin2_exit[part], fates[part],
             )  # fmt: skip
 
         in_chunks(work, count)
-        ctx.save_for_backward(inner, outer)
-        ctx.scene, ctx.rays, ctx.lengths, ctx.fates = scene, rays, lengths, fates
-        outputs = tuple(torch.from_numpy(array) for array in (hits, carried, sines, fates))
-        ctx.mark_non_differentiable(outputs[3])
-        return outputs
+        exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
+        return TracedBundle(*tables, scene, rays, lengths, exits)
 
-    @staticmethod
-    def backward(ctx: Any, by_hits: torch.Tensor, by_carried: torch.Tensor, by_sines: torch.Tensor, _: Any) -> Any:
-        inner, outer = (table.numpy() for table in ctx.saved_tensors)
-        gradients = np.zeros((2, CHUNKS, *inner.shape))
-        by = [tensor.contiguous().numpy() for tensor in (by_hits, by_carried, by_sines)]
-        rays: RayBundle = ctx.rays
-        indices = ctx.scene.indices(rays)
+    def gradients(
+        self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
+    ) -> tuple[Float[torch.Tensor, "side side"], Float[torch.Tensor, "side side"]]:
+        """With respect to both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
+
+        The flux that a lost ray carried counts as a constant.
+        """
+        rays, fates, indices = self.rays, self.exits.fates.numpy(), self.scene.indices(self.rays)
+        totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.weights[part], _part(indices, part),
-                inner, outer, ctx.scene.packed(),
-                ctx.lengths[part], ctx.fates[part], *(array[part] for array in by), *gradients[:, chunk],
+                self.inner, self.outer, self.scene.packed(), self.lengths[part], fates[part],
+                by.level_mm, by.by_crossings[part], by.by_directions[part], by_flux[part], by_sin2[part],
+                *totals[:, chunk],
             )  # fmt: skip
 
         in_chunks(work, len(rays))
-        total = torch.from_numpy(gradients.sum(axis=1))
-        return total[0], total[1], None, None
+        inner, outer = torch.from_numpy(totals.sum(axis=1))
+        return inner, outer
 
 
 def checked_bounds(
@@ -102,10 +111,9 @@ def checked_bounds(
     return first, second
 
 
-def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> Arrivals:
-    """Trace ``rays`` through two tables (side, side), float64 on the CPU; differentiable in both tables.
+def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
+    """Trace ``rays`` through two tables (side, side), float64 on the CPU; without a gradient.
 
-    The flux that a lost ray carried counts as a constant. Raises :class:`InputError` when a surface has a radius that
-    is not positive.
+    Raises :class:`InputError` when a surface has a radius that is not positive.
     """
-    return Arrivals(*_Trace.apply(inner, outer, scene, rays))
+    return TracedBundle.of(inner, outer, scene, rays).exits

@@ -8,9 +8,9 @@ from torch import Tensor
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.device_search import first_crossing
 from lensforge.tracing.device_table import DeviceTable
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.fused import Scene, checked_bounds
 from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 
@@ -29,7 +29,8 @@ class TableSurface:
         """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
         r = torch.linalg.norm(points, dim=1)
         shift = (r + points[:, 2]).clamp(min=torch.finfo(points.dtype).tiny)
-        return self.table.value_and_slope(points[:, 0] / shift, points[:, 1] / shift)[0] - r
+        rho: Tensor = self.table.value_and_slope(points[:, 0] / shift, points[:, 1] / shift)[0]
+        return rho - r
 
     def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
@@ -59,11 +60,11 @@ def trace_on_device(
     outer: Float[Tensor, "side side"],
     scene: Scene,
     rays: RayBundle,
-) -> Arrivals:
+) -> ExitRays:
     """What :func:`~lensforge.tracing.fused.trace_tables` returns, on ``device``; differentiable in both tables."""
     first, second = (TableSurface(table) for table in tables_on(device, inner, outer, scene))
     on_device = TensorRays.of(rays, scene.refractive_index, torch.float64, device)
-    return trace_sequence(first, second, on_device, scene.distance_mm, scene.fresnel)
+    return trace_sequence(first, second, on_device, scene.fresnel)
 
 
 def search_device(name: str) -> torch.device | None:

@@ -13,7 +13,7 @@ from torch import Tensor
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.srbf import SrbfBasis
 from lensforge.surfaces.symmetry import group
-from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 
 
@@ -76,12 +76,14 @@ class ExactSurface:
         """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
         distance = torch.linalg.norm(points, dim=1, keepdim=True)
         directions = points / distance
-        return directions - self.gradient(directions) / distance
+        normal: Tensor = directions - self.gradient(directions) / distance
+        return normal
 
     def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
         distance = torch.linalg.norm(points, dim=1)
-        return self.radius(points / distance.clamp(min=torch.finfo(points.dtype).tiny)[:, None]) - distance
+        gap: Tensor = self.radius(points / distance.clamp(min=torch.finfo(points.dtype).tiny)[:, None]) - distance
+        return gap
 
     def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
         """The first sign change of F within reach of the surface; no search is ever given up."""
@@ -103,12 +105,10 @@ class ExactSurface:
             return Crossing(0.5 * (low + high), found, torch.zeros_like(found))
 
 
-def trace_exact(
-    inner: ExactSurface, outer: ExactSurface, refractive_index: float, distance_mm: float, rays: RayBundle
-) -> Arrivals:
+def trace_exact(inner: ExactSurface, outer: ExactSurface, refractive_index: float, rays: RayBundle) -> ExitRays:
     """Trace ``rays`` through the exact surfaces; differentiable in their weights and offsets.
 
     Slow by design: every ray sees every function about 600 times. Rays with an index of their own keep it.
     """
     like = inner.weights
-    return trace_sequence(inner, outer, TensorRays.of(rays, refractive_index, like.dtype, like.device), distance_mm)
+    return trace_sequence(inner, outer, TensorRays.of(rays, refractive_index, like.dtype, like.device))

@@ -1,4 +1,4 @@
-"""Rays through both surfaces to the receiver's plane, one event after the other: in torch, for any surface.
+"""Rays through both surfaces and out of the lens, one event after the other: in torch, for any surface.
 
 The surfaces say where a ray crosses them and which way they face there; what happens then is written here, once for
 the exact sum (``reference``) and for tables on any device (``on_device``). A crossing is made differentiable by one
@@ -14,9 +14,8 @@ from torch import Tensor
 
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.sources.bundle import RayBundle
-from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.fates import Fate
-from lensforge.tracing.trace_kernel import LEAST_RISE
 
 
 class Crossing(NamedTuple):
@@ -67,15 +66,13 @@ class TensorRays:
         return TensorRays(origins, directions, weights, indices)
 
 
-def trace_sequence(
-    inner: TracedSurface, outer: TracedSurface, rays: TensorRays, distance_mm: float, fresnel: bool = True
-) -> Arrivals:
-    """Trace ``rays`` to the plane ``z = distance_mm``; differentiable in what the surfaces are differentiable in.
+def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
+    """Trace ``rays`` out of the lens; differentiable in what the surfaces are differentiable in.
 
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
     fates, alive, origins, directions = _entered(inner, rays)
-    carried, sines = rays.weights.clone(), torch.zeros_like(rays.weights)
+    flux, sin2_exit = rays.weights.clone(), torch.zeros_like(rays.weights)
     for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         fates[alive] = _without_crossing(crossing, origins, directions, is_outer)
@@ -87,19 +84,15 @@ def trace_sequence(
         ratio, cosine = ratios[alive], torch.sum(directions * normals, dim=1)
         behind_squared = transmitted_cosine_squared(cosine, ratio)
         if is_outer:
-            sines = sines.index_put((alive,), 1.0 - behind_squared)
+            sin2_exit = sin2_exit.index_put((alive,), 1.0 - behind_squared)
         passes = (behind_squared.detach() > 0.0) & (cosine.detach() > 0.0)
         fates[alive[~passes]] = int(Fate.TOTAL_REFLECTION)
         alive, cosine, ratio = alive[passes], cosine[passes], ratio[passes]
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
         if fresnel:
-            carried = carried.index_put((alive,), carried[alive] * fresnel_transmittance(cosine, ratio))
-    forward = directions[:, 2].detach() > LEAST_RISE
-    fates[alive[~forward]] = int(Fate.AVERTED)
-    alive, origins, directions = alive[forward], origins[forward], directions[forward]
-    reached = origins + ((distance_mm - origins[:, 2]) / directions[:, 2])[:, None] * directions
-    hits = torch.zeros_like(rays.origins[:, :2]).index_put((alive,), reached[:, :2])
-    return Arrivals(hits, carried, sines, fates)
+            flux = flux.index_put((alive,), flux[alive] * fresnel_transmittance(cosine, ratio))
+    points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
+    return ExitRays(points, directions, flux, sin2_exit, fates)
 
 
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:
@@ -111,7 +104,7 @@ def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"]
     points[:, 2] = torch.clamp(height, min=0.0)
     with torch.no_grad():
         inside = inner.gap(points) > 0.0
-    fates = torch.where(inside, int(Fate.ARRIVED), int(Fate.OUTSIDE_CAVITY)).to(torch.int8)
+    fates = torch.where(inside, int(Fate.LEFT_LENS), int(Fate.OUTSIDE_CAVITY)).to(torch.int8)
     fates[~rising] = int(Fate.BACKWARD)
     alive = torch.nonzero(rising & inside)[:, 0]
     return fates, alive, points[alive], rays.directions[alive]
@@ -120,13 +113,13 @@ def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"]
 def _without_crossing(
     crossing: Crossing, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], is_outer: bool
 ) -> Int8[Tensor, " n"]:
-    """Why rays do not cross a surface; ``ARRIVED`` for those that do."""
+    """Why rays do not cross a surface; ``LEFT_LENS`` for those that do."""
     below = (origins[:, 2] + crossing.lengths * directions[:, 2]).detach() < 0.0
     given_up = torch.full_like(crossing.lengths, int(Fate.NOT_CONVERGED), dtype=torch.int8)
     if is_outer:  # a ray that is not inside at its start has met the inner surface outside of the outer one
         given_up[crossing.lengths == 0.0] = int(Fate.CROSSED)
     unmet = torch.where(crossing.lost & ~below, given_up, int(Fate.BASE))
-    return torch.where(crossing.found, int(Fate.ARRIVED), unmet).to(torch.int8)
+    return torch.where(crossing.found, int(Fate.LEFT_LENS), unmet).to(torch.int8)
 
 
 def _differentiable_hit(

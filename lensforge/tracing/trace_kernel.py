@@ -1,8 +1,8 @@
-"""Fused kernels, part 5: rays through both surfaces to the receiver's plane, one loop over rays.
+"""Fused kernels, part 5: rays through both surfaces and out of the lens, one loop over rays.
 
-``scene`` is ``(receiver distance, Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's
-refractive index for each ray, or one for all. The path lengths that the search found are kept, so that the adjoint
-(``adjoint_kernel``) need not search again.
+``scene`` is ``(Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's refractive index for each
+ray, or one for all. The path lengths that the search found are kept, so that the adjoint (``adjoint_kernel``) need not
+search again.
 """
 
 from math import sqrt
@@ -13,10 +13,7 @@ from lensforge.tracing.refract_kernel import transmittance, transmitted_cosine
 from lensforge.tracing.spline_kernel import value_and_slope
 
 # The values of tracing.fates.Fate, as plain integers for the compiler.
-_ARRIVED, _BACKWARD, _OUTSIDE_CAVITY, _BASE, _TOTAL_REFLECTION, _AVERTED, _NOT_CONVERGED, _CROSSED = range(8)
-
-# A ray that rises less (rad) meets the receiver's plane nowhere: its hit and their squares would overflow.
-LEAST_RISE = 1e-12
+_LEFT_LENS, _BACKWARD, _OUTSIDE_CAVITY, _BASE, _TOTAL_REFLECTION, _NOT_CONVERGED, _CROSSED = range(7)
 
 
 @inline
@@ -44,7 +41,10 @@ def refract(dx, dy, dz, nx, ny, nz, ratio):
 
 @inline
 def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
-    """Where a source ray enters the cavity: rays from below z = 0 are moved to the opening. A fate, and the shift."""
+    """Where a source ray enters the cavity: rays from below z = 0 are moved to the opening. A fate, and the shift.
+
+    The fate is that of rays that leave the lens where nothing ends them here.
+    """
     if dz <= 0.0:
         return _BACKWARD, 0.0
     start = max(0.0, -pz / dz)
@@ -57,33 +57,30 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
         rho, _, _ = value_and_slope(table, origin, inverse_step, X, Y)
         if r >= rho:
             return _OUTSIDE_CAVITY, start
-    return _ARRIVED, start
+    return _LEFT_LENS, start
 
 
 @kernel
 def trace(
     origins, directions, weights, indices, inner, outer, inner_bounds, outer_bounds, scene,
-    lengths, hits, carried, sines, fates,
+    lengths, exit_points, exit_directions, flux, sin2_exit, fates,
 ):  # fmt: skip
-    """Trace rays; fills, per ray, path lengths to both surfaces (2), hit x and y (2), flux, sin^2 behind, fate.
-
-    ``carried`` is the flux that reached the last surface met, after Fresnel losses; ``sines`` the squared sine of
-    the exit angle by Snell's law, above 1 where the outer surface reflects totally, 0 where it was not reached.
-    """
-    distance, fresnel, table_origin, inverse_step = scene
+    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``."""
+    fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
         index = indices[min(k, len(indices) - 1)]
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
-        hits[k, 0] = 0.0
-        hits[k, 1] = 0.0
+        for axis in range(3):
+            exit_points[k, axis] = 0.0
+            exit_directions[k, axis] = 0.0
         lengths[k, 0] = 0.0
         lengths[k, 1] = 0.0
-        sines[k] = 0.0
-        carried[k] = weights[k]
+        sin2_exit[k] = 0.0
+        flux[k] = weights[k]
         fate, start = entry(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
         fates[k] = fate
-        if fate != _ARRIVED:
+        if fate != _LEFT_LENS:
             continue
         px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
         # the inner surface
@@ -99,7 +96,7 @@ def trace(
             fates[k] = _TOTAL_REFLECTION
             continue
         if fresnel:
-            carried[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
+            flux[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
         # the outer surface
         t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
@@ -109,15 +106,11 @@ def trace(
             continue
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
-        sines[k] = 1.0 - q_squared
+        sin2_exit[k] = 1.0 - q_squared
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = _TOTAL_REFLECTION
             continue
         if fresnel:
-            carried[k] *= transmittance(c, sqrt(q_squared), index)[0]
-        if dz <= LEAST_RISE:
-            fates[k] = _AVERTED
-            continue
-        t = (distance - pz) / dz
-        hits[k, 0] = px + t * dx
-        hits[k, 1] = py + t * dy
+            flux[k] *= transmittance(c, sqrt(q_squared), index)[0]
+        exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
+        exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz

@@ -3,19 +3,17 @@
 No triangle takes part, so what the mesh owes to its facets has to vanish here.
 """
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.gates import Gate
+from lensforge.gates import Gate, at_most
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Leg
-from lensforge.verification.comparison import Agreement, Expected, compare, drawn, gap_quantiles
+from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.verification.passage import Crossing, Fate, Passage, indices_of, land, outside_leg, refract
+from lensforge.verification.proof import BrepCast
 from lensforge.verification.step_body import FaceHits, StepBody
 
 RAYS = 1024
@@ -27,38 +25,8 @@ FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total reflecti
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 
 
-@dataclass(frozen=True)
-class BrepVerdict:
-    """``rays`` rays through the STEP: how far they land from the design, and from the mesh."""
-
-    rays: int
-    seconds: float
-    design: Agreement
-    mesh: Agreement
-    gaps_mm: Float[np.ndarray, " q"]  # quantiles, against the design
-
-    def to_json(self) -> dict[str, Any]:
-        """For the key ``brep`` of verify.json; lengths in mm."""
-        return {
-            "rays": self.rays,
-            "seconds": self.seconds,
-            "against_design": asdict(self.design),
-            "against_mesh": asdict(self.mesh),
-        }
-
-    def gates(self, distance_mm: float) -> list[Gate]:
-        """What a STEP file must hold; ``distance_mm``: to the receiver."""
-        remedy = "export again; if it stays, lens.step is not the lens of lens.json"
-        limits: list[tuple[str, float, float, str]] = [
-            ("brep_deviation_rms", self.design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
-            ("brep_flux_deviation", self.design.flux, FLUX_SHARE, "of the flux"),
-            ("brep_fate_disagreements", self.design.fates, FATE_RAYS * max(1.0, self.rays / RAYS), "rays"),
-        ]
-        return [Gate(name, value, "<=", limit, unit, remedy) for name, value, limit, unit in limits]
-
-
 def judge_brep(
-    step: Path,
+    step: bytes,
     rays: RayBundle,
     refractive_index: float,
     distance_mm: float,
@@ -66,10 +34,11 @@ def judge_brep(
     expected: Expected,
     mesh: Passage,
     count: int = RAYS,
-) -> BrepVerdict:
-    """Cast ``count`` of ``rays``, drawn at random, through ``step``; ``expected`` and ``mesh`` hold all of the rays.
+) -> tuple[BrepCast, Float[np.ndarray, " q"]]:
+    """Cast ``count`` of ``rays``, drawn at random, through the STEP file; and quantiles of the landing gaps (mm).
 
-    Raises :class:`InputError` for a file that holds no solid, or several.
+    ``expected`` and ``mesh`` hold all of the rays; the gaps are against the design. Raises :class:`InputError` for
+    bytes that hold no solid, or several.
     """
     start = perf_counter()
     rows = drawn(count, len(rays))
@@ -77,13 +46,22 @@ def judge_brep(
     passage = send_through_step(StepBody(step), some, refractive_index, distance_mm)
     design = expected.take(rows)
     by_mesh = Expected(expected.irradiance, mesh.landings[rows], mesh.flux[rows])
-    return BrepVerdict(
-        rays=len(rows),
-        design=compare(some, passage, design, receiver_mm),
-        mesh=compare(some, passage, by_mesh, receiver_mm),
-        gaps_mm=gap_quantiles(passage, design, receiver_mm),
-        seconds=perf_counter() - start,
-    )
+    against_design, against_mesh = (compare(some, passage, other, receiver_mm) for other in (design, by_mesh))
+    gaps = gap_quantiles(passage, design, receiver_mm)
+    seconds = perf_counter() - start
+    cast = BrepCast(rays=len(rows), seconds=seconds, against_design=against_design, against_mesh=against_mesh)
+    return cast, gaps
+
+
+def brep_gates(cast: BrepCast, distance_mm: float) -> list[Gate]:
+    """Gates that a STEP file must hold; ``distance_mm``: to the receiver."""
+    design, remedy = cast.against_design, "export again; if it stays, lens.step is not the lens of lens.json"
+    limits: list[tuple[str, float, float, str]] = [
+        ("brep_deviation_rms", design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
+        ("brep_flux_deviation", design.flux, FLUX_SHARE, "of the flux"),
+        ("brep_fate_disagreements", design.fates, FATE_RAYS * max(1.0, cast.rays / RAYS), "rays"),
+    ]
+    return [at_most(name, value, limit, unit, remedy) for name, value, limit, unit in limits]
 
 
 def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:

@@ -8,14 +8,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.passage import Fate, Passage
 from lensforge.verification.picture import within
-
-_MISSED = {
-    "no_hit": Fate.NO_HIT,
-    "starts_inside": Fate.STARTS_INSIDE,
-    "base": Fate.BASE,
-    "back_into_cavity": Fate.BACK_INTO_CAVITY,
-    "averted": Fate.AVERTED,
-}
+from lensforge.verification.proof import Agreement, PartFlux, PartMissed
 
 
 @dataclass(frozen=True)
@@ -29,24 +22,6 @@ class Expected:
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
         """What it says of some of the rays; the picture stays that of all."""
         return Expected(self.irradiance, self.hits[rows], self.weights[rows])
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How far apart part and design land the rays that both put on the receiver; lengths in mm.
-
-    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one puts on the
-    receiver and the other loses; ``fates_flux``: their share of the emitted flux. Where no ray lands in both there is
-    nothing to compare: then the lengths are the receiver's diagonal and ``flux`` is 1.
-    """
-
-    compared: int
-    rms: float
-    p99: float
-    max: float
-    flux: float
-    fates: int
-    fates_flux: float
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
@@ -93,10 +68,13 @@ def landing_gaps(
 
 def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> Float[np.ndarray, " q"]:
     """The landing gaps (mm) below which 0, 0.2 ... 100 % of the rays lie: enough to draw their distribution."""
-    return np.quantile(landing_gaps(passage, expected, receiver_mm)[2], np.linspace(0.0, 1.0, 501))
+    gaps: Float[np.ndarray, " q"] = np.quantile(
+        landing_gaps(passage, expected, receiver_mm)[2], np.linspace(0.0, 1.0, 501)
+    )
+    return gaps
 
 
-def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[dict[str, float], dict[str, float]]:
+def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[PartFlux, PartMissed]:
     """Shares of the emitted flux by fate, which add up to 1; and those missed, by cause.
 
     What a ray has lost by reflection up to its end is absorbed_fresnel; what is left of it has its fate. Rays that
@@ -104,14 +82,21 @@ def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[d
     """
     landed = passage.fates == Fate.LANDED
     inside = landed & within(passage.landings, window_mm)
-    missed = {name: share(rays, passage.flux[passage.fates == fate]) for name, fate in _MISSED.items()}
-    flux = {
-        "detected": share(rays, passage.flux[inside]),
-        "outside": share(rays, passage.flux[landed & ~inside]),
-        "missed": sum(missed.values()),
-        "total_reflection": share(rays, passage.flux[passage.fates == Fate.TOTAL_REFLECTION]),
-        "absorbed_fresnel": share(rays, rays.weights - passage.flux),
-    }
+    by_fate = {fate: share(rays, passage.flux[passage.fates == fate]) for fate in Fate}
+    missed = PartMissed(
+        no_hit=by_fate[Fate.NO_HIT],
+        starts_inside=by_fate[Fate.STARTS_INSIDE],
+        base=by_fate[Fate.BASE],
+        back_into_cavity=by_fate[Fate.BACK_INTO_CAVITY],
+        averted=by_fate[Fate.AVERTED],
+    )
+    flux = PartFlux(
+        detected=share(rays, passage.flux[inside]),
+        outside=share(rays, passage.flux[landed & ~inside]),
+        missed=sum(missed.model_dump().values()),
+        total_reflection=by_fate[Fate.TOTAL_REFLECTION],
+        absorbed_fresnel=share(rays, rays.weights - passage.flux),
+    )
     return flux, missed
 
 

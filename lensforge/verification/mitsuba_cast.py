@@ -4,7 +4,6 @@ Mitsuba's scalar variant needs no LLVM and no GPU, and traces some ten thousand 
 meshes are flat facets with interpolated normals, so rays land off by what the facets cut from the curved surface.
 """
 
-from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Any
@@ -13,12 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.gates import Gate
+from lensforge.gates import Gate, at_most
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.comparison import Agreement, Expected, compare, drawn, gap_quantiles, share
+from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.part import Part
 from lensforge.verification.passage import Fate, Passage, indices_of
 from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm
+from lensforge.verification.proof import MitsubaCast
 
 RAYS = 2**16
 VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
@@ -26,38 +26,6 @@ VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any mach
 # smaller than that is for the referees that know the curved surface.
 DEVIATION_PER_DISTANCE = 1e-3
 FLUX_SHARE = FATE_SHARE = 2e-3
-
-
-@dataclass(frozen=True)
-class MitsubaVerdict:
-    """``rays`` rays by Mitsuba: how far from the design they land, and how far their picture is from the design's."""
-
-    version: str
-    rays: int
-    seconds: float
-    nmse_vs_design: float
-    noise_floor_nmse: float
-    nmse_same_rays: float
-    design: Agreement
-    gaps_mm: Float[np.ndarray, " q"]  # quantiles, against the design
-
-    def to_json(self) -> dict[str, Any]:
-        """For the key ``mitsuba`` of verify.json; lengths in mm."""
-        content = asdict(self)
-        del content["gaps_mm"]
-        content["against_design"] = content.pop("design")
-        return content
-
-    def gates(self, distance_mm: float) -> list[Gate]:
-        """What the exported mesh must hold under Mitsuba; ``distance_mm``: to the receiver."""
-        remedy = "export with a finer mesh; if it stays, the file is not the lens of lens.json"
-        limits: list[tuple[str, float, float, str]] = [
-            ("mitsuba_nmse_vs_design", self.nmse_vs_design, noise_limit(self.noise_floor_nmse), ""),
-            ("mitsuba_deviation_rms", self.design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
-            ("mitsuba_flux_deviation", self.design.flux, FLUX_SHARE, "of the flux"),
-            ("mitsuba_fate_disagreement_flux", self.design.fates_flux, FATE_SHARE, "of the flux"),
-        ]
-        return [Gate(name, value, "<=", limit, unit, remedy) for name, value, limit, unit in limits]
 
 
 def installed() -> bool:
@@ -73,8 +41,11 @@ def judge_mitsuba(
     receiver: Receiver,
     expected: Expected,
     count: int = RAYS,
-) -> MitsubaVerdict:
-    """Cast ``count`` of ``rays``, drawn at random, through ``part``; ``expected`` holds what the design says of all."""
+) -> tuple[MitsubaCast, Float[np.ndarray, " q"]]:
+    """Cast ``count`` of ``rays``, drawn at random, through ``part``; and quantiles of the landing gaps (mm).
+
+    ``expected`` holds what the design says of all rays.
+    """
     start = perf_counter()
     rows = drawn(count, len(rays))
     some, design = rays.take(rows), expected.take(rows)
@@ -83,16 +54,29 @@ def judge_mitsuba(
     flux, weights = passage.flux / share(rays, some.weights), design.weights / share(rays, some.weights)
     image = receiver.irradiance(passage.landings, flux)
     variance = receiver.noise(passage.landings, flux)
-    return MitsubaVerdict(
+    gaps = gap_quantiles(passage, design, receiver.side_mm)
+    cast = MitsubaCast(
         version=version,
         rays=len(rows),
         nmse_vs_design=nmse(image, expected.irradiance),
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
         nmse_same_rays=nmse(image, receiver.irradiance(design.hits, weights)),
-        design=compare(some, passage, design, receiver.side_mm),
-        gaps_mm=gap_quantiles(passage, design, receiver.side_mm),
+        against_design=compare(some, passage, design, receiver.side_mm),
         seconds=perf_counter() - start,
     )
+    return cast, gaps
+
+
+def mitsuba_gates(cast: MitsubaCast, distance_mm: float) -> list[Gate]:
+    """Gates that the exported mesh must hold under Mitsuba; ``distance_mm``: to the receiver."""
+    design, remedy = cast.against_design, "export with a finer mesh; if it stays, the file is not the lens of lens.json"
+    limits: list[tuple[str, float, float, str]] = [
+        ("mitsuba_nmse_vs_design", cast.nmse_vs_design, noise_limit(cast.noise_floor_nmse), ""),
+        ("mitsuba_deviation_rms", design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
+        ("mitsuba_flux_deviation", design.flux, FLUX_SHARE, "of the flux"),
+        ("mitsuba_fate_disagreement_flux", design.fates_flux, FATE_SHARE, "of the flux"),
+    ]
+    return [at_most(name, value, limit, unit, remedy) for name, value, limit, unit in limits]
 
 
 def send_through_mitsuba(

@@ -87,7 +87,8 @@ class Landings:
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
         """Which of it the sequential design does not know."""
-        return self.causes != Cause.SEQUENTIAL
+        stray: Bool[np.ndarray, " n"] = self.causes != Cause.SEQUENTIAL
+        return stray
 
 
 @dataclass
@@ -134,7 +135,8 @@ def _emitted(body: Body, rays: RayBundle) -> Light:
 
 
 def _along(body: Body, leg: Leg, hits: Hits) -> Float[np.ndarray, " n"]:
-    return np.sum(leg.directions * body.part.mesh.face_normals[hits.triangles], axis=1)
+    along: Float[np.ndarray, " n"] = np.sum(leg.directions * body.part.mesh.face_normals[hits.triangles], axis=1)
+    return along
 
 
 def _step(body: Body, light: Light, distance_mm: float, least: float, account: Account) -> Light:

@@ -63,7 +63,9 @@ def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray,
         lengths = np.sum(left * left, axis=1) * np.sum(right * right, axis=1)
         weighted = np.cross(left, right) / np.maximum(lengths, np.finfo(float).tiny)[:, None]
         np.add.at(total, triangles[:, corner], weighted)
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), np.finfo(float).tiny)
+    lengths = np.linalg.norm(total, axis=1, keepdims=True)
+    average: Float[np.ndarray, "k 3"] = total / np.maximum(lengths, np.finfo(float).tiny)
+    return average
 
 
 def _quintic(

@@ -3,8 +3,8 @@
 Nothing is known here of the design: faces are found by their sharp edges, normals from the mesh's vertices.
 """
 
+import io
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -62,20 +62,17 @@ class Part:
         return points, blended / np.linalg.norm(blended, axis=1, keepdims=True)
 
 
-def load_part(path: Path) -> Part:
-    """Read a mesh file (mm), merge equal vertices, find its smooth faces and their normals.
+def read_part(stl: bytes) -> Part:
+    """Read the bytes of an STL file (mm), merge equal vertices, find its smooth faces and their normals.
 
-    Raises :class:`InputError` for a file that is missing or holds no triangles.
+    Raises :class:`InputError` for bytes that hold no triangles.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; run `lensforge export` first")
     try:
-        mesh = trimesh.load_mesh(path, process=True)
+        mesh = trimesh.load_mesh(io.BytesIO(stl), file_type="stl", process=True)
     except Exception as error:  # trimesh's readers raise whatever their parsers do
-        raise InputError(f"{path}: not readable as a mesh ({error}); export it again") from error
+        raise InputError(f"STL: not readable as a mesh ({error}); export it again") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise InputError(f"{path}: holds no triangles; export it again")
+        raise InputError("STL: holds no triangles; export it again")
     return part_of(mesh)
 
 
@@ -96,4 +93,5 @@ def smooth_faces(mesh: trimesh.Trimesh) -> Int[np.ndarray, " t"]:
     first, second = pairs[joined].T
     count = len(mesh.faces)
     graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    numbers: Int[np.ndarray, " t"] = connected_components(graph, directed=False)[1].astype(np.int64)
+    return numbers

@@ -101,7 +101,8 @@ def meet(part: Part, leg: Leg, hits: Hits) -> tuple[Float[np.ndarray, "n 3"], Fl
 
 def skin(part: Part, hits: Hits) -> Float[np.ndarray, " n"]:
     """Distance (mm) within which a ray that leaves a hit may meet the facets that it just left."""
-    return _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+    reach: Float[np.ndarray, " n"] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
+    return reach
 
 
 def _ahead(
@@ -109,7 +110,9 @@ def _ahead(
 ) -> Float[np.ndarray, " n"]:
     """Distance along the ray to the plane at ``offsets``; a grazing ray is not thrown far off its facet."""
     cosine = np.sum(directions * normals, axis=1)
-    return np.sum(offsets * normals, axis=1) / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+    height = np.sum(offsets * normals, axis=1)
+    ahead: Float[np.ndarray, " n"] = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
+    return ahead
 
 
 def indices_of(rays: RayBundle, refractive_index: float) -> Float[np.ndarray, " n"]:
@@ -192,4 +195,5 @@ def land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance
 
 def at_base(part: Part, hits: Hits) -> Bool[np.ndarray, " n"]:
     """Whether the triangle hit lies at or below z = 0, where no optical surface is."""
-    return part.mesh.triangles_center[hits.triangles, 2] <= 0.0
+    below: Bool[np.ndarray, " n"] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
+    return below

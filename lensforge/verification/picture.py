@@ -29,7 +29,8 @@ class Receiver:
     ) -> Float[np.ndarray, "pixels pixels"]:
         """Irradiance (W/m^2) of rays with ``flux`` (W) at ``landings`` (mm); NaN lands nowhere."""
         smooth = self._filter()
-        return smooth @ self._sums(landings, flux) @ smooth.T / self._pixel_m2
+        image: Float[np.ndarray, "pixels pixels"] = smooth @ self._sums(landings, flux) @ smooth.T / self._pixel_m2
+        return image
 
     def noise(
         self, landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]
@@ -41,7 +42,8 @@ class Receiver:
         """
         variance = self._sums(landings, flux**2) - self._sums(landings, flux) ** 2 / len(flux)
         squared = self._filter() ** 2
-        return squared @ np.maximum(variance, 0.0) @ squared.T / self._pixel_m2**2
+        filtered: Float[np.ndarray, "pixels pixels"] = squared @ np.maximum(variance, 0.0) @ squared.T
+        return filtered / self._pixel_m2**2
 
     @property
     def _pixel_m2(self) -> float:
@@ -64,12 +66,14 @@ class Receiver:
         if self.filter_variance == 0.0:
             return unit
         taps = np.exp(-0.5 * np.array([1.0, 0.0, 1.0]) / self.filter_variance)
-        return convolve1d(unit, taps / taps.sum(), axis=0, mode="nearest")
+        filtered: Float[np.ndarray, "pixels pixels"] = convolve1d(unit, taps / taps.sum(), axis=0, mode="nearest")
+        return filtered
 
 
 def within(landings: Float[np.ndarray, "n 2"], side_mm: float) -> Bool[np.ndarray, " n"]:
     """Which landings lie in the centred square of ``side_mm``; NaN does not."""
-    return (np.abs(landings) <= 0.5 * side_mm).all(axis=1)
+    inside: Bool[np.ndarray, " n"] = (np.abs(landings) <= 0.5 * side_mm).all(axis=1)
+    return inside
 
 
 def noise_limit(floor: float) -> float:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.figures.light_unit import WATTS
 from lensforge.gates import Gate
 from lensforge.records import (
     Array,
@@ -140,14 +141,18 @@ class Proof(StageResult):
     gaps_step_mm: Gaps | None = None
     gaps_mitsuba_mm: Gaps | None = None
 
+    def __str__(self) -> str:
+        failed = [str(gate) for gate in self.gates if not gate.passed]
+        deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
+        verdict = "; ".join(failed) or "every gate holds"
+        return f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Share of the rays that land no farther than a distance from where the design sends them."""
         from lensforge.figures.plots import plot_curves
 
         named = {"exported mesh": self.gaps_mesh_mm, "STEP": self.gaps_step_mm, "Mitsuba": self.gaps_mitsuba_mm}
-        curves = {
-            name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None
-        }
+        curves = {name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None}
         return plot_curves(curves, ("distance from the design's landing (mm)", "share of the rays"), axes)
 
 
@@ -205,7 +210,6 @@ class StrayLight(StageResult):
 
     def plot(self, which: Literal["sequential", "direct", "stray"] = "stray", axes: "Axes | None" = None) -> "Axes":
         """One of the pictures on the receiver, in W/m^2."""
-        from lensforge.figures.light_unit import WATTS
         from lensforge.figures.plots import plot_map
 
         return plot_map(getattr(self, which), self.receiver_mm, WATTS, axes)

@@ -1,6 +1,5 @@
 """trimesh's own plain path as the referee of the grid: slow, written by others, on a small sample of the rays."""
 
-from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -9,21 +8,12 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg, plain_distances
 from lensforge.verification.part import Part
 from lensforge.verification.passage import cross, indices_of, outside_leg
+from lensforge.verification.proof import PlainCast
 
 AGREE_MM = 1e-6  # the two compute the same plane intersection; only the last digits may differ
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """``casts`` first hits of ``rays`` rays at both surfaces compared; ``rate``: the referee's casts per second."""
-
-    rays: int
-    casts: int
-    disagreements: int
-    rate: float
-
-
-def judge(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, count: int) -> Verdict:
+def judge(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, count: int) -> PlainCast:
     """Cast ``count`` rays, evenly picked, both ways: from the source, and on from where they entered."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, indices = outside_leg(rays).take(rows), indices_of(rays, refractive_index)[rows]
@@ -35,7 +25,7 @@ def judge(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, coun
     wrong = _disagreements(part, grid, outside) + _disagreements(part, grid, inside)
     seconds = perf_counter() - start
     casts = len(rows) + len(entered)
-    return Verdict(len(rows), casts, wrong, casts / max(seconds, 1e-9))
+    return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
 
 
 def _disagreements(part: Part, grid: Grid, leg: Leg) -> int:

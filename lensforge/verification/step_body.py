@@ -1,7 +1,9 @@
 """The body of a STEP file under rays: read back and intersected face by face by the CAD kernel, without triangles."""
 
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -28,21 +30,15 @@ class FaceHits:
 
 
 class StepBody:
-    """The one solid of a STEP file, in mm. Raises :class:`InputError` for a file that holds anything else."""
+    """The one solid in the bytes of a STEP file, in mm. Raises :class:`InputError` where they hold anything else."""
 
-    def __init__(self, path: Path) -> None:
-        import cadquery as cq
+    def __init__(self, step: bytes) -> None:
         from OCP.BRepAdaptor import BRepAdaptor_Surface
         from OCP.IntCurvesFace import IntCurvesFace_Intersector
 
-        if not Path(path).is_file():
-            raise InputError(f"{path}: no such file; run `lensforge export` first")
-        try:
-            solids = cq.importers.importStep(str(path)).solids().vals()
-        except Exception as error:  # the kernel raises whatever its parser does
-            raise InputError(f"{path}: not readable as STEP ({error}); export it again") from error
+        solids = _solids(step)
         if len(solids) != 1:
-            raise InputError(f"{path}: holds {len(solids)} solids, a lens is one; export it again")
+            raise InputError(f"STEP: holds {len(solids)} solids, a lens is one; export it again")
         faces = [face.wrapped for face in solids[0].Faces()]
         self._surfaces = [BRepAdaptor_Surface(face) for face in faces]
         self._intersectors = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in faces]
@@ -80,3 +76,17 @@ class StepBody:
         normal = along_u.Crossed(along_v)
         unit = np.array([normal.X(), normal.Y(), normal.Z()]) / normal.Magnitude()
         return np.array([point.X(), point.Y(), point.Z()]), unit
+
+
+def _solids(step: bytes) -> list[Any]:
+    """All solids, read by the CAD kernel, which takes nothing but a path."""
+    import cadquery as cq
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "part.step"
+        path.write_bytes(step)
+        try:
+            solids: list[Any] = cq.importers.importStep(str(path)).solids().vals()
+        except Exception as error:  # the kernel raises whatever its parser does
+            raise InputError(f"STEP: not readable ({error}); export it again") from error
+    return solids

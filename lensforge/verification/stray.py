@@ -4,21 +4,23 @@ The part is followed with all that light does in it, and compared with the seque
 same mesh. The board and the chip under the lens take all light that comes back to them: they are not modelled.
 """
 
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.files import replacing, write_json
-from lensforge.gates import Gate
+from lensforge.errors import InputError
+from lensforge.gates import Gate, at_most
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
 from lensforge.verification.nonsequential import Account, Base, Body, Cause, Landings, Limits, follow
-from lensforge.verification.part import load_part
-from lensforge.verification.passage import send_through
+from lensforge.verification.part import read_part
+from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.picture import Receiver, nmse, within
+from lensforge.verification.proof import StrayFlux, StrayLight, StraySpread
 
 BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn by lot
 LEAK_SHARE = 1e-3  # light that slips through the mesh at an edge
@@ -26,8 +28,7 @@ DIM_SHARE = 1e-2  # light too weak to be followed: what it could still change
 
 
 def trace_stray(
-    stl: Path,
-    directory: Path,
+    stl: bytes,
     *,
     rays: RayBundle,
     refractive_index: float,
@@ -37,62 +38,81 @@ def trace_stray(
     window_mm: float,
     base: Base = "polished",
     limits: Limits | None = None,
-) -> dict[str, Any]:
-    """Follow ``rays`` through the part in ``stl`` (mm) until all light has left it; write stray.json and stray.npz.
+    inputs: Mapping[str, str] | None = None,
+) -> StrayLight:
+    """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
 
-    Shares are of the emitted flux; "detected" is what lands in the centred square of ``window_mm``. Raises
-    :class:`InputError` for a file that is no mesh.
+    Shares are of the emitted flux; "detected" is what lands in the centred square of ``window_mm``. ``inputs``: hashes
+    of what is followed, by name. Raises :class:`InputError` for bytes that hold no mesh, and for a ``base`` of no kind.
     """
+    if base not in get_args(Base):
+        raise InputError(f"base = {base!r}: must be one of {', '.join(get_args(Base))}")
     start = perf_counter()
     limits = limits or Limits()
-    part = load_part(stl)
+    part = read_part(stl)
     grid = Grid(part.mesh)
     account = follow(Body(part, grid, refractive_index, absorption_per_mm, base), rays, distance_mm, limits)
     passage = send_through(part, grid, rays, refractive_index, distance_mm)
-    landed = account.landings()
+    landed, emitted = account.landings(), float(rays.weights.sum())
+    images = _images(landed, passage, receiver)
+    flux = _shares(account, landed, window_mm, emitted)
+    balance_error = abs(sum(flux.model_dump().values()) - 1.0)
+    misjudged, nmse_vs_sequential = _against_sequential(images, receiver, emitted)
+    return StrayLight(
+        inputs=dict(inputs or {}),
+        rays=len(rays),
+        base=base,
+        absorption_per_mm=absorption_per_mm,
+        cut_off=limits.cut_off,
+        depth=limits.depth,
+        flux=flux,
+        balance_error=balance_error,
+        detected_stray_by_cause=_by_cause(landed, window_mm, emitted),
+        misjudged_flux=misjudged,
+        nmse_vs_sequential=nmse_vs_sequential,
+        spread=_spread(landed, images, receiver),
+        efficiency=flux.detected_direct + flux.detected_stray,
+        efficiency_sequential=float(passage.flux[within(passage.landings, window_mm)].sum()) / emitted,
+        receiver_mm=receiver.side_mm,
+        gates=tuple(_gates(balance_error, flux)),
+        sequential=images.sequential,
+        direct=images.direct,
+        stray=images.stray,
+        seconds=perf_counter() - start,
+    )
+
+
+@dataclass(frozen=True)
+class _Images:
+    """Irradiance (W/m^2, [y, x]): by the sequential model, and of the whole light, direct and stray."""
+
+    sequential: Float[np.ndarray, "p p"]
+    direct: Float[np.ndarray, "p p"]
+    stray: Float[np.ndarray, "p p"]
+
+
+def _images(landed: Landings, passage: Passage, receiver: Receiver) -> _Images:
     direct, stray = ~landed.stray, landed.stray
-    images = {
-        "sequential": receiver.irradiance(passage.landings, passage.flux),
-        "direct": receiver.irradiance(landed.points[direct], landed.flux[direct]),
-        "stray": receiver.irradiance(landed.points[stray], landed.flux[stray]),
-    }
-    emitted = float(rays.weights.sum())
-    shares = _shares(account, landed, window_mm, emitted)
-    content: dict[str, Any] = {
-        "rays": len(rays),
-        "base": base,
-        "absorption_per_mm": absorption_per_mm,
-        "cut_off": limits.cut_off,
-        "depth": limits.depth,
-        "flux": shares,
-        "balance_error": abs(sum(shares.values()) - 1.0),
-        "detected_stray_by_cause": _by_cause(landed, window_mm, emitted),
-        **_against_sequential(images, receiver, emitted),
-        "stray": _spread(landed, images, receiver),
-        "efficiency": shares["detected_direct"] + shares["detected_stray"],
-        "efficiency_sequential": float(passage.flux[within(passage.landings, window_mm)].sum()) / emitted,
-    }
-    content |= {"seconds": perf_counter() - start, "gates": [gate.to_json() for gate in _gates(content)]}
-    with replacing(Path(directory) / "stray.npz") as temporary:
-        np.savez_compressed(temporary, allow_pickle=False, **images)
-    write_json(Path(directory) / "stray.json", content)
-    return content
+    return _Images(
+        sequential=receiver.irradiance(passage.landings, passage.flux),
+        direct=receiver.irradiance(landed.points[direct], landed.flux[direct]),
+        stray=receiver.irradiance(landed.points[stray], landed.flux[stray]),
+    )
 
 
-def _shares(account: Account, landed: Landings, window_mm: float, emitted: float) -> dict[str, float]:
+def _shares(account: Account, landed: Landings, window_mm: float, emitted: float) -> StrayFlux:
     flux, inside, stray = landed.flux, within(landed.points, window_mm), landed.stray
-    ends = {
-        "detected_direct": flux[inside & ~stray].sum(),
-        "detected_stray": flux[inside & stray].sum(),
-        "outside_direct": flux[~inside & ~stray].sum(),
-        "outside_stray": flux[~inside & stray].sum(),
-        "backward": account.backward,
-        "absorbed": account.absorbed,
-        "base": account.base,
-        "too_dim": account.cut_off,
-        "leaked": account.leaked,
-    }
-    return {name: float(value) / emitted for name, value in ends.items()}
+    return StrayFlux(
+        detected_direct=float(flux[inside & ~stray].sum()) / emitted,
+        detected_stray=float(flux[inside & stray].sum()) / emitted,
+        outside_direct=float(flux[~inside & ~stray].sum()) / emitted,
+        outside_stray=float(flux[~inside & stray].sum()) / emitted,
+        backward=account.backward / emitted,
+        absorbed=account.absorbed / emitted,
+        base=account.base / emitted,
+        too_dim=account.cut_off / emitted,
+        leaked=account.leaked / emitted,
+    )
 
 
 def _by_cause(landed: Landings, window_mm: float, emitted: float) -> dict[str, float]:
@@ -103,41 +123,39 @@ def _by_cause(landed: Landings, window_mm: float, emitted: float) -> dict[str, f
     }
 
 
-def _against_sequential(
-    images: dict[str, Float[np.ndarray, "p p"]], receiver: Receiver, emitted: float
-) -> dict[str, float | None]:
-    """How far the whole picture is from the one that the sequential model makes of the same rays."""
-    whole, sequential = images["direct"] + images["stray"], images["sequential"]
+def _against_sequential(images: _Images, receiver: Receiver, emitted: float) -> tuple[float, float | None]:
+    """How far the whole picture is from the one that the sequential model makes of the same rays.
+
+    Flux that lands elsewhere, as a share of what is emitted, and the NMSE; None where the sequential model lands none.
+    """
+    whole, sequential = images.direct + images.stray, images.sequential
     pixel = (receiver.side_mm / receiver.pixels * 1e-3) ** 2
-    return {
-        "misjudged_flux": float(np.abs(whole - sequential).sum()) * pixel / emitted,
-        "nmse_vs_sequential": nmse(whole, sequential) if sequential.any() else None,
-    }
+    misjudged = float(np.abs(whole - sequential).sum()) * pixel / emitted
+    return misjudged, nmse(whole, sequential) if sequential.any() else None
 
 
-def _spread(landed: Landings, images: dict[str, Float[np.ndarray, "p p"]], receiver: Receiver) -> dict[str, Any]:
-    """Where on the receiver the stray light lands (mm), and how bright it is there (W/m^2, and of the mean)."""
+def _spread(landed: Landings, images: _Images, receiver: Receiver) -> StraySpread:
     inside = landed.stray & within(landed.points, receiver.side_mm)
     points, total = landed.points[inside], float(landed.flux[inside].sum())
     if total <= 0.0:
-        return {"centroid_mm": None, "rms_radius_mm": None, "peak_w_m2": 0.0, "peak_of_mean": 0.0}
+        return StraySpread(centroid_mm=None, rms_radius_mm=None, peak_w_m2=0.0, peak_of_mean=0.0)
     weights = landed.flux[inside] / total
     centroid = weights @ points
     radius = np.sqrt(weights @ np.sum((points - centroid) ** 2, axis=1))
-    peak, mean = float(images["stray"].max()), float(images["sequential"].mean())
-    return {
-        "centroid_mm": centroid.tolist(),
-        "rms_radius_mm": float(radius),
-        "peak_w_m2": peak,
-        "peak_of_mean": peak / mean if mean > 0.0 else None,
-    }
+    peak, mean = float(images.stray.max()), float(images.sequential.mean())
+    return StraySpread(
+        centroid_mm=(float(centroid[0]), float(centroid[1])),
+        rms_radius_mm=float(radius),
+        peak_w_m2=peak,
+        peak_of_mean=peak / mean if mean > 0.0 else None,
+    )
 
 
-def _gates(content: dict[str, Any]) -> list[Gate]:
+def _gates(balance_error: float, flux: StrayFlux) -> list[Gate]:
     finer = "export with a finer mesh"
     report = "do not trust this account, it does not close: please report it"
     return [
-        Gate("stray_balance", content["balance_error"], "<=", BALANCE, "of the flux", report),
-        Gate("stray_leaked", content["flux"]["leaked"], "<=", LEAK_SHARE, "of the flux", finer),
-        Gate("stray_too_dim", content["flux"]["too_dim"], "<=", DIM_SHARE, "of the flux", "lower the cut-off"),
+        at_most("stray_balance", balance_error, BALANCE, "of the flux", report),
+        at_most("stray_leaked", flux.leaked, LEAK_SHARE, "of the flux", finer),
+        at_most("stray_too_dim", flux.too_dim, DIM_SHARE, "of the flux", "lower the cut-off"),
     ]

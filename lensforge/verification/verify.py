@@ -5,25 +5,25 @@ landing, flux by flux, pixel by pixel. A lens that is scaled by one per cent, or
 other, makes as good a picture to the eye; its rays land elsewhere.
 """
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.files import replacing, write_json
-from lensforge.gates import Gate
+from lensforge.gates import Gate, at_most
+from lensforge.records import Extent
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.brep import RAYS, judge_brep
+from lensforge.verification.brep import RAYS, brep_gates, judge_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_account, gap_quantiles, share
-from lensforge.verification.mitsuba_cast import judge_mitsuba
-from lensforge.verification.part import Part, load_part
+from lensforge.verification.mitsuba_cast import judge_mitsuba, mitsuba_gates
+from lensforge.verification.part import Part, read_part
 from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm, within
+from lensforge.verification.proof import Agreement, BrepCast, Deviation, Gaps, MitsubaCast, PlainCast, Proof
 from lensforge.verification.referee import judge
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
@@ -64,8 +64,7 @@ class Case:
 
 
 def verify_part(
-    stl: Path,
-    directory: Path,
+    stl: bytes,
     *,
     rays: RayBundle,
     refractive_index: float,
@@ -78,104 +77,132 @@ def verify_part(
     design_weights: Float[np.ndarray, " weights"],
     filter_variance: float = 1.0,
     referee_rays: int = 200,
-    step: Path | None = None,
+    step: bytes | None = None,
     step_rays: int = RAYS,
     mitsuba_rays: int = 0,
     threads: int = 1,
-) -> dict[str, Any]:
-    """Cast ``rays`` into the part in ``stl`` (mm), compare with the design, write verify.json and verify.npz.
+    inputs: Mapping[str, str] | None = None,
+) -> Proof:
+    """Cast ``rays`` into the part that the bytes of an STL file (mm) hold, and compare with the design.
 
     ``design_irradiance`` (W/m^2, [y, x]) is the design's picture under the same 3 x 3 filter of ``filter_variance``
     (0: none); ``design_hits`` (mm) and ``design_weights`` (W) are where the design lands the same rays. Efficiency
-    counts the centred square of ``window_mm``. ``step`` is the same part as a STEP file, through which the CAD kernel
-    casts ``step_rays`` of the rays; without it the key ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays
-    through the mesh; with 0 it is not loaded, and the key ``mitsuba`` is None. The result does not depend on
-    ``threads``. Raises :class:`InputError` for a file that is no mesh or no solid and for arrays that do not fit; a
-    part that is wrong fails its gates instead.
+    counts the centred square of ``window_mm``. ``step``: the bytes of the same part's STEP file, through which the
+    CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays
+    through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. The result does not depend on ``threads``.
+    ``inputs``: hashes of what is verified, by name. Raises :class:`InputError` for bytes that hold no mesh or no
+    solid and for arrays that do not fit; a part that is wrong fails its gates instead.
     """
-    start = perf_counter()
+    started = perf_counter()
     expected = Expected(design_irradiance, design_hits, design_weights)
     receiver = Receiver(receiver_mm, pixels, filter_variance)
     case = Case(rays, refractive_index, distance_mm, receiver, window_mm, expected)
-    part = load_part(stl)
+    part = read_part(stl)
     grid = Grid(part.mesh)
     casting = perf_counter()
     passage = send_through(part, grid, rays, refractive_index, distance_mm, threads)
     cast_seconds = perf_counter() - casting
-    image = receiver.irradiance(passage.landings, passage.flux)
-    figures = _part_figures(part, passage) | _picture_figures(case, passage, image) | _ray_figures(case, passage)
-    figures["referee"] = asdict(judge(part, grid, rays, refractive_index, referee_rays))
-    gates, gaps = _gates(figures), {"mesh": gap_quantiles(passage, expected, receiver_mm)}
-    figures["brep"] = None
+    others = _Others(judge(part, grid, rays, refractive_index, referee_rays))
     if step is not None:
-        verdict = judge_brep(step, case.rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
-        figures["brep"], gaps["step"] = verdict.to_json(), verdict.gaps_mm
-        gates += verdict.gates(distance_mm)
-    figures["mitsuba"] = None
+        asked = judge_brep(step, rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
+        others = replace(others, brep=asked)
     if mitsuba_rays:
-        asked = judge_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
-        figures["mitsuba"], gaps["mitsuba"] = asked.to_json(), asked.gaps_mm
-        gates += asked.gates(distance_mm)
-    seconds = {"seconds": perf_counter() - start, "cast_seconds": cast_seconds}
-    result = {"rays": len(rays), **seconds, **figures, "gates": [gate.to_json() for gate in gates]}
-    with replacing(Path(directory) / "verify.npz") as temporary:
-        images = {"irradiance": image, "design_irradiance": design_irradiance}
-        quantiles = {f"gaps_{name}_mm": values for name, values in gaps.items()}
-        np.savez_compressed(temporary, allow_pickle=False, **images, **quantiles)
-    write_json(Path(directory) / "verify.json", result)
-    return result
+        answer = judge_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
+        others = replace(others, mitsuba=answer)
+    return _proof(case, part, passage, others, dict(inputs or {}), (started, cast_seconds))
 
 
-def _part_figures(part: Part, passage: Passage) -> dict[str, Any]:
-    heights = np.abs(passage.facets_um)
-    return {
-        "triangles": len(part.mesh.faces),
-        "open_edges": part.open_edges,
-        "volume_mm3": float(part.mesh.volume),
-        "facet_height_um": {"rms": float(np.sqrt(np.mean(heights**2))), "max": float(heights.max())},
-    }
+@dataclass(frozen=True)
+class _Others:
+    """The other referees' results, with quantiles of their landing gaps (mm); None: not asked."""
+
+    plain: PlainCast
+    brep: tuple[BrepCast, Gaps] | None = None
+    mitsuba: tuple[MitsubaCast, Gaps] | None = None
+
+    def gates(self, distance_mm: float) -> list[Gate]:
+        """The gates of what they found; ``distance_mm``: to the receiver."""
+        report = "do not trust this verification, its casting is broken: please report it"
+        gates = [at_most("referee_disagreements", self.plain.disagreements, 0.0, "casts", report)]
+        gates += brep_gates(self.brep[0], distance_mm) if self.brep else []
+        return gates + (mitsuba_gates(self.mitsuba[0], distance_mm) if self.mitsuba else [])
 
 
-def _picture_figures(case: Case, passage: Passage, image: Float[np.ndarray, "pixels pixels"]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Picture:
+    """The part's picture (W/m^2), its NMSE against the design's, what noise makes of it, and that by the same rays."""
+
+    irradiance: Float[np.ndarray, "pixels pixels"]
+    nmse_vs_design: float
+    noise_floor_nmse: float
+    nmse_same_rays: float
+
+
+def _picture(case: Case, passage: Passage) -> _Picture:
     expected, receiver = case.expected, case.receiver
+    image = receiver.irradiance(passage.landings, passage.flux)
     variance = receiver.noise(passage.landings, passage.flux)
-    return {
-        "nmse_vs_design": nmse(image, expected.irradiance),
-        "noise_floor_nmse": float(variance.sum()) / squared_norm(expected.irradiance),
-        "nmse_same_rays": nmse(image, receiver.irradiance(expected.hits, expected.weights)),
-    }
+    return _Picture(
+        irradiance=image,
+        nmse_vs_design=nmse(image, expected.irradiance),
+        noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
+        nmse_same_rays=nmse(image, receiver.irradiance(expected.hits, expected.weights)),
+    )
 
 
-def _ray_figures(case: Case, passage: Passage) -> dict[str, Any]:
+def _proof(
+    case: Case, part: Part, passage: Passage, others: _Others, inputs: dict[str, str], clock: tuple[float, float]
+) -> Proof:
+    """All figures and gates; ``clock``: when the verification started, and the seconds that casting took."""
+    picture, heights = _picture(case, passage), np.abs(passage.facets_um)
     agreement = compare(case.rays, passage, case.expected, case.receiver.side_mm)
     flux, missed = flux_account(case.rays, passage, case.window_mm)
     in_window = within(case.expected.hits, case.window_mm)
-    return {
-        "efficiency": flux["detected"],
-        "efficiency_design_same_rays": share(case.rays, case.expected.weights[in_window]),
-        "deviation_mm": {"rms": agreement.rms, "max": agreement.max, "p99": agreement.p99},
-        "deviation_limit_mm": DEVIATION_PER_DISTANCE * case.distance_mm,
-        "rays_compared": agreement.compared,
-        "flux_deviation": agreement.flux,
-        "fate_disagreements": agreement.fates,
-        "fate_disagreement_flux": agreement.fates_flux,
-        "flux": flux,
-        "missed_by_cause": missed,
-    }
+    gates = _gates(case, part.open_edges, agreement, picture) + others.gates(case.distance_mm)
+    return Proof(
+        inputs=inputs,
+        rays=len(case.rays),
+        cast_seconds=clock[1],
+        triangles=len(part.mesh.faces),
+        open_edges=part.open_edges,
+        volume_mm3=float(part.mesh.volume),
+        facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
+        nmse_vs_design=picture.nmse_vs_design,
+        noise_floor_nmse=picture.noise_floor_nmse,
+        nmse_same_rays=picture.nmse_same_rays,
+        efficiency=flux.detected,
+        efficiency_design_same_rays=share(case.rays, case.expected.weights[in_window]),
+        deviation_mm=Deviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
+        deviation_limit_mm=DEVIATION_PER_DISTANCE * case.distance_mm,
+        rays_compared=agreement.compared,
+        flux_deviation=agreement.flux,
+        fate_disagreements=agreement.fates,
+        fate_disagreement_flux=agreement.fates_flux,
+        flux=flux,
+        missed_by_cause=missed,
+        referee=others.plain,
+        brep=others.brep[0] if others.brep else None,
+        mitsuba=others.mitsuba[0] if others.mitsuba else None,
+        gates=tuple(gates),
+        irradiance=picture.irradiance,
+        design_irradiance=case.expected.irradiance,
+        gaps_mesh_mm=gap_quantiles(passage, case.expected, case.receiver.side_mm),
+        gaps_step_mm=others.brep[1] if others.brep else None,
+        gaps_mitsuba_mm=others.mitsuba[1] if others.mitsuba else None,
+        seconds=perf_counter() - clock[0],
+    )
 
 
-def _gates(figures: dict[str, Any]) -> list[Gate]:
-    floor = figures["noise_floor_nmse"]
+def _gates(case: Case, open_edges: int, agreement: Agreement, picture: _Picture) -> list[Gate]:
+    floor, farthest = picture.noise_floor_nmse, DEVIATION_PER_DISTANCE * case.distance_mm
     again = "export with a finer mesh; if it stays, the file is not the lens of lens.json"
     evaluate = "evaluate the design with more rays and the same filter, or verify with more rays"
-    report = "do not trust this verification, its casting is broken: please report it"
     limits: list[tuple[str, float, float, str, str]] = [
-        ("open_edges", figures["open_edges"], 0.0, "edges", "export again: the mesh is not closed"),
-        ("deviation_rms", figures["deviation_mm"]["rms"], figures["deviation_limit_mm"], "mm", again),
-        ("flux_deviation", figures["flux_deviation"], FLUX_SHARE, "of the flux", again),
-        ("fate_disagreement_flux", figures["fate_disagreement_flux"], FATE_SHARE, "of the flux", again),
-        ("nmse_same_rays", figures["nmse_same_rays"], SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
-        ("nmse_vs_design", figures["nmse_vs_design"], noise_limit(floor), "", evaluate),
-        ("referee_disagreements", figures["referee"]["disagreements"], 0.0, "casts", report),
+        ("open_edges", open_edges, 0.0, "edges", "export again: the mesh is not closed"),
+        ("deviation_rms", agreement.rms, farthest, "mm", again),
+        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", again),
+        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", again),
+        ("nmse_same_rays", picture.nmse_same_rays, SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
+        ("nmse_vs_design", picture.nmse_vs_design, noise_limit(floor), "", evaluate),
     ]
-    return [Gate(name, value, "<=", limit, unit, remedy) for name, value, limit, unit, remedy in limits]
+    return [at_most(*limit) for limit in limits]

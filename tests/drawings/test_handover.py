@@ -1,19 +1,23 @@
 import csv
 import hashlib
-import json
+import io
 import re
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
 
-from lensforge.errors import InputError
-from lensforge.geometry import export_lens
-from lensforge.drawings.build import build_handover
+from lensforge.drawings.build import make_handover
 from lensforge.drawings.dimensions import dimensions
 from lensforge.drawings.section import dimensioned_section
+from lensforge.errors import InputError, MissingResult
+from lensforge.gates import Gate
+from lensforge.geometry.export import build_part
 from lensforge.lens import Lens
-from lensforge.manufacturing.check import check_lens
+from lensforge.manufacturing.check import check_part
+from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.results import Results
 from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -48,24 +52,24 @@ def small_lens(base=BASE):
 
 
 @pytest.fixture(scope="module")
-def handed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("handed")
+def results():
     lens = small_lens()
-    lens.save(folder / "lens.json")
-    export_lens(lens, folder, rings=16)
-    check_lens(lens, folder)
-    return lens, folder, build_handover(folder)
+    part = build_part(lens, rings=16)
+    return Results(lens, {"export": part, "check": check_part(part)})
 
 
-def table(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+@pytest.fixture(scope="module")
+def handed(results):
+    return make_handover(results)
 
 
-def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(handed):
-    lens, folder, result = handed
-    rows = table(folder / "points.csv")
-    assert len(rows) == result["points"] == 2 * 2593
+def table(content):
+    return list(csv.DictReader(io.StringIO(content.decode())))
+
+
+def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(results, handed):
+    lens, rows = results.lens, table(handed.points_csv)
+    assert len(rows) == handed.points == 2 * 2593
     for name, sign in (("inner", -1.0), ("outer", 1.0)):
         values = np.array(
             [[float(v) for k, v in row.items() if k != "surface"] for row in rows if row["surface"] == name]
@@ -82,51 +86,84 @@ def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(ha
         assert np.abs(np.sum(chord * normals[ring], axis=1)).max() < 0.02
 
 
-def test_the_sag_table_is_the_departure_from_the_sphere_of_the_check(handed):
-    _, folder, _ = handed
-    check = json.loads((folder / "check.json").read_text(encoding="utf-8"))
-    departures = [float(row["departure_mm"]) for row in table(folder / "sag.csv") if row["surface"] == "outer"]
-    assert np.ptp(departures) == pytest.approx(check["outer"]["best_fit_sphere"]["pv_mm"], rel=0.03)
-    assert np.ptp(departures) <= check["outer"]["best_fit_sphere"]["pv_mm"] * (1.0 + 1e-3)
+def test_the_sag_table_is_the_departure_from_the_sphere_of_the_check(results, handed):
+    sphere = results.check.outer.best_fit_sphere
+    departures = [float(row["departure_mm"]) for row in table(handed.sag_csv) if row["surface"] == "outer"]
+    assert np.ptp(departures) == pytest.approx(sphere.pv_mm, rel=0.03)
+    assert np.ptp(departures) <= sphere.pv_mm * (1.0 + 1e-3)
 
 
-def test_page_and_pdf_say_what_the_shop_must_know(handed):
-    lens, folder, result = handed
-    page = (folder / "manufacturing.html").read_text(encoding="utf-8")
+def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
+    page = handed.html.decode("utf-8")
     assert "&lt;PMMA&gt; &amp; co" in page
-    assert f"{lens.refractive_index:g}" in page
+    assert f"{results.lens.refractive_index:g}" in page
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"
-    for verdict in json.loads((folder / "check.json").read_text(encoding="utf-8"))["verdicts"]:
-        assert f"{verdict['name']}, {verdict['surface']}" in page
-    for name, digest in result["sha256"].items():
-        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+    for verdict in results.check.verdicts:
+        assert f"{verdict.name}, {verdict.surface}" in page
+    content = {
+        "lens.step": results.part.step,
+        "lens.stl": results.part.stl,
+        "lens.3mf": results.part.threemf,
+        "points.csv": handed.points_csv,
+        "sag.csv": handed.sag_csv,
+    }
+    assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
+    for digest in handed.sha256.values():
         assert digest in page
     for value in ("16.0000 mm", "0.4000 mm", "20.0000 mm", "7.0000 mm"):
         assert value in page
-    assert (folder / "manufacturing.pdf").read_bytes().startswith(b"%PDF")
+    assert handed.pdf.startswith(b"%PDF")
 
 
-def test_the_same_folder_gives_the_same_bytes(handed):
-    _, folder, result = handed
-    before = {name: (folder / name).read_bytes() for name in result["files"]}
-    assert build_handover(folder)["files"] == result["files"]
-    assert {name: (folder / name).read_bytes() for name in result["files"]} == before
+def test_the_same_results_give_the_same_bytes(results, handed):
+    assert make_handover(results) == handed
 
 
-def test_a_file_changed_since_the_export_is_refused(handed, tmp_path):
-    _, folder, _ = handed
-    for path in folder.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    (tmp_path / "lens.stl").write_bytes(b"another")
-    with pytest.raises(InputError, match=r"lens\.stl: not the file that export\.json describes"):
-        build_handover(tmp_path)
-    (tmp_path / "check.json").unlink()
-    with pytest.raises(InputError, match=r"check\.json: no such file; run `lensforge check"):
-        build_handover(tmp_path)
+def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
+    handed.save(tmp_path / "to_the_shop")
+    written = {path.name: path.read_bytes() for path in (tmp_path / "to_the_shop").iterdir()}
+    assert written == {
+        "manufacturing.html": handed.html,
+        "manufacturing.pdf": handed.pdf,
+        "points.csv": handed.points_csv,
+        "sag.csv": handed.sag_csv,
+    }
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(InputError, match="cannot be written"):
+        handed.save(tmp_path / "file" / "folder")
 
 
-def test_the_drawing_states_every_size_of_the_base(handed):
-    lens, _, _ = handed
+def test_a_notebook_shows_the_page_in_a_frame(handed):
+    frame = handed._repr_html_()
+    assert frame.startswith('<iframe title="shop: for manufacture"')
+    assert frame.count("<") == 2, "the page is an attribute"
+    assert handed.html.decode("utf-8") in unescape(frame)
+
+
+def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results):
+    verdicts = (
+        ShopVerdict(name="cutter", surface="inner", holds=False, reason="no ball fits"),
+        ShopVerdict(name="wall", surface="body", holds=True, reason="it is thick"),
+    )
+    unknown = Gate(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
+    check = results.check.model_copy(update={"verdicts": verdicts, "gates": (unknown,)})
+    handed = make_handover(replace(results, found={**results.found, "check": check}))
+    assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
+    page = handed.html.decode("utf-8")
+    assert '<td class="no">no</td><td>no ball fits</td>' in page
+    assert "not measured (must be &gt;= 1)" in page
+
+
+@pytest.mark.parametrize(("absent", "command"), [("export", "export"), ("check", "check")])
+def test_without_part_or_check_one_line_says_what_to_run(results, absent, command):
+    found = {stem: result for stem, result in results.found.items() if stem != absent}
+    with pytest.raises(MissingResult, match=f"run `lensforge {command}`") as caught:
+        make_handover(Results(results.lens, found))
+    assert "\n" not in str(caught.value)
+
+
+def test_the_drawing_states_every_size_of_the_base():
+    lens = small_lens()
     base = lens.spec.base.model_copy(update={"relief_setback_mm": 0.25})
     lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
     axes = dimensioned_section(lens).axes[0]

@@ -13,6 +13,8 @@ from lensforge.evaluation.exact import trace_exact_sum
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
+from lensforge.receivers.hits import Hits
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
@@ -41,73 +43,83 @@ def _traced(lens, grid, **moved):
     tables = {
         name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()
     }
-    return TracedLens(
-        Scene(lens.refractive_index, lens.spec.target.distance_mm, grid), **tables, table_error_nm={"": 0.0}
-    )
+    return TracedLens(Scene(lens.refractive_index, grid), **tables, table_error_nm={"": 0.0})
+
+
+def _landed(lens, exits):
+    """As arrays: by plain torch, for whichever tracer."""
+    return Hits.of(PlaneReceiver.of(lens.spec.target, 16).land_in_torch(exits))
 
 
 def test_the_exact_trace_agrees_with_the_readable_reference(lens, source):
     rays = source.sample(512, 3)
-    ours = trace_exact_sum(lens, GRID, _tables(lens, GRID), rays)
+    exits = trace_exact_sum(lens, GRID, _tables(lens, GRID), rays)
     surfaces = [
         ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (lens.inner, lens.outer)
     ]
-    theirs = trace_exact(*surfaces, lens.refractive_index, lens.spec.target.distance_mm, rays)
-    assert np.array_equal(ours.arrived, theirs.arrived.numpy())
+    reference = trace_exact(*surfaces, lens.refractive_index, rays)
+    ours, theirs = _landed(lens, exits), _landed(lens, reference)
+    assert np.array_equal(ours.arrived, theirs.arrived)
     assert ours.arrived.mean() > 0.6
-    assert np.abs(ours.hits - theirs.hits.numpy())[ours.arrived].max() < 1e-8
-    assert np.abs(ours.flux - theirs.flux.numpy()).max() < 1e-14
+    assert np.abs(ours.hits - theirs.hits)[ours.arrived].max() < 1e-8
+    assert np.abs(ours.flux - theirs.flux).max() < 1e-14
+    assert torch.equal(exits.fates, reference.fates)
+    for name in ("points", "directions", "flux", "sin2_exit"):
+        assert torch.allclose(getattr(exits, name), getattr(reference, name), rtol=0.0, atol=1e-9)
 
 
 def test_rays_from_below_enter_as_the_fused_tracer_lets_them(lens, source):
     rays = source.sample(512, 3)
     low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.weights)
     low.directions[:7] = [1.0, 0.0, 1e-310]  # enters nowhere
-    ours = trace_exact_sum(lens, GRID, _tables(lens, GRID), low)
-    fused = _traced(lens, GRID).trace(low)
-    assert np.array_equal(ours.arrived, fused.arrived.numpy())
+    exits, by_kernels = trace_exact_sum(lens, GRID, _tables(lens, GRID), low), _traced(lens, GRID).trace(low)
+    ours, fused = _landed(lens, exits), _landed(lens, by_kernels)
+    assert torch.equal(exits.fates, by_kernels.fates)
+    assert np.array_equal(ours.arrived, fused.arrived)
     assert 0.3 < ours.arrived.mean() < 0.99
-    assert np.abs(ours.hits - fused.hits.numpy()).max() < 0.05
+    assert np.abs(ours.hits - fused.hits).max() < 0.05
 
 
 def test_the_stated_error_is_that_of_the_tables(lens, source):
     """A surface that is wrong on purpose, by far more than a table: the error is what moving it does to every ray."""
     fine = TableGrid(160)
     moved = 1e-2
-    found = measure_preset(lens, source, {"wrong": _traced(lens, fine, outer=moved), "right": _traced(lens, fine)})
+    found = measure_preset(lens, source, _traced(lens, fine, outer=moved), _traced(lens, fine))
+    wrong_hit, right_hit = found.design.hit_mm, found.evaluation.hit_mm
     rays = source.sample(4096, 9)
-    right, wrong = (_traced(lens, fine, outer=o).trace(rays) for o in (0.0, moved))
-    on = (right.arrived & wrong.arrived).numpy() & (right.hits.abs() <= 100.0).all(dim=1).numpy()
-    away = np.linalg.norm((right.hits - wrong.hits).numpy()[on], axis=1)
-    assert found["wrong"]["hit_mm"] == pytest.approx(
-        np.sqrt(np.mean(away**2)), abs=5.0 * found["wrong"]["hit_mm_standard_error"] + 2.0 * found["right"]["hit_mm"]
+    right, wrong = (_landed(lens, _traced(lens, fine, outer=o).trace(rays)) for o in (0.0, moved))
+    on = right.arrived & wrong.arrived & (np.abs(right.hits) <= 100.0).all(axis=1)
+    away = np.linalg.norm((right.hits - wrong.hits)[on], axis=1)
+    assert wrong_hit.value == pytest.approx(
+        np.sqrt(np.mean(away**2)), abs=5.0 * wrong_hit.standard_error + 2.0 * right_hit.value
     )
-    assert found["right"]["hit_mm"] < 0.2 * found["wrong"]["hit_mm"]
-    assert found["wrong"]["hit_mm"] < found["wrong"]["hit_max_mm"]
+    assert right_hit.value < 0.2 * wrong_hit.value
+    assert wrong_hit.value < found.design.hit_max_mm
+    assert (wrong_hit.unit, found.design.efficiency.unit) == ("mm", "")
 
 
 def test_the_standard_errors_are_the_scatter_over_seeds(lens, source):
     grid = TableGrid(40)
     found = [
-        measure_preset(replace(lens, seed=seed), source, {"design": _traced(lens, grid)})["design"]
+        measure_preset(replace(lens, seed=seed), source, _traced(lens, grid), _traced(lens, grid)).design
         for seed in range(12)
     ]
     for name in ("hit_mm", "irradiance_nmse"):
-        scatter = np.std([one[name] for one in found], ddof=1)
-        stated = np.mean([one[f"{name}_standard_error"] for one in found])
+        scatter = np.std([getattr(one, name).value for one in found], ddof=1)
+        stated = np.mean([getattr(one, name).standard_error for one in found])
         assert 0.4 < stated / scatter < 2.5
 
 
 def test_every_evaluation_says_what_its_preset_leaves(lens, source):
-    report = evaluate_lens(lens, source, PRESETS["draft"], rays=2**14).report
-    design, evaluation = (report["preset_error"][stage] for stage in ("design", "evaluation"))
-    assert 0.0 < evaluation["irradiance_nmse"] < 0.05 * design["irradiance_nmse"] < 1e-3
-    assert evaluation["irradiance_nmse"] < 0.01 * report["nmse_of_noise"]
-    assert evaluation["table_error_nm"] == max(report["table_error_nm"].values())
+    light = evaluate_lens(lens, source, PRESETS["draft"], rays=2**14)
+    design, evaluation = (getattr(light.preset_error, stage) for stage in ("design", "evaluation"))
+    assert 0.0 < evaluation.irradiance_nmse.value < 0.05 * design.irradiance_nmse.value < 1e-3
+    assert evaluation.irradiance_nmse.value < 0.01 * light.nmse_of_noise
+    assert evaluation.table_error_nm == max(light.table_error_nm.values())
 
 
 def test_one_replicate_has_no_standard_error(lens, source):
-    report = evaluate_lens(lens, source, PRESETS["draft"], rays=1).report
-    assert report["efficiency_standard_error"] is None
-    assert report["nmse_of_noise"] is None
+    light = evaluate_lens(lens, source, PRESETS["draft"], rays=1)
+    assert light.efficiency.standard_error is None
+    assert light.nmse_of_noise is None

@@ -9,14 +9,14 @@ from functools import lru_cache
 import numpy as np
 import torch
 from hypothesis import settings
+from landed import Landed, by_kernels
 from scenes import weight_matrix
 
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene
 
 
 def fuzzed(examples: int) -> settings:
@@ -54,20 +54,21 @@ def sound(
     index: float = 1.4936,
     distance: float = 1000.0,
     nodes: int = 32,
-) -> Arrivals:
+) -> Landed:
     """Trace; every output and gradient is finite, every ray has one fate, and no flux comes out of nothing."""
     grid = TableGrid(nodes)
     tables = [quick_table_of(surface, grid).requires_grad_() for surface in (inner, outer)]
-    arrivals = trace_tables(*tables, Scene(index, distance, grid), rays)
-    is_sound(arrivals, rays, tables)
-    return arrivals
+    found = by_kernels(tables, Scene(index, grid), rays, distance)
+    is_sound(found, rays, tables)
+    return found
 
 
-def is_sound(arrivals: Arrivals, rays: RayBundle, parameters: list[torch.Tensor]) -> None:
-    outputs = (arrivals.hits, arrivals.carried, arrivals.sines)
-    assert all(torch.isfinite(output).all() for output in outputs)
-    assert set(arrivals.fates.tolist()) <= set(Fate)
-    carried = arrivals.carried.detach().numpy()
+def is_sound(found: Landed, rays: RayBundle, parameters: list[torch.Tensor]) -> None:
+    outputs = (found.hits, found.flux, found.sin2_exit)
+    assert all(torch.isfinite(output).all() for output in (*outputs, found.exits.points, found.exits.directions))
+    assert set(found.fates.tolist()) <= set(Fate)
+    assert torch.equal(found.landed | found.averted, found.exits.left_lens) and not (found.landed & found.averted).any()
+    carried = found.carried.detach().numpy()
     assert (carried >= 0.0).all() and (carried <= rays.weights * (1.0 + 1e-12)).all()
     rng = np.random.default_rng(0)
     mixed = sum((output * torch.as_tensor(rng.normal(size=output.shape))).sum() for output in outputs)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 from extremes import bundle, is_sound
+from landed import Landed, in_torch
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
-from lensforge.tracing.arrivals import Arrivals
 from lensforge.tracing.fates import Fate
 from lensforge.tracing.reference import ExactSurface, Search, trace_exact
 
@@ -17,7 +17,7 @@ EPSILON = 2.0**-24
 UP = hemisphere_directions(40)
 
 
-def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float = 1.5, far: float = 20.0) -> Arrivals:
+def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float = 1.5, far: float = 20.0) -> Landed:
     surfaces = [
         ExactSurface(
             s.basis,
@@ -27,7 +27,7 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
         )
         for s in (inner, outer)
     ]
-    arrivals = trace_exact(*surfaces, index, far, rays)
+    arrivals = in_torch(trace_exact(*surfaces, index, rays), far)
     assert arrivals.hits.dtype == torch.float32
     is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.weights * (1.0 + 1e-6)), [
         parameter for s in surfaces for parameter in (s.weights, s.offset)
@@ -64,7 +64,7 @@ def test_a_corner_within_a_hair_of_the_wall(gap: float) -> None:
 @pytest.mark.parametrize("side", [0.0, 1e-9, 1e-3, 1.1])
 def test_from_a_point_to_a_source_as_wide_as_the_cavity(side: float) -> None:
     arrivals = _trace(random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.01), SquareEmitter(side).sample(64, 0))
-    assert arrivals.arrived.any()
+    assert arrivals.landed.any()
 
 
 @pytest.mark.parametrize("index", [1.0, 1.0 + 2.0 * EPSILON, 1.5, 4.0])

@@ -6,6 +6,7 @@ import torch
 from extremes import bundle, fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
+from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.optics.transmittance import normal_transmittance
@@ -27,14 +28,14 @@ def test_multiple_reflections_are_what_a_single_pass_lacks_to_a_window(index: fl
 
 
 def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid) -> np.ndarray:
-    """(x, y, p, q) behind the lens from those in the source plane: directions from two planes; NaN: not arrived."""
+    """(x, y, p, q) behind the lens from those in the source plane: at a plane behind it; NaN: not arrived."""
     directions = np.column_stack([states[:, 2:], np.sqrt(1.0 - np.sum(states[:, 2:] ** 2, axis=1))])
     origins = np.column_stack([states[:, :2], np.zeros(len(states))])
     rays = RayBundle(origins, directions, np.ones(len(states)))
-    near, far = (trace_tables(*tables, Scene(index, plane, grid), rays) for plane in (4.0, 5.0))
-    step = (far.hits - near.hits).numpy()
-    slope = step / np.sqrt(1.0 + np.sum(step**2, axis=1, keepdims=True))
-    return np.where(near.arrived.numpy()[:, None], np.column_stack([near.hits.numpy(), slope]), np.nan)
+    exits = trace_tables(*tables, Scene(index, grid), rays)
+    seen = plane_at(4.0).land(exits)
+    state = np.column_stack([seen.hits.numpy(), exits.directions.numpy()[:, :2]])
+    return np.where(seen.landed.numpy()[:, None], state, np.nan)
 
 
 def _liouville_error(

@@ -6,13 +6,14 @@ import torch
 from extremes import bundle, fuzzed, is_sound
 from hypothesis import given
 from hypothesis import strategies as st
+from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene
 from lensforge.tracing.reference import ExactSurface, trace_exact
 
 DTYPE = st.sampled_from([torch.float32, torch.float64])
@@ -39,7 +40,7 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
         for k, radius in ((0, 1.0), (1, ratio))
     ]
     rays = SquareEmitter(side * size).sample(32, seed)
-    arrivals = trace_exact(*surfaces, index, 20.0 * size, rays)
+    arrivals = in_torch(trace_exact(*surfaces, index, rays), 20.0 * size)
     assert arrivals.hits.dtype == dtype
     is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights, s.offset)])
 
@@ -50,8 +51,8 @@ def test_concentric_spheres_bend_nothing_in_either_precision(dtype, index, size,
     u = hemisphere_directions(100)
     u = u[u[:, 2] > 0.05]
     surfaces = [_exact(sphere(radius * size), dtype) for radius in (1.0, 2.0)]
-    arrivals = trace_exact(*surfaces, index, distance * size, bundle(np.zeros(3), u))
-    assert arrivals.arrived.all()
+    arrivals = in_torch(trace_exact(*surfaces, index, bundle(np.zeros(3), u)), distance * size)
+    assert arrivals.landed.all()
     precision = 400.0 * torch.finfo(dtype).eps
     assert np.allclose(arrivals.hits.detach(), u[:, :2] / u[:, 2:] * distance * size, rtol=precision)
     assert arrivals.flux.sum().item() == pytest.approx(normal_transmittance(index) ** 2, rel=precision)
@@ -73,11 +74,11 @@ def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
     horizon = [[1.0, 0.0, rise] for rise in (0.1, 1e-3, 1e-6, 1e-12)]
     rays = bundle(np.zeros(3), np.concatenate([basis.centres, [[0.0, 0.0, 1.0]], horizon]))
     rays.origins[-2:, 0] = 0.5
-    arrivals = trace_exact(*surfaces, 1.4936, 10.0, rays)
+    arrivals = in_torch(trace_exact(*surfaces, 1.4936, rays), 10.0)
     assert arrivals.hits.dtype == dtype
-    outputs = (arrivals.hits, arrivals.carried, arrivals.sines)
+    outputs = (arrivals.hits, arrivals.carried, arrivals.sin2_exit)
     assert all(torch.isfinite(output).all() for output in outputs)
-    mixed = arrivals.hits.sum() / 1e3 + arrivals.carried.sum() + arrivals.sines.sum()
+    mixed = arrivals.hits.sum() / 1e3 + arrivals.carried.sum() + arrivals.sin2_exit.sum()
     parameters = [p for s in surfaces for p in (s.weights, s.offset)]
     assert all(torch.isfinite(g).all() for g in torch.autograd.grad(mixed, parameters))
 
@@ -87,9 +88,9 @@ def test_tables_in_single_precision_are_traced_in_double() -> None:
     grid = TableGrid(32)
     rays = SquareEmitter(0.6).sample(256, 0)
     tables = [table_of(random_surface(k, r, 0.01), grid) for k, r in ((1, 0.8), (2, 2.45))]
-    double = trace_tables(*tables, Scene(1.5, 10.0, grid), rays)
+    double = by_kernels(tables, Scene(1.5, grid), rays, 10.0)
     rounded = [table.float().requires_grad_() for table in tables]
-    single = trace_tables(*rounded, Scene(1.5, 10.0, grid), rays)
+    single = by_kernels(rounded, Scene(1.5, grid), rays, 10.0)
     assert single.hits.dtype == torch.float64
     assert (single.hits - double.hits).abs().max() < 1e-3
     is_sound(single, rays, rounded)

@@ -10,15 +10,17 @@ import torch
 from extremes import fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
+from landed import by_kernels
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
-from lensforge.optimisation.optimiser import design
 from lensforge.errors import InputError
 from lensforge.evaluation import simulate
-from lensforge.evaluation.evaluate import Evaluation, evaluate_lens
+from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optimisation.optimiser import search
 from lensforge.receivers.bins import bin_flux, flux_in_square
 from lensforge.receivers.collect import Collected, collected
 from lensforge.receivers.losses import (
@@ -27,7 +29,8 @@ from lensforge.receivers.losses import (
     shortfall_loss,
     uniformity_loss,
 )
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.receiver import Landings
 from lensforge.receivers.splat import splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle
@@ -35,8 +38,7 @@ from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.arrivals import Arrivals
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene
 
 NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 DRAFT = replace(PRESETS["draft"], judge_nodes_per_sigma=3.0)
@@ -62,12 +64,10 @@ def _point_spec(**changes: Any) -> Spec:
     return small_spec(**{"source": {"kind": "square", "side_mm": 0.0}, "target__uniform_mm": None} | changes)
 
 
-def _complete(result: Evaluation) -> None:
-    """All flux accounted for; every image and number finite, or absent where there is nothing to judge."""
-    assert sum(result.report["flux"].values()) == pytest.approx(1.0, abs=1e-12)
-    assert all(np.isfinite(image).all() for image in (result.irradiance, result.raw, result.target))
-    numbers = [value for value in result.report.values() if isinstance(value, float)]
-    assert np.isfinite(numbers + list(result.report["flux"].values())).all()
+def _complete(light: Light) -> None:
+    """All flux accounted for; every image finite (the record sees to its numbers)."""
+    assert sum(light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    assert all(np.isfinite(image).all() for image in (light.map, light.raw_map, light.target_map))
 
 
 @fuzzed(15)
@@ -79,9 +79,9 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
     for factor in (1.0, size):
         tables = [(quick_table_of(s, grid) * factor).requires_grad_() for s in surfaces]
         moved = RayBundle(rays.origins * factor, rays.directions, rays.weights)
-        arrivals = trace_tables(*tables, Scene(1.4936, 100.0 * factor, grid), moved)
+        arrivals = by_kernels(tables, Scene(1.4936, grid), moved, 100.0 * factor)
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
-        results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sines, *by_table))
+        results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sin2_exit, *by_table))
     assert torch.equal(results[0][0], results[1][0])
     for one, other in zip(results[0][1:], results[1][1:], strict=True):
         assert torch.allclose(one, other, rtol=1e-9, atol=1e-10 * float(one.detach().abs().max()))
@@ -91,15 +91,15 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
 def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
     """Neither the search nor the judgement knows how long a millimetre is."""
     spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
-    histories, reports = [], []
+    histories, lights = [], []
     for each in (spec, _scaled(spec, size)):
         source = SquareEmitter(each.source.side_mm)
-        found = design(each, source, accuracy="draft")
-        histories.append(np.concatenate([stage["nmse"] for stage in found.history]))
-        reports.append(evaluate_lens(found.lens, source, DRAFT, rays=4096).report)
+        found = search(each, source, accuracy="draft")
+        histories.append(np.concatenate([level.nmse for level in found.history]))
+        lights.append(evaluate_lens(found.lens, source, DRAFT, rays=4096))
     assert np.allclose(*histories, rtol=1e-7)
     for name in ("efficiency", "nmse", "uniformity"):
-        assert reports[0][name] == pytest.approx(reports[1][name], rel=1e-6)
+        assert getattr(lights[0], name).value == pytest.approx(getattr(lights[1], name).value, rel=1e-6)
 
 
 @pytest.mark.parametrize("distance", [1e-2, 1e3, 1e7])
@@ -116,23 +116,20 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
         target__receiver_mm=2.0 * x * distance,
         target__half_width_mm=x * distance,
     )
-    result = evaluate_lens(
+    light = evaluate_lens(
         Lens(sphere(0.5 * radius), sphere(radius), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=2**15
     )
-    _complete(result)
+    _complete(light)
     a = x / np.hypot(1.0, x)
     expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2
-    assert result.report["efficiency"] == pytest.approx(
-        expected, abs=5 * result.report["efficiency_standard_error"] + 1e-4
-    )
-    assert result.raw.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(result.report["efficiency"], rel=1e-9)
+    found = light.efficiency
+    assert found.value == pytest.approx(expected, abs=5 * found.standard_error + 1e-4)
+    assert light.raw_map.sum() * (2e-3 * x * distance / 16) ** 2 == pytest.approx(found.value, rel=1e-9)
 
 
-def _collected(hits: torch.Tensor, flux: torch.Tensor, sines: torch.Tensor, receiver: Receiver) -> Collected:
-    nowhere = np.zeros((len(flux), 3))
-    rays = RayBundle(nowhere, nowhere, np.ones(len(flux)))
-    arrivals = Arrivals(hits, flux, sines, torch.zeros(len(flux), dtype=torch.int8))
-    return collected(arrivals, rays, receiver, receiver.side_mm)
+def _collected(hits: torch.Tensor, flux: torch.Tensor, sin2_exit: torch.Tensor, grid: PixelGrid) -> Collected:
+    every = torch.ones(len(flux), dtype=torch.bool)
+    return collected(Landings(hits, flux, every, ~every), sin2_exit, torch.ones_like(flux), grid, grid.side_mm)
 
 
 @fuzzed(40)
@@ -143,15 +140,15 @@ def _collected(hits: torch.Tensor, flux: torch.Tensor, sines: torch.Tensor, rece
     st.sampled_from(["inside", "edge", "centre", "far"]),
 )
 def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, kind: str) -> None:
-    receiver = Receiver(side, pixels)
+    grid = PixelGrid(side, pixels)
     x = {"inside": where, "edge": round(where * pixels) / pixels, "centre": 0.5 / pixels - 0.5, "far": where * 1e100}[
         kind
     ]
     hits = torch.tensor([[x * side, -x * side], [0.0, 0.0]], dtype=torch.float64, requires_grad=True)
     flux = torch.tensor([0.25, 0.75], dtype=torch.float64, requires_grad=True)
-    light = _collected(hits, flux, torch.zeros(2, dtype=torch.float64), receiver)
+    light = _collected(hits, flux, torch.zeros(2, dtype=torch.float64), grid)
     image = light.image
-    splat = splat_flux(hits.detach().numpy(), flux.detach().numpy(), receiver)
+    splat = splat_flux(hits.detach().numpy(), flux.detach().numpy(), grid)
     assert np.allclose(image.detach().numpy(), splat)
     assert (image >= 0.0).all() and image.sum().item() <= 1.0 + 1e-12
     if abs(x) <= 0.5 - 0.5 / pixels:  # between the outermost pixel centres nothing is lost
@@ -159,7 +156,7 @@ def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, 
     mixed = (image * torch.rand_like(image)).sum() + light.stray + light.in_window
     gradients = torch.autograd.grad(mixed, (hits, flux))
     assert all(torch.isfinite(g).all() for g in gradients)
-    binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), receiver)
+    binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), grid)
     assert binned.sum() == pytest.approx(1.0 if -0.5 <= x < 0.5 and -0.5 <= -x < 0.5 else 0.75)
     assert flux_in_square(hits.detach().numpy(), flux.detach().numpy(), 3.0 * side) >= 0.75
 
@@ -185,7 +182,7 @@ def test_pulls_of_hits_far_beyond_any_receiver() -> None:
     hits = torch.tensor([[1e19, -1e19], [0.0, 1e12]], dtype=torch.float64, requires_grad=True)
     sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
     flux = torch.ones(2, dtype=torch.float64)
-    light = _collected(hits, flux, sines, Receiver(1e-2, 4))
+    light = _collected(hits, flux, sines, PixelGrid(1e-2, 4))
     for pull, of in ((light.stray, hits), (light.reflected, sines)):
         assert 0.0 < pull.item() <= 2.0
         assert torch.isfinite(torch.autograd.grad(pull, of, retain_graph=True)[0]).all()
@@ -205,7 +202,7 @@ PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
     ],
 )
 def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
-    image = target_irradiance(target, Receiver(300.0, pixels))
+    image = target_irradiance(target, PixelGrid(300.0, pixels))
     assert image.shape == (pixels, pixels) and (image >= 0.0).all()
     assert image.sum() == pytest.approx(1.0, rel=1e-12)
 
@@ -221,7 +218,7 @@ def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
 )
 def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
     with pytest.raises(InputError, match="no light is wanted"):
-        target_irradiance(target, Receiver(300.0, pixels))
+        target_irradiance(target, PixelGrid(300.0, pixels))
 
 
 @pytest.mark.parametrize("pixels", [5, 65])
@@ -233,9 +230,9 @@ def test_a_target_of_a_single_pixel(pixels: int) -> None:
         optimise={"steps_per_level": [2, 2], "rays": 64, "pixels": pixels},
         evaluate={"rays": 2**10, "pixels": pixels},
     )
-    assert target_irradiance(spec.target, Receiver(200.0, pixels))[pixels // 2, pixels // 2] == 1.0
-    found = design(spec, SquareEmitter(1.0), accuracy="draft")
-    assert np.isfinite([value for stage in found.history for value in stage["nmse"]]).all()
+    assert target_irradiance(spec.target, PixelGrid(200.0, pixels))[pixels // 2, pixels // 2] == 1.0
+    found = search(spec, SquareEmitter(1.0), accuracy="draft")
+    assert np.isfinite([value for level in found.history for value in level.nmse]).all()
     _complete(evaluate_lens(found.lens, SquareEmitter(1.0), DRAFT))
 
 
@@ -251,13 +248,12 @@ def test_a_handful_of_rays(rays: int, lens_size: float) -> None:
 def test_a_measured_source_of_a_few_rays(population: int) -> None:
     """Fewer rays than replicates: their flux still adds up to the source's."""
     bundle = SquareEmitter(0.5).sample(population, 1)
-    source = RayfileEmitter(bundle, 1.0, {})
+    source = RayfileEmitter(bundle, 1.0)
     spec = _point_spec(target__receiver_mm=1e6, target__half_width_mm=4e5)
-    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
-    _complete(result)
-    flux = result.report["flux"]
-    assert result.report["rays"] == population
-    assert flux["detected"] + flux["outside"] + flux["missed"] > 0.9
+    light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
+    _complete(light)
+    assert light.rays == population
+    assert light.flux.detected + light.flux.outside + light.flux.missed > 0.9
 
 
 def test_no_ray_is_refused() -> None:
@@ -268,9 +264,9 @@ def test_no_ray_is_refused() -> None:
 @pytest.mark.parametrize("rays", [1, 2**24] if NIGHTLY else [1])
 def test_four_million_pixels(rays: int) -> None:
     spec = _point_spec(evaluate={"pixels": 2048, "rays": rays})
-    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT)
-    _complete(result)
-    assert result.irradiance.shape == (2048, 2048)
+    light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT)
+    _complete(light)
+    assert light.map.shape == (2048, 2048)
 
 
 @pytest.mark.parametrize("at_once", [2**20, 100, 1])
@@ -279,11 +275,11 @@ def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: 
     monkeypatch.setattr(simulate, "_MOST_RAYS_AT_ONCE", at_once)
     count = 2**24 if NIGHTLY and at_once > 100 else 2**10
     spec = _point_spec()
-    result = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)
-    _complete(result)
+    light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)
+    _complete(light)
     a = 1.0 / np.sqrt(2.0)  # the receiver is twice as wide as it is far
     expected = 4.0 / np.pi * a * np.arctan(a) * normal_transmittance(1.4936) ** 2
-    assert result.report["efficiency"] == pytest.approx(expected, abs=5.0 * result.report["efficiency_standard_error"])
+    assert light.efficiency.value == pytest.approx(expected, abs=5.0 * light.efficiency.standard_error)
 
 
 def test_one_ray_through_the_tracer() -> None:

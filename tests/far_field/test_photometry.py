@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scenes import random_surface, small_spec, sphere
 
-from lensforge.cli import cli
+from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import read_json
-from lensforge.lens import Lens
-from lensforge.optics.transmittance import normal_transmittance
 from lensforge.far_field.binning import AngularGrid
 from lensforge.far_field.exits import exit_rays
-from lensforge.far_field.export import export_photometry
+from lensforge.far_field.export import measure_photometry
+from lensforge.far_field.photometry import Photometry
+from lensforge.lens import Lens
+from lensforge.optics.transmittance import normal_transmittance
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.photometric import read_photometric
@@ -34,15 +35,15 @@ def test_exit_rays_go_where_the_tracer_says():
     traced = TracedLens.of(ROUGH, 4.0)
     rays = SquareEmitter(1.0).sample(4096, 3)
     out = exit_rays(traced, rays, 7.0)
-    third = replace(traced, scene=replace(traced.scene, distance_mm=321.0)).trace(rays)
-    arrived = third.arrived.numpy()
+    third = PlaneReceiver(321.0, PixelGrid(100.0, 10)).land(traced.trace(rays))
+    arrived = third.landed.numpy()
     start, way = out.rays.origins, out.rays.directions
     landed = start + way * ((321.0 - start[:, 2]) / way[:, 2])[:, None]
     np.testing.assert_allclose(landed[:, :2], third.hits.numpy()[arrived], rtol=1e-10, atol=1e-8)
     np.testing.assert_allclose(np.linalg.norm(start, axis=1), 7.0, rtol=1e-9)
     assert (np.sum(start * way, axis=1) > 0.0).all()
     np.testing.assert_array_equal(out.rays.weights, third.flux.numpy()[arrived])
-    assert out.by_fate_w[Fate.ARRIVED] == pytest.approx(out.rays.weights.sum())
+    assert out.by_fate_w[Fate.LEFT_LENS] == pytest.approx(out.rays.weights.sum())
 
 
 def test_a_point_source_in_concentric_spheres_is_seen_as_it_is():
@@ -96,63 +97,71 @@ def test_the_table_converges_to_the_intensity_with_the_square_of_its_step():
     assert np.log2(errors[0] / errors[1]) > 1.7
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    path = tmp_path_factory.mktemp("lens")
-    ROUGH.save(path / "lens.json")
-    return path
+def measured(lens, **options):
+    return measure_photometry(lens, build_source(lens.spec.source), PRESETS[lens.accuracy], **options)
 
 
-def test_the_files_hold_the_light_and_every_loss_is_named(folder):
-    report = export_photometry(folder, rays=2**14, lumens=250.0)
-    assert report == read_json(folder / "photometry.json")
-    assert all(gate["passed"] for gate in report["gates"])
-    assert len(report["gates"]) == 3
-    assert report["exit_w"] + sum(report["lost_w"].values()) + report["absorbed_fresnel_w"] == pytest.approx(1.0)
-    assert report["exit_lm"] == pytest.approx(250.0 * report["exit_w"])
-    assert 0.0 < report["exit_w_standard_error"] < 1e-3
+def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
+    found = measured(ROUGH, rays=2**14, lumens=250.0)
+    found.write(tmp_path)
+    assert Photometry.read(tmp_path) == found
+    assert found.inputs == {"lens": ROUGH.sha256}
+    assert all(gate.passed for gate in found.gates)
+    assert len(found.gates) == 3
+    assert found.exit_w.value + sum(found.lost_w.values()) + found.absorbed_fresnel_w == pytest.approx(1.0)
+    assert found.exit_lm == pytest.approx(250.0 * found.exit_w.value)
+    assert 0.0 < found.exit_w.standard_error < 1e-3
     for name in ("lens.ies", "lens.ldt"):
-        photometric = read_photometric(folder / name)
-        assert photometric.intensity.flux() == pytest.approx(report["exit_lm"], rel=1e-6)
-        assert photometric.intensity.values.max() == pytest.approx(report["peak_cd"], rel=1e-6)
+        photometric = read_photometric(tmp_path / name)
+        assert photometric.intensity.flux() == pytest.approx(found.exit_lm, rel=1e-6)
+        assert photometric.intensity.values.max() == pytest.approx(found.peak_cd, rel=1e-6)
+        np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
         assert photometric.lamp_lumens == 250.0
-    np.testing.assert_allclose(
-        read_photometric(folder / "lens.ies").intensity.values,
-        read_photometric(folder / "lens.ldt").intensity.values,
-        rtol=1e-6,
-    )
 
 
-def test_the_ray_file_is_the_light_that_the_tracer_sees(folder):
+def test_nothing_is_written_unless_it_is_saved(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = measured(SHELL, rays=1024)
+    assert list(tmp_path.iterdir()) == []
+    for suffix, content in ((".ies", found.ies), (".ldt", found.ldt), (".tm25ray", found.tm25)):
+        found.save(tmp_path / f"other{suffix}")
+        assert (tmp_path / f"other{suffix}").read_bytes() == content
+    with pytest.raises(InputError, match="photometry is saved as one of"):
+        found.save(tmp_path / "other.xyz")
+
+
+def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
     """Means over the receiver's plane of the file's rays, and of the tracer's for other rays of the same source."""
-    export_photometry(folder, rays=2**14)
-    rayfile = read_rayfile(folder / "lens.tm25ray")
+    measured(ROUGH, rays=2**14).save(tmp_path / "lens.tm25ray")
+    rayfile = read_rayfile(tmp_path / "lens.tm25ray")
     start, way = rayfile.positions.astype(float), rayfile.directions.astype(float)
     landed = (start + way * ((100.0 - start[:, 2]) / way[:, 2])[:, None])[:, :2]
-    arrivals = TracedLens.of(ROUGH, 6.0).trace(build_source(ROUGH.spec.source).sample(2**15, 77))
-    hits, flux = arrivals.hits.numpy(), arrivals.flux.numpy()
+    exits = TracedLens.of(ROUGH, 6.0).trace(build_source(ROUGH.spec.source).sample(2**15, 77))
+    seen_there = PlaneReceiver(100.0, PixelGrid(100.0, 10)).land(exits)
+    hits, flux = seen_there.hits.numpy(), seen_there.flux.numpy()
     for axis in (0, 1):
         seen = np.tanh(hits[:, axis] / 80.0 + 0.3) @ flux
         assert np.tanh(landed[:, axis] / 80.0 + 0.3) @ rayfile.flux == pytest.approx(seen, abs=2e-3)
     assert rayfile.stated_flux == pytest.approx(flux.sum(), rel=2e-3)
 
 
-def test_the_command_writes_and_says_so(folder):
-    result = CliRunner().invoke(cli, ["photometry", str(folder), "--rays", "4096", "--lumens", "90"])
-    assert result.exit_code == 0
-    assert "source_lm\t90.0" in result.output
-    assert (folder / "lens.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
-
-
-def test_the_lumens_of_the_source_come_from_its_efficacy(tmp_path):
+def test_the_lumens_of_the_source_come_from_its_efficacy():
     bright = small_spec(source__luminous_efficacy_lm_per_w=300.0, source__flux_w=2.0)
-    replace(SHELL, spec=bright).save(tmp_path / "lens.json")
-    report = export_photometry(tmp_path, rays=1024)
-    assert report["source_lm"] == 600.0
-    assert report["exit_lm"] == pytest.approx(600.0 * report["light_output_ratio"])
+    found = measured(replace(SHELL, spec=bright), rays=1024)
+    assert found.source_lm == 600.0
+    assert found.light_output_ratio.value == pytest.approx(0.5 * found.exit_w.value)
+    assert found.light_output_ratio.standard_error == pytest.approx(0.5 * found.exit_w.standard_error)
+    assert found.exit_lm == pytest.approx(600.0 * found.light_output_ratio.value)
 
 
-def test_a_lens_that_lets_no_light_out_has_no_photometry(tmp_path):
-    replace(SHELL, inner=sphere(6.0), outer=sphere(3.0)).save(tmp_path / "lens.json")  # crossed everywhere
+@pytest.mark.parametrize("lumens", [0.0, -5.0, np.nan, np.inf])
+def test_lumens_that_are_none_are_one_line(lumens):
+    with pytest.raises(InputError, match=r"lumens = .*: must be above 0"):
+        measured(SHELL, rays=64, lumens=lumens)
+
+
+def test_a_lens_that_lets_no_light_out_has_no_photometry():
+    crossed = replace(SHELL, inner=sphere(6.0), outer=sphere(3.0))  # everywhere
     with pytest.raises(InputError, match="no light"):
-        export_photometry(tmp_path, rays=64)
+        measured(crossed, rays=64)

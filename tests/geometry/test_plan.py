@@ -3,8 +3,9 @@ import pytest
 from geometry_lenses import random_surface
 
 from lensforge.errors import InputError
+from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import fit_patch
-from lensforge.geometry.plan import FULL_TURN, make_plan, rim_directions
+from lensforge.geometry.plan import make_plan, rim_directions
 from lensforge.spec import BaseSection
 from lensforge.surfaces.srbf import SrbfSurface
 

@@ -1,3 +1,4 @@
+import io
 import zipfile
 
 import numpy as np
@@ -5,8 +6,10 @@ import pytest
 from geometry_lenses import make_lens
 
 from lensforge.errors import InputError
-from lensforge.geometry import build_mesh, fit_patch, make_plan
-from lensforge.geometry.threemf import read_3mf, write_3mf
+from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import make_plan
+from lensforge.geometry.threemf import parse_3mf, threemf_bytes
 from lensforge.geometry.watertight import check_closed
 
 
@@ -16,28 +19,24 @@ def mesh():
     return build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base), 24)
 
 
-def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh, tmp_path):
-    path = tmp_path / "lens.3mf"
-    write_3mf(mesh, path, "crossing")
-    vertices, triangles = read_3mf(path)
+def test_the_mesh_comes_back_with_its_sharing_unit_and_names(mesh):
+    content = threemf_bytes(mesh, "crossing")
+    vertices, triangles = parse_3mf(content)
     np.testing.assert_array_equal(triangles, mesh.triangles)
     # single precision, and the decimal text of the format rounds once more
     np.testing.assert_allclose(vertices, mesh.vertices, rtol=0, atol=2e-6)
     closure = check_closed(vertices, triangles)
     assert closure.watertight
     assert closure.volume_mm3 == pytest.approx(mesh.volume(), rel=1e-6)
-    model = zipfile.ZipFile(path).read("3D/3dmodel.model").decode()
+    model = zipfile.ZipFile(io.BytesIO(content)).read("3D/3dmodel.model").decode()
     assert 'unit="millimeter"' in model
     for name in mesh.names:
         assert f'name="{name}"' in model
     assert model.count("<t:ref ") + model.count("<t:refrange ") >= len(mesh.names)
 
 
-@pytest.mark.parametrize("content", [None, b"", b"PK no zip"], ids=["missing", "empty", "noise"])
-def test_a_missing_or_damaged_3mf_is_one_line(tmp_path, content):
-    path = tmp_path / "lens.3mf"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(InputError, match=r"lens\.3mf: ") as caught:
-        read_3mf(path)
+@pytest.mark.parametrize("content", [b"", b"PK no zip"], ids=["empty", "noise"])
+def test_a_damaged_3mf_is_one_line(content):
+    with pytest.raises(InputError, match=r"^part\.3mf: ") as caught:
+        parse_3mf(content, "part.3mf")
     assert "\n" not in str(caught.value)

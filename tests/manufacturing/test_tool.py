@@ -67,37 +67,37 @@ def test_axes_lean_no_further_than_allowed():
     assert tilt.max() == pytest.approx(40.0)
 
 
-def checked(tmp_path, **manufacture):
+def checked(**manufacture):
     part = lens(hemisphere(0.8), hemisphere(2.45), base="none")
     section = ManufactureSection(cutter_radius_mm=1.0, **manufacture)
     spec = part.spec.model_copy(update={"manufacture": section})
-    return check_lens(type(part)(part.inner, part.outer, spec, 0, "draft"), tmp_path)
+    return check_lens(type(part)(part.inner, part.outer, spec, 0, "draft"))
 
 
-def test_every_tool_has_its_verdict(tmp_path):
+def test_every_tool_has_its_verdict():
     tools = (mill(0.5, 0.4, 8.0, 45.0), mill(1.0, 1.0, 8.0, 45.0))
-    content = checked(tmp_path, tools=tools, max_tilt_deg=60.0)
-    small, large = content["tools"]
-    assert small["inner"]["reachable_fraction"] == 1.0
-    assert large["inner"]["reachable_fraction"] == 0.0
-    assert large["inner"]["largest_radius_mm"] == pytest.approx(0.8, abs=1e-5)
-    assert small["outer"]["largest_radius_mm"] is None
-    verdicts = [v for v in content["verdicts"] if v["name"] == "tool"]
-    assert [v["holds"] for v in verdicts if v["surface"] == "inner"] == [True, False]
-    tilt = next(v for v in content["verdicts"] if (v["name"], v["surface"]) == ("tilt", "outer"))
-    assert not tilt["holds"]
-    assert "90.00 deg" in tilt["reason"]
+    found = checked(tools=tools, max_tilt_deg=60.0)
+    small, large = found.tools
+    assert small.inner.reachable_fraction == 1.0
+    assert large.inner.reachable_fraction == 0.0
+    assert large.inner.largest_radius_mm == pytest.approx(0.8, abs=1e-5)
+    assert small.outer.largest_radius_mm is None
+    verdicts = [v for v in found.verdicts if v.name == "tool"]
+    assert [v.holds for v in verdicts if v.surface == "inner"] == [True, False]
+    tilt = next(v for v in found.verdicts if (v.name, v.surface) == ("tilt", "outer"))
+    assert not tilt.holds
+    assert "90.00 deg" in tilt.reason
 
 
-def test_a_mould_insert_swaps_hollow_and_bump(tmp_path):
-    content = checked(tmp_path, make="insert")
-    assert content["inner"]["cutter"]["reachable_fraction"] == 1.0
-    assert content["inner"]["curvature"]["kappa_min_per_mm"] == pytest.approx(1.0 / 0.8, abs=1e-5)
-    assert content["outer"]["cutter"]["largest_radius_mm"] == pytest.approx(2.45, abs=1e-5)
-    assert content["inner"]["undercut_fraction"] == 0.0
+def test_a_mould_insert_swaps_hollow_and_bump():
+    found = checked(make="insert")
+    assert found.inner.cutter.reachable_fraction == 1.0
+    assert found.inner.curvature.kappa_min_per_mm == pytest.approx(1.0 / 0.8, abs=1e-5)
+    assert found.outer.cutter.largest_radius_mm == pytest.approx(2.45, abs=1e-5)
+    assert found.inner.undercut_fraction == 0.0
 
 
-def test_the_stepover_follows_the_slope_limit(tmp_path):
-    loose, tight = (checked(tmp_path, slope_limit_mrad=limit)["scallop"]["outer"] for limit in (2.0, 1.0))
-    ratio = loose["stepover_for_slope_limit_mm"] / tight["stepover_for_slope_limit_mm"]
+def test_the_stepover_follows_the_slope_limit():
+    loose, tight = (checked(slope_limit_mrad=limit).scallop.outer for limit in (2.0, 1.0))
+    ratio = loose.stepover_for_slope_limit_mm / tight.stepover_for_slope_limit_mm
     assert ratio == pytest.approx(2.0, rel=1e-5)

@@ -31,8 +31,8 @@ def test_decentred_spheres_have_the_closed_form_thickness_along_the_normal():
     place = thinnest(inner, wall, inner.outward)
     # The thinnest place lies on the line of the centres.
     assert abs(place.thickness_mm - (LARGE - SMALL - np.linalg.norm(shift))) < 1e-3
-    assert abs(np.linalg.norm(place.outer_mm - c_out) - LARGE) < 1e-7
-    assert abs(np.linalg.norm(place.outer_mm - place.inner_mm) - place.thickness_mm) < 1e-12
+    assert abs(np.linalg.norm(place.outer_point_mm - c_out) - LARGE) < 1e-7
+    assert abs(np.linalg.norm(np.subtract(place.outer_point_mm, place.inner_point_mm)) - place.thickness_mm) < 1e-12
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -30,7 +30,7 @@ def run(*arguments: object):
 
 def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> None:
     with np.load(folder / "evaluate.npz") as stored:
-        light = stored["irradiance"]
+        light = stored["map"]
     # The camera looks straight at the target: 8 of its pixels for each of the simulation, row 0 on top.
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))
     Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(folder / "on.png")

@@ -1,7 +1,5 @@
 """Corners found in rendered photographs whose corners are known."""
 
-import json
-
 import numpy as np
 import pytest
 from photo_scenes import CORNERS, PATTERNS, SIZE, TARGET_MM, Scene
@@ -13,7 +11,7 @@ from lensforge.measurement.orientation import _WAYS, _turned
 from lensforge.measurement.photo import Shot, compare_photo
 from lensforge.measurement.quadrilateral import clockwise, enclosing
 from lensforge.measurement.rectify import rectify
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 
 
 def error_px(found, corners=CORNERS):
@@ -26,7 +24,7 @@ def test_corners_are_found_to_a_fifth_of_a_pixel_whatever_the_pattern(pattern, d
     on, off = Scene(pattern).pictures()
     found = locate(on, off if dark else None, border_share=0.0)
     assert error_px(found) < 0.2
-    assert not found.lit
+    assert not found.located.lit
 
 
 @pytest.mark.parametrize(
@@ -67,10 +65,10 @@ def test_two_squares_one_within_the_other_are_both_named():
 def test_the_edges_of_a_square_of_light_are_taken_when_its_side_is_given():
     on, off = Scene("flat top", room=0.0, spill=0.0).pictures()
     found = locate(on, off, border_share=0.0, lit_square=True)
-    assert found.lit
+    assert found.located.lit
     # Half of the edges' level lies at +-70 mm: seen through the panel's homography.
-    plane = Receiver(TARGET_MM, 300)
-    light = rectify(on - off, found.corners, 140.0, Receiver(140.0, 140))
+    plane = PixelGrid(TARGET_MM, 300)
+    light = rectify(on - off, found.corners, 140.0, PixelGrid(140.0, 140))
     assert light.min() > 0.15 * light.max()
     panel = rectify(on - off, CORNERS, TARGET_MM, plane)
     wide = np.abs(plane.axis_mm()) < 70.0
@@ -91,8 +89,8 @@ def test_a_quadrilateral_around_its_own_pixels_is_itself():
 @pytest.mark.parametrize("way", _WAYS)
 def test_turning_a_picture_is_turning_its_corners(way):
     light = Scene("pi").light(lit=True)
-    receiver, order = Receiver(TARGET_MM, 40), list(_WAYS[way])
-    given, upright = (rectify(light, corners, TARGET_MM, receiver) for corners in (CORNERS[order], CORNERS))
+    grid, order = PixelGrid(TARGET_MM, 40), list(_WAYS[way])
+    given, upright = (rectify(light, corners, TARGET_MM, grid) for corners in (CORNERS[order], CORNERS))
     np.testing.assert_allclose(given, _turned(upright, _WAYS[way]), atol=0.02)
 
 
@@ -109,27 +107,27 @@ def shot(tmp_path):
 
 
 def simulated():
-    receiver = Receiver(TARGET_MM, 100)
-    return rectify(Scene("letter", room=0.0, noise=0.0, vignetting=0.0).light(lit=True), CORNERS, TARGET_MM, receiver)
+    grid = PixelGrid(TARGET_MM, 100)
+    return rectify(Scene("letter", room=0.0, noise=0.0, vignetting=0.0).light(lit=True), CORNERS, TARGET_MM, grid)
 
 
-def test_a_photograph_is_compared_by_the_corners_that_were_found(shot, tmp_path):
+def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
     given = {"simulated": simulated(), "receiver_mm": TARGET_MM, "uniform_mm": None}
-    content = compare_photo(shot(), tmp_path, **given)
-    assert content["ssim"] > 0.9
-    assert content["nmse"] < 0.03
-    assert np.abs(content["displacement_mm"]).max() < 0.2
-    assert content["corners_located"]["seen_in"] in ("--on", "--off")
-    assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))["corners"] == content["corners"]
+    found = compare_photo(shot(), **given)
+    assert found.ssim > 0.9
+    assert found.nmse < 0.03
+    assert np.abs(found.displacement_mm).max() < 0.2
+    assert found.corners_located.seen_in in ("--on", "--off")
+    assert np.linalg.norm(np.array(found.corners) - CORNERS, axis=1).max() < 0.2
 
 
 def test_a_mirrored_picture_is_said_to_be_one(shot, tmp_path):
     given = {"simulated": simulated(), "receiver_mm": TARGET_MM, "uniform_mm": None}
     with pytest.raises(InputError, match="mirrored, left for right") as caught:
-        compare_photo(shot(mirrored=True), tmp_path, **given)
+        compare_photo(shot(mirrored=True), **given)
     order = str(caught.value).split("give --corners ")[1].split(";")[0]
     corners = np.array([[float(part) for part in pair.split(",")] for pair in order.split()])
     right = CORNERS * [-1.0, 1.0] + [SIZE[0] - 1.0, 0.0]
     assert np.linalg.norm(corners - right, axis=1).max() < 0.5
     again = Shot(tmp_path / "on.png", tmp_path / "off.png", corners)
-    assert compare_photo(again, tmp_path, **given)["ssim"] > 0.9
+    assert compare_photo(again, **given).ssim > 0.9

@@ -1,19 +1,21 @@
 """Synthetic photographs: a known pattern seen by a known camera, with background, gamma and noise."""
 
-import json
+import io
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from lensforge.errors import InputError
+from lensforge.measurement.comparison import PhotoComparison
 from lensforge.measurement.photo import Shot, compare_photo, section
+from lensforge.measurement.photo_figure import photo_png
 from lensforge.measurement.rectify import rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 
 SIDE, PIXELS = 200.0, 64
-RECEIVER = Receiver(SIDE, PIXELS)
+GRID = PixelGrid(SIDE, PIXELS)
 # Top left, top right, bottom right, bottom left in the photograph of a tilted camera.
 CORNERS = np.array([[150.0, 90.0], [820.0, 140.0], [770.0, 700.0], [110.0, 610.0]])
 
@@ -25,7 +27,7 @@ def pattern(x, y):
 
 
 def simulated(shift=(0.0, 0.0)):
-    y, x = np.meshgrid(RECEIVER.axis_mm(), RECEIVER.axis_mm(), indexing="ij")
+    y, x = np.meshgrid(GRID.axis_mm(), GRID.axis_mm(), indexing="ij")
     return pattern(x - shift[0], y - shift[1])
 
 
@@ -65,8 +67,8 @@ def shot(folder, corners=CORNERS, shift=(0.0, 0.0), gamma=1.0, noise=0.0, dark=T
     return Shot(on, off, corners, SIDE, gamma)
 
 
-def compare(taken, folder):
-    return compare_photo(taken, folder, simulated=simulated(), receiver_mm=SIDE, uniform_mm=50.0)
+def compare(taken):
+    return compare_photo(taken, simulated=simulated(), receiver_mm=SIDE, uniform_mm=50.0)
 
 
 def test_equal_pictures_are_wholly_similar():
@@ -76,39 +78,48 @@ def test_equal_pictures_are_wholly_similar():
 
 
 def test_a_homography_is_undone():
-    fine = Receiver(SIDE, 8 * PIXELS).axis_mm()
+    fine = PixelGrid(SIDE, 8 * PIXELS).axis_mm()
     exact = pattern(*np.meshgrid(fine, fine)).reshape(PIXELS, 8, PIXELS, 8).mean(axis=(1, 3))
-    np.testing.assert_allclose(rectify(photographed(CORNERS), CORNERS, SIDE, RECEIVER), exact, atol=1e-3)
+    np.testing.assert_allclose(rectify(photographed(CORNERS), CORNERS, SIDE, GRID), exact, atol=1e-3)
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
-    content = compare(shot(tmp_path, gamma=gamma, noise=0.01), tmp_path)
-    assert content["ssim"] > 0.99
-    assert content["nmse"] < 1e-4
-    assert np.abs(content["displacement_mm"]).max() < 0.1
-    assert content["measured"]["uniformity"] == pytest.approx(content["simulated"]["uniformity"], rel=0.03)
-    assert content["gates"][0]["passed"]
-    assert json.loads((tmp_path / "compare.json").read_text(encoding="utf-8")) == content
-    assert (tmp_path / "compare.png").stat().st_size > 10_000
-    with np.load(tmp_path / "compare.npz") as stored:
-        np.testing.assert_allclose(stored["measured"], stored["simulated"], atol=0.06)
-        np.testing.assert_allclose(stored["section_x_measured"], stored["section_x_simulated"], atol=0.05)
-        assert stored["measured"].mean() == pytest.approx(1.0)
+    found = compare(shot(tmp_path, gamma=gamma, noise=0.01))
+    assert found.ssim > 0.99
+    assert found.nmse < 1e-4
+    assert np.abs(found.displacement_mm).max() < 0.1
+    assert found.measured_evenness.uniformity == pytest.approx(found.simulated_evenness.uniformity, rel=0.03)
+    assert found.gates[0].passed
+    assert found.corners_located is None
+    np.testing.assert_allclose(found.measured, found.simulated, atol=0.06)
+    np.testing.assert_allclose(found.section_x_measured, found.section_x_simulated, atol=0.05)
+    np.testing.assert_array_equal(found.section_y_simulated, section(found.simulated, "y"))
+    assert found.measured.mean() == pytest.approx(1.0)
+
+
+def test_a_comparison_is_the_same_when_read_back_and_is_drawn(tmp_path):
+    found = compare(shot(tmp_path))
+    found.write(tmp_path)
+    assert PhotoComparison.read(tmp_path) == found
+    with Image.open(io.BytesIO(photo_png(found))) as drawn:
+        assert drawn.size == (1650, 1125)
+        # Simulation and photograph side by side in false colour, not an empty page.
+        assert len(np.unique(np.asarray(drawn.convert("RGB")).reshape(-1, 3), axis=0)) > 500
 
 
 def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
     right = shot(tmp_path, gamma=2.2)
     wrong = Shot(right.on, right.off, right.corners, SIDE, gamma=1.0)
-    assert compare(wrong, tmp_path)["nmse"] > 100.0 * compare(right, tmp_path)["nmse"]
-    assert compare(shot(tmp_path, dark=False), tmp_path)["nmse"] > 0.01
+    assert compare(wrong).nmse > 100.0 * compare(right).nmse
+    assert compare(shot(tmp_path, dark=False)).nmse > 0.01
 
 
 def test_a_shifted_pattern_is_found_shifted(tmp_path):
-    content = compare(shot(tmp_path, shift=(4.5, -2.0), noise=0.005), tmp_path)
-    np.testing.assert_allclose(content["displacement_mm"], [4.5, -2.0], atol=0.15)
-    assert content["aligned"]["ssim"] > content["ssim"] + 0.02
-    assert content["aligned"]["nmse"] < 0.1 * content["nmse"]
+    found = compare(shot(tmp_path, shift=(4.5, -2.0), noise=0.005))
+    np.testing.assert_allclose(found.displacement_mm, [4.5, -2.0], atol=0.15)
+    assert found.aligned.ssim > found.ssim + 0.02
+    assert found.aligned.nmse < 0.1 * found.nmse
 
 
 def test_displacement_of_a_picture_to_itself_is_none():
@@ -117,25 +128,25 @@ def test_displacement_of_a_picture_to_itself_is_none():
 
 def test_a_camera_behind_the_panel_sees_the_target_mirrored(tmp_path):
     mirrored = np.array([950.0, 0.0]) + [-1.0, 1.0] * CORNERS
-    assert compare(shot(tmp_path, corners=mirrored), tmp_path)["ssim"] > 0.99
+    assert compare(shot(tmp_path, corners=mirrored)).ssim > 0.99
 
 
 def test_corners_in_another_order_turn_the_picture(tmp_path):
     turned = Shot(*[getattr(shot(tmp_path), name) for name in ("on", "off")], np.roll(CORNERS, 1, axis=0), SIDE)
-    assert compare(turned, tmp_path)["ssim"] < 0.8
+    assert compare(turned).ssim < 0.8
 
 
 def test_clipped_light_fails(tmp_path):
-    content = compare(shot(tmp_path, scale=1.5), tmp_path)
-    assert content["clipped"] > 0.05
-    assert not content["gates"][0]["passed"]
+    found = compare(shot(tmp_path, scale=1.5))
+    assert found.clipped > 0.05
+    assert not found.gates[0].passed
 
 
 def test_colour_is_read_as_luminance(tmp_path):
     light = 0.4 * photographed(CORNERS)
     colour = np.stack([0.8 * light, light, 0.3 * light], axis=2)
     Image.fromarray(np.round(255 * np.clip(colour, 0, 1)).astype(np.uint8)).save(tmp_path / "on.png")
-    assert compare(Shot(tmp_path / "on.png", None, CORNERS, SIDE), tmp_path)["ssim"] > 0.99
+    assert compare(Shot(tmp_path / "on.png", None, CORNERS, SIDE)).ssim > 0.99
 
 
 def test_sections_run_through_the_centre():
@@ -143,6 +154,13 @@ def test_sections_run_through_the_centre():
     np.testing.assert_array_equal(section(image, "x"), [6.0, 7.0, 8.0, 9.0])
     np.testing.assert_array_equal(section(image, "y"), [1.5, 5.5, 9.5, 13.5])
     np.testing.assert_array_equal(section(np.arange(9.0).reshape(3, 3), "y"), [1.0, 4.0, 7.0])
+
+
+@pytest.mark.parametrize("name", ["target_mm", "gamma"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_a_side_or_a_gamma_that_is_none_is_input_error(tmp_path, name, value):
+    with pytest.raises(InputError, match=f"{name} = .*: must be above 0"):
+        Shot(tmp_path / "on.png", None, CORNERS, **{name: value})
 
 
 def test_what_cannot_be_used_is_input_error(tmp_path):
@@ -159,4 +177,4 @@ def test_what_cannot_be_used_is_input_error(tmp_path):
     ]
     for given, message in cases:
         with pytest.raises(InputError, match=message):
-            compare(given, tmp_path)
+            compare(given)

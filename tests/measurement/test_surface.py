@@ -1,15 +1,20 @@
-import json
+import inspect
+import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from measured_lenses import dent, directions, lens, probed
+from PIL import Image
 
 from lensforge.accuracy import PRESETS
+from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.geometry.patch import fit_patch
+from lensforge.measurement.comparison import SurfaceComparison
 from lensforge.measurement.deviation import coverage, fit_deviation
 from lensforge.measurement.surface import compare_surface, measure_form
+from lensforge.measurement.surface_figure import surface_png
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfSurface
 
@@ -65,42 +70,43 @@ def test_coverage_is_the_share_of_the_hemisphere():
 
 
 @pytest.fixture(scope="module")
-def compared(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("compare")
-
+def compared():
     def run(height):
         cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
         return compare_surface(
-            cloud, folder, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"]
+            cloud, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"]
         )
 
-    return folder, run
+    return run
 
 
 def test_a_good_part_makes_the_light_of_the_design(compared):
-    _, run = compared
-    content = run(0.0)
-    assert content["form_deviation_um"]["pv"] < 1.0
-    assert content["nmse_between"] < 1e-4
-    assert content["measured"]["efficiency"] == pytest.approx(content["design"]["efficiency"], abs=1e-3)
-    assert all(gate["passed"] for gate in content["gates"])
+    found = compared(0.0)
+    assert found.inputs == {"lens": LENS.sha256}
+    assert found.form_deviation_um.pv < 1.0
+    assert found.nmse_between < 1e-4
+    assert found.measured.efficiency.value == pytest.approx(found.design.efficiency.value, abs=1e-3)
+    assert len(found.gates) == 2 and all(gate.passed for gate in found.gates)
 
 
-def test_a_deformed_part_makes_other_light(compared):
-    folder, run = compared
-    content = run(HEIGHT)
-    assert json.loads((folder / "compare_outer.json").read_text(encoding="utf-8")) == content
-    assert 0.3 * HEIGHT * 1e3 < content["form_deviation_um"]["pv"] < 1.2 * HEIGHT * 1e3
-    assert content["point_deviation_um"]["rms"] == pytest.approx(content["form_deviation_um"]["rms"], rel=0.25)
-    assert content["nmse_between"] > 1e-5
-    with np.load(folder / "compare_outer.npz") as stored:
-        assert stored["irradiance_measured"].shape == (24, 24)
-        assert np.nanmax(stored["deviation_um"]) == pytest.approx(content["form_deviation_um"]["max"])
-        peak = np.unravel_index(np.nanargmax(stored["deviation_um"]), stored["deviation_um"].shape)
-        chart = stored["chart"][peak[1]], stored["chart"][peak[0]]
+def test_a_deformed_part_makes_other_light(compared, tmp_path):
+    found = compared(HEIGHT)
+    found.write(tmp_path, "compare_outer")
+    assert SurfaceComparison.read(tmp_path, "compare_outer") == found
+    assert 0.3 * HEIGHT * 1e3 < found.form_deviation_um.pv < 1.2 * HEIGHT * 1e3
+    assert found.point_deviation_um.rms == pytest.approx(found.form_deviation_um.rms, rel=0.25)
+    assert found.nmse_between > 1e-5
+    assert found.irradiance_measured.shape == (24, 24)
+    assert found.point_count == 3000
+    assert np.nanmax(found.deviation_um) == pytest.approx(found.form_deviation_um.max)
+    peak = np.unravel_index(np.nanargmax(found.deviation_um), found.deviation_um.shape)
+    chart = found.chart[peak[1]], found.chart[peak[0]]
     towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])
     np.testing.assert_allclose(chart, towards[:2] / (1.0 + towards[2]), atol=0.15)
-    assert (folder / "compare_outer.png").stat().st_size > 10_000
+    with Image.open(io.BytesIO(surface_png(found))) as drawn:
+        assert drawn.size == (2025, 630)
+        # Three maps in false colour, not an empty page.
+        assert len(np.unique(np.asarray(drawn.convert("RGB")).reshape(-1, 3), axis=0)) > 500
 
 
 def deformed_part(height):
@@ -117,32 +123,37 @@ def deformed_part(height):
 
 
 @pytest.mark.parametrize("freedom", ["rigid", "shift", "none"])
-def test_the_light_is_that_of_the_deformed_lens(tmp_path, freedom):
+def test_the_light_is_that_of_the_deformed_lens(freedom):
     """The oracle is the tracer on the true part."""
     part, source, preset = deformed_part(0.05), build_source(LENS.spec.source), PRESETS["draft"]
-    true = evaluate_lens(part, source, preset).irradiance
+    true = evaluate_lens(part, source, preset).map
     motion = {
         "rigid": {"rotation": ROTATION, "shift": SHIFT},
         "shift": {"shift": SHIFT},
         "none": {},
     }[freedom]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    content = compare_surface(cloud, tmp_path, lens=LENS, side="outer", source=source, preset=preset, freedom=freedom)
-    with np.load(tmp_path / "compare_outer.npz") as stored:
-        found, designed = stored["irradiance_measured"], stored["irradiance_design"]
-    assert np.sum((found - true) ** 2) < 0.05 * np.sum((designed - true) ** 2)
-    assert content["nmse_between"] > 1e-3
-    assert (content["pose"]["translation_mm"] == [0.0, 0.0, 0.0]) == (freedom == "none")
+    found = compare_surface(cloud, lens=LENS, side="outer", source=source, preset=preset, freedom=freedom)
+    left, before = found.irradiance_measured - true, found.irradiance_design - true
+    assert np.sum(left**2) < 0.05 * np.sum(before**2)
+    assert found.nmse_between > 1e-3
+    assert (found.pose.translation_mm == (0.0, 0.0, 0.0)) == (freedom == "none")
 
 
-def test_half_a_surface_fails(tmp_path):
+def test_a_registration_of_no_kind_is_input_error():
+    given = {"lens": LENS, "side": "outer", "source": build_source(LENS.spec.source), "preset": PRESETS["draft"]}
+    bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
+    with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
+        bare(probed(LENS.outer, 200), **given, freedom="loose")
+
+
+def test_half_a_surface_fails():
     cloud = probed(LENS.outer, 2500)
-    content = compare_surface(
+    found = compare_surface(
         cloud[cloud[:, 0] > 0.0],
-        tmp_path,
         lens=LENS,
         side="outer",
         source=build_source(LENS.spec.source),
         preset=PRESETS["draft"],
     )
-    assert {gate["name"] for gate in content["gates"] if not gate["passed"]} == {"surface_covered"}
+    assert {gate.name for gate in found.gates if not gate.passed} == {"surface_covered"}

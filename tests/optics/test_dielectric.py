@@ -4,10 +4,10 @@ import torch
 
 from lensforge.optics.dielectric import (
     fresnel_transmittance,
-    normal_transmittance,
     refract,
     transmitted_cosine_squared,
 )
+from lensforge.optics.transmittance import normal_transmittance
 
 N = 1.4936
 

@@ -15,9 +15,9 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     limits = spec.constraints
     # on a sphere of radius r, (a/b^2) r^2 sin^2 + r cos - a is least at the rim or at the pole
     a, b = limits.cavity_height_mm, limits.cavity_radius_mm
-    assert found["g1_mm"] == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
-    assert found["g2_mm"] == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=1e-12)
-    assert found["g3_mm"] == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
+    assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
+    assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=1e-12)
+    assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
     assert all(gate.passed for gate in constraint_gates(spec, found))
 
 
@@ -25,7 +25,7 @@ def test_a_violated_constraint_fails_its_gate_by_name() -> None:
     spec = small_spec()
     found = measure_constraints(Lens(sphere(3.0), sphere(7.5), spec, 0, "draft"))
     failed = [gate for gate in constraint_gates(spec, found) if not gate.passed]
-    assert [gate.name for gate in failed] == ["constraint g3"]
+    assert [gate.name for gate in failed] == ["radius margin"]
     assert "fails by 0.5 mm" in str(failed[0])
 
 
@@ -96,10 +96,10 @@ def test_a_gate_does_not_know_how_long_a_millimetre_is(size: float) -> None:
         found = measure_constraints(lens)
         gates = {gate.name: gate.passed for gate in constraint_gates(spec, found)}
         assert gates == {
-            "constraint g1": True,
-            "constraint g2": True,
-            "constraint g3": passes,
-            "constraint g4 outer": True,
+            "cavity clearance": True,
+            "wall margin": True,
+            "radius margin": passes,
+            "outer curvature margin": True,
         }
-        assert found["g4_outer_per_mm"] * size == pytest.approx(1.0 / 5.0 + 1.0 / (7.0 * (1.0 + excess)), rel=1e-6)
+        assert found.outer_curvature_margin_per_mm * size == pytest.approx(1.0 / 5.0 + 1.0 / (7.0 * (1.0 + excess)), rel=1e-6)
     assert spec.constraints.tolerance_mm <= 1e-3 * size

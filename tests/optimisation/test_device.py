@@ -11,7 +11,7 @@ from scenes import DEVICES, small_spec
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.checkpoint import FILE_NAME
 from lensforge.optimisation.objective import Objective
-from lensforge.optimisation.optimiser import design
+from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.errors import InputError
 from lensforge.sources.build import build_source
@@ -84,7 +84,7 @@ def test_the_same_rays_give_the_same_bits_on_the_same_device(device: str) -> Non
 def test_a_design_ends_where_the_kernels_end(device: str) -> None:
     spec = small_spec()
     source = build_source(spec.source)
-    kernels, found = (design(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
+    kernels, found = (search(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):
         assert one["loss"] == pytest.approx(other["loss"], rel=1e-8)
     assert np.allclose(found.lens.outer.weights, kernels.lens.outer.weights, rtol=1e-6, atol=1e-9)
@@ -93,7 +93,7 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:
     spec = small_spec(optimise__steps_per_level=[2, 2])
     source = build_source(spec.source)
-    design(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU)
-    design(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU, resume=True)
+    search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU)
+    search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, device=CPU, resume=True)
     with pytest.raises(InputError, match="--rays or --device"):
-        design(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, resume=True)
+        search(spec, source, accuracy="draft", checkpoint=tmp_path / FILE_NAME, resume=True)

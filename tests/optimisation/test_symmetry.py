@@ -3,7 +3,7 @@
 import pytest
 from scenes import small_spec
 
-from lensforge.optimisation.optimiser import design
+from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.planar import planar_emitter
 from lensforge.sources.square import SquareEmitter

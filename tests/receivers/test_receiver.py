@@ -7,12 +7,12 @@ from lensforge.errors import InputError
 from lensforge.receivers.bins import bin_flux, flux_in_square
 from lensforge.receivers.filter import gaussian3
 from lensforge.receivers.losses import mirror_mean, nmse_loss, uniformity_loss
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.splat import splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, TextTarget
 
-RECEIVER = Receiver(300.0, 32)
+GRID = PixelGrid(300.0, 32)
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 
 
@@ -23,16 +23,16 @@ def _hits(count: int, reach: float = 140.0) -> tuple[np.ndarray, np.ndarray]:
 
 def test_splat_keeps_flux_and_its_centroid() -> None:
     hits, flux = _hits(500)
-    image = splat_flux(hits, flux, RECEIVER)
+    image = splat_flux(hits, flux, GRID)
     assert image.sum() == pytest.approx(flux.sum(), rel=1e-13)
-    axis = RECEIVER.axis_mm()
+    axis = GRID.axis_mm()
     assert image.sum(0) @ axis == pytest.approx((flux * hits[:, 0]).sum(), rel=1e-10)
     assert image.sum(1) @ axis == pytest.approx((flux * hits[:, 1]).sum(), rel=1e-10)
 
 
 def test_splat_on_a_pixel_centre_lights_that_pixel_alone() -> None:
-    axis = RECEIVER.axis_mm()
-    image = splat_flux(np.array([[axis[5], axis[9]]]), np.ones(1), RECEIVER)
+    axis = GRID.axis_mm()
+    image = splat_flux(np.array([[axis[5], axis[9]]]), np.ones(1), GRID)
     assert image[9, 5] == pytest.approx(1.0, abs=1e-12)
 
 
@@ -40,7 +40,7 @@ def test_bins_agree_with_numpy() -> None:
     hits, flux = _hits(5000, reach=200.0)
     edges = np.linspace(-150, 150, 33)
     expected, _, _ = np.histogram2d(hits[:, 1], hits[:, 0], bins=(edges, edges), weights=flux)
-    assert np.allclose(bin_flux(hits, flux, RECEIVER), expected, atol=1e-12)
+    assert np.allclose(bin_flux(hits, flux, GRID), expected, atol=1e-12)
     assert flux_in_square(hits, flux, 300.0) == pytest.approx(expected.sum(), rel=1e-12)
 
 
@@ -71,7 +71,7 @@ def test_mirror_mean_is_a_projection_that_keeps_flux(name: str) -> None:
 
 def test_flat_top_is_the_mean_of_the_super_gaussian_over_each_pixel() -> None:
     target = FlatTopTarget(kind="flat_top", half_width_mm=100.0, exponent=18.0, **PLACE)
-    image = target_irradiance(target, RECEIVER)
+    image = target_irradiance(target, GRID)
     fine = np.linspace(-150, 150, 32 * 400 + 1)
     fine = 0.5 * (fine[1:] + fine[:-1])
     profile = np.exp(-(np.abs(fine / 100.0) ** 18)).reshape(32, 400).mean(axis=1)
@@ -81,16 +81,16 @@ def test_flat_top_is_the_mean_of_the_super_gaussian_over_each_pixel() -> None:
 
 def test_cross_has_the_area_of_a_cross_and_eight_mirror_images() -> None:
     target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, edge_mm=4.0, **PLACE)
-    image = target_irradiance(target, RECEIVER)
-    assert 1.0 / image.max() * RECEIVER.pitch_mm**2 == pytest.approx(2 * 150 * 37.5 - 37.5**2, rel=1e-3)
+    image = target_irradiance(target, GRID)
+    assert 1.0 / image.max() * GRID.pitch_mm**2 == pytest.approx(2 * 150 * 37.5 - 37.5**2, rel=1e-3)
     assert np.allclose(mirror_mean(torch.from_numpy(image), "square").numpy(), image, atol=1e-15)
 
 
 def test_text_stands_upright_and_has_its_width() -> None:
-    image = target_irradiance(TextTarget(kind="text", text="L", width_mm=100.0, **PLACE), RECEIVER)
+    image = target_irradiance(TextTarget(kind="text", text="L", width_mm=100.0, **PLACE), GRID)
     _, columns = np.nonzero(image > 0.5 * image.max())
-    axis = RECEIVER.axis_mm()
-    assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * RECEIVER.pitch_mm)
+    axis = GRID.axis_mm()
+    assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * GRID.pitch_mm)
     bar = image[: len(image) // 2].sum() > image[len(image) // 2 :].sum()
     assert bar, "the foot of an L is at small y, which is row 0"
 
@@ -100,8 +100,8 @@ def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
     picture[:10] = 255  # a bright stripe on top
     Image.fromarray(picture).save(tmp_path / "stripe.png")
     target = ImageTarget(kind="image", file=tmp_path / "stripe.png", width_mm=200.0, **PLACE)
-    image = target_irradiance(target, RECEIVER)
-    y = (image.sum(axis=1) @ RECEIVER.axis_mm()) / image.sum()
+    image = target_irradiance(target, GRID)
+    y = (image.sum(axis=1) @ GRID.axis_mm()) / image.sum()
     assert y == pytest.approx(50.0 - 12.5, abs=0.5)
 
 
@@ -115,11 +115,11 @@ def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
 )
 def test_impossible_targets_are_named(target, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        target_irradiance(target, RECEIVER)
+        target_irradiance(target, GRID)
 
 
 def test_a_black_image_is_refused(tmp_path) -> None:
     Image.new("L", (8, 8)).save(tmp_path / "black.png")
     target = ImageTarget(kind="image", file=tmp_path / "black.png", width_mm=100.0, **PLACE)
     with pytest.raises(InputError, match="no light is wanted"):
-        target_irradiance(target, RECEIVER)
+        target_irradiance(target, GRID)

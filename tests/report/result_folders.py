@@ -1,15 +1,37 @@
-"""A small result folder for tests: every stage's files with numbers that are easy to recognise."""
-
-import json
+"""Small results for tests: every stage's record with numbers that are easy to recognise."""
 
 import numpy as np
+import pytest
 import trimesh
 
+from lensforge.evaluation.light import Flux, Light, MissedByCause
 from lensforge.gates import Gate
+from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.lens import Lens
+from lensforge.manufacturing.cut import (
+    Check,
+    Curvature,
+    Cutter,
+    Draft,
+    FaceResult,
+    Relief,
+    Scallop,
+    Scallops,
+    Sphere,
+    Wall,
+    Walls,
+)
+from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.optimisation.design import Design, Level, Margins
+from lensforge.records import Extent, Metric
+from lensforge.report import solid_view
+from lensforge.report.build import render_report
+from lensforge.results import Results
+from lensforge.sources.account import SourceAccount
 from lensforge.spec import parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.verification.proof import Deviation, PartFlux, PartMissed, PlainCast, Proof
 
 STAGES = ("design", "evaluate", "export", "check", "verify")
 PIXELS, NODES = 16, 21
@@ -35,25 +57,34 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
 
 
 def gate(name, value, limit, sense="<="):
-    return Gate(name, value, sense, limit, "mm", "try something else").to_json()
+    return Gate(name=name, value=value, sense=sense, limit=limit, unit="mm", remedy="try something else")
 
 
-def make_folder(folder, stages=STAGES, stl=False, lens=None):
-    """Write lens.json and the files of ``stages`` into ``folder``; return it."""
+def make_results(stages=STAGES, lens=None, outdated=None, **records):
+    """The results of ``stages`` for ``lens``; ``records``: others by their stem, or changes of one as a dict."""
+    lens = lens or small_lens()
+    found = {}
+    for stem in dict.fromkeys((*stages, *records)):
+        given = records.get(stem, {})
+        found[stem] = MAKERS[stem](lens, **given) if isinstance(given, dict) else given
+    return Results(lens, found, outdated or {})
+
+
+def make_folder(folder, stages=STAGES, lens=None, **records):
+    """Write the files of :func:`make_results` into ``folder``; return it."""
     folder.mkdir(parents=True, exist_ok=True)
-    (lens or small_lens()).save(folder / "lens.json")
-    for stage in stages:
-        (folder / f"{stage}.json").write_text(json.dumps(CONTENT[stage]), encoding="utf-8")
-    if "evaluate" in stages:
-        np.savez(folder / "evaluate.npz", **evaluate_arrays())
-    if "check" in stages:
-        np.savez(folder / "check.npz", **check_arrays())
-    if "verify" in stages:
-        images = evaluate_arrays()
-        np.savez(folder / "verify.npz", irradiance=images["raw"], design_irradiance=images["irradiance"])
-    if stl:
-        trimesh.creation.icosphere(subdivisions=2, radius=5.0).export(folder / "lens.stl")
+    results = make_results(stages, lens, **records)
+    results.lens.save(folder / "lens.json")
+    for stem, result in results.found.items():
+        result.write(folder, stem)
     return folder
+
+
+def page_of(results, folder=None):
+    """The report without the three-dimensional views, which take a process and seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solid_view, "_COMMAND", ("false",))
+        return render_report(results, folder)
 
 
 def evaluate_arrays():
@@ -61,7 +92,7 @@ def evaluate_arrays():
     target = np.zeros((PIXELS, PIXELS))
     target[4:12, 5:11] = 40.0
     ripple = 1.0 + 0.05 * np.sin(axis)[:, None] * np.cos(axis)
-    return {"target": target, "irradiance": target * ripple + 0.5, "raw": target * ripple**2 + 0.5, "axis_mm": axis}
+    return {"target_map": target, "map": target * ripple + 0.5, "raw_map": target * ripple**2 + 0.5, "axis_mm": axis}
 
 
 def check_arrays():
@@ -82,103 +113,191 @@ def check_arrays():
     return maps
 
 
-_SPHERE = {"variant": "least_squares", "radius_mm": 8.25, "centre_mm": [0.0, 0.0, 1.5], "pv_mm": 0.4, "rms_mm": 0.1}
-_FACE = {
-    "best_fit_sphere": _SPHERE,
-    "other_spheres": [{**_SPHERE, "variant": "enclosing"}],
-    "curvature": {"kappa_min_per_mm": -1.3, "kappa_max_per_mm": 0.3},
-    "cutter": {"radius_mm": 1.0, "reachable_fraction": 0.75, "largest_radius_mm": 0.77, "residual_mm": 0.5},
-    "draft_deg": {"min": -3.25, "area_fraction_below_2": 0.125},
-    "area_mm2": 321.5,
-}
-CONTENT = {
-    "design": {
+def make_design(lens, **changes):
+    history = (
+        Level(
+            level=0,
+            functions=9,
+            loss=(1.8, 1.0, 0.6),
+            nmse=(0.9, 0.5, 0.3),
+            efficiency=(0.5, 0.6, 0.7),
+            constraints={
+                "cavity_clearance_mm": (2.0, 1.5, 1.25),
+                "wall_margin_mm": (3.0, 2.0, 1.0),
+                "radius_margin_mm": (0.75, -0.375, -0.0625),
+            },
+        ),
+        Level(
+            level=1,
+            functions=34,
+            loss=(0.4, 0.2, 0.1, 0.05),
+            nmse=(0.2, 0.1, 0.05, 0.025),
+            efficiency=(0.75, 0.8, 0.85, 0.875),
+            constraints={
+                "cavity_clearance_mm": (1.0, 0.875, 0.625, 0.5),
+                "wall_margin_mm": (0.5, 0.375, 0.3125, 0.25),
+                "radius_margin_mm": (-0.03125, 0.0, 0.0625, 0.125),
+            },
+        ),
+    )
+    content = {
+        "lens": lens,
+        "inputs": {"spec": "ef" * 32},
         "steps": 7,
         "forward_evaluations": 7,
         "rays_per_step": 4096,
         "seconds": 1.25,
-        "history": [
-            {
-                "level": 0,
-                "functions": 9,
-                "nmse": [0.9, 0.5, 0.3],
-                "efficiency": [0.5, 0.6, 0.7],
-                "g1_mm": [2.0, 1.5, 1.25],
-                "g2_mm": [3.0, 2.0, 1.0],
-                "g3_mm": [0.75, -0.375, -0.0625],
-            },
-            {
-                "level": 1,
-                "functions": 34,
-                "nmse": [0.2, 0.1, 0.05, 0.025],
-                "efficiency": [0.75, 0.8, 0.85, 0.875],
-                "g1_mm": [1.0, 0.875, 0.625, 0.5],
-                "g2_mm": [0.5, 0.375, 0.3125, 0.25],
-                "g3_mm": [-0.03125, 0.0, 0.0625, 0.125],
-            },
-        ],
-        "constraints": {"g1_mm": 0.5, "g2_mm": 0.25, "g3_mm": 0.125},
         "max_radius_mm": 10.75,
         "height_mm": 10.5,
-        "gates": [gate("constraint g1", 0.5, -0.001, ">=")],
-    },
-    "evaluate": {
+        "constraints": Margins(cavity_clearance_mm=0.5, wall_margin_mm=0.25, radius_margin_mm=0.125),
+        "source": SourceAccount(title="2 mm square", flux_w=1.0, symmetry="square"),
+        "source_outline_mm": ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)),
+        "history": history,
+        "gates": (gate("cavity clearance", 0.5, -0.001, ">="),),
+    }
+    return Design(**{**content, **changes})
+
+
+def make_light(lens, **changes):
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "nmse": Metric(value=0.0123, standard_error=0.0004),
+        "efficiency": Metric(value=0.85, standard_error=0.0002),
+        "share_in_target": Metric(value=0.8125, standard_error=0.0003),
         "uniformity": None,
-        "uniformity_standard_error": None,
         "rsd": None,
-        "rsd_standard_error": None,
-        "nmse": 0.0123,
-        "nmse_standard_error": 0.0004,
-        "efficiency": 0.85,
-        "efficiency_standard_error": 0.0002,
-        "flux": {
-            "detected": 0.85,
-            "outside": 0.02,
-            "missed": 0.03,
-            "total_reflection": 0.01,
-            "not_converged": 0.0,
-            "absorbed_fresnel": 0.09,
-        },
-        "missed_by_cause": {"backward": 0.0, "base": 0.01, "averted": 0.02},
+        "nmse_of_noise": None,
+        "flux": Flux(
+            detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, absorbed_fresnel=0.09
+        ),
+        "missed_by_cause": MissedByCause(backward=0.0, outside_cavity=0.0, base=0.01, averted=0.02, crossed=0.0),
         "rays": 65536,
+        "replicates": 16,
         "pixels": PIXELS,
         "filter": "3x3 Gaussian, variance 1 pixel^2",
         "receiver_mm": 300.0,
         "window_mm": 280.0,
-        "replicates": 16,
-        "seconds": 2.5,
+        "uniform_mm": None,
+        "distance_mm": 150.0,
+        "lumens_per_watt": lens.spec.source.luminous_efficacy_lm_per_w,
+        "table_nodes": 65,
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
-        "gates": [gate("flux not converged", 0.0, 0.0)],
-    },
-    "export": {
-        "form_error_nm": {"max": 1.75, "rms": 0.25},
-        "normal_error_mrad": {"max": 0.0075, "rms": 0.0025},
+        "preset_error": None,
+        "seconds": 2.5,
+        "gates": (gate("flux not converged", 0.0, 0.0),),
+        **evaluate_arrays(),
+    }
+    return Light(**{**content, **changes})
+
+
+def sphere_stl():
+    return trimesh.creation.icosphere(subdivisions=2, radius=5.0).export(file_type="stl")
+
+
+def make_part(lens, stl=None, **changes):
+    files = {STEP_FILE: b"a STEP", STL_FILE: sphere_stl() if stl is None else stl, THREEMF_FILE: b"a 3MF"}
+    content = {
+        "lens": lens,
+        "inputs": {"lens": lens.sha256},
+        "form_error_nm": Extent(max=1.75, rms=0.25),
+        "normal_error_mrad": Extent(max=0.0075, rms=0.0025),
         "volume_mm3": 3833.5,
+        "volume_mesh_mm3": 3832.5,
         "watertight": True,
         "genus": 0,
-        "faces": {"count": 2, "names": ["OPTICAL_INNER", "OPTICAL_OUTER"]},
-        "files": {"lens.step": {"bytes": 1234567, "sha256": "ab" * 32}},
+        "faces": Faces(count=2, names=("OPTICAL_INNER", "OPTICAL_OUTER")),
+        "nodes": {"inner": 33, "outer": 65},
+        "step_schema": "AP214",
+        "untrimmed_surfaces": None,
+        "triangulation": Triangulation(
+            triangles=320, vertices=162, rings=8, chord_error_um=0.875, normal_error_mrad=0.625
+        ),
+        "files": {name: stamp_of(content) for name, content in files.items()},
         "seconds": 3.5,
-        "gates": [gate("form_error", 1.75, 10.0)],
-    },
-    "check": {
-        "inner": _FACE,
-        "outer": _FACE,
+        "gates": (gate("form_error", 1.75, 10.0),),
+        "step": files[STEP_FILE],
+        "stl": files[STL_FILE],
+        "threemf": files[THREEMF_FILE],
+    }
+    return Part(**{**content, **changes})
+
+
+def make_check(lens, **changes):
+    sphere = Sphere(
+        variant="least_squares", radius_mm=8.25, centre_mm=(0.0, 0.0, 1.5), pv_mm=0.4, rms_mm=0.1,
+        slope_departure_mrad=12.5,
+    )  # fmt: skip
+    face = FaceResult(
+        best_fit_sphere=sphere,
+        other_spheres=(sphere.model_copy(update={"variant": "enclosing"}),),
+        curvature=Curvature(kappa_min_per_mm=-1.3, kappa_max_per_mm=0.3, smallest_concave_radius_mm=0.775),
+        cutter=Cutter(
+            radius_mm=1.0, reachable_fraction=0.75, local_ok_fraction=0.875, largest_radius_mm=0.77, residual_mm=0.5
+        ),
+        draft_deg=Draft(min=-3.25, area_fraction_below_half=0.0625, area_fraction_below_two=0.125),
+        undercut_fraction=0.03125,
+        largest_tilt_deg=93.25,
+        area_mm2=321.5,
+    )
+    wall = Wall(thickness_mm=1.875, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 5.875))
+    scallop = Scallop(height_nm=27.5, slope_mrad=5.5, stepover_for_slope_limit_mm=0.0035)
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "make": "part",
+        "inner": face,
+        "outer": face,
         "min_wall_mm": 1.875,
-        "verdicts": [{"name": "wall", "surface": "body", "holds": True, "reason": "the wall is thick enough"}],
+        "wall": Walls(normal=wall, radial=wall),
+        "relief": Relief(outer=None, inner=None, note="there is no base"),
+        "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
+        "tools": (),
+        "gates": (gate("radial wall", 1.9, 0.999, ">="),),
+        "verdicts": (ShopVerdict(name="wall", surface="body", holds=True, reason="the wall is thick enough"),),
         "seconds": 4.5,
-        "gates": [gate("radial wall", 1.9, 0.999, ">=")],
-    },
-    "verify": {
+        **check_arrays(),
+    }
+    return Check(**{**content, **changes})
+
+
+def make_proof(lens, **changes):
+    images = evaluate_arrays()
+    content = {
+        "inputs": {"lens": lens.sha256},
         "rays": 20000,
         "seconds": 5.5,
+        "cast_seconds": 4.25,
+        "triangles": 320,
+        "open_edges": 0,
+        "volume_mm3": 3832.5,
+        "facet_height_um": Extent(max=1.125, rms=0.375),
         "nmse_vs_design": 0.0225,
-        "nmse_same_rays": 0.000225,
         "noise_floor_nmse": 0.0325,
+        "nmse_same_rays": 0.000225,
         "efficiency": 0.8475,
-        "deviation_mm": {"rms": 0.0125, "max": 0.25, "p99": 0.05},
-        "flux": {"detected": 0.8475},
-        "referee": {"rays": 200, "casts": 390, "disagreements": 0, "rate": 120.5},
-        "gates": [gate("deviation_rms", 0.0125, 0.015)],
-    },
+        "efficiency_design_same_rays": 0.8485,
+        "deviation_mm": Deviation(rms=0.0125, max=0.25, p99=0.05),
+        "deviation_limit_mm": 0.015,
+        "rays_compared": 18765,
+        "flux_deviation": 0.00035,
+        "fate_disagreements": 3,
+        "fate_disagreement_flux": 0.00015,
+        "flux": PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, absorbed_fresnel=0.09),
+        "missed_by_cause": PartMissed(no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, averted=0.02),
+        "referee": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
+        "brep": None,
+        "mitsuba": None,
+        "gates": (gate("deviation_rms", 0.0125, 0.015),),
+        "irradiance": images["raw_map"],
+        "design_irradiance": images["map"],
+        "gaps_mesh_mm": np.linspace(1e-4, 0.1, 501),
+    }
+    return Proof(**{**content, **changes})
+
+
+MAKERS = {
+    "design": make_design,
+    "evaluate": make_light,
+    "export": make_part,
+    "check": make_check,
+    "verify": make_proof,
 }

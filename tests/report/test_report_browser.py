@@ -3,10 +3,9 @@ from html import escape
 
 import browser
 import pytest
-from part_files import add_part_files
-from result_folders import make_folder
+from part_files import whole_results
 
-from lensforge.report.build import build_report
+from lensforge.report.build import render_report
 
 pytestmark = browser.needed
 
@@ -61,16 +60,15 @@ addEventListener("load", () => setTimeout(() => {
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = add_part_files(make_folder(tmp_path_factory.mktemp("browser") / "whole", stl=True))
-    if "No 3-D picture" in build_report(folder).read_text(encoding="utf-8"):
+def markup():
+    page = render_report(whole_results())
+    if "No 3-D picture" in page:
         pytest.skip("no off-screen renderer here")
-    return folder
+    return page
 
 
 @pytest.mark.parametrize(("width", "scripts"), [(400, True), (1280, True), (1280, False)])
-def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, width, scripts):
-    markup = (folder / "report.html").read_text(encoding="utf-8")
+def test_every_picture_is_seen_without_scrolling_sideways(markup, tmp_path, width, scripts):
     sandbox = "" if scripts else 'sandbox="allow-same-origin"'
     frame = tmp_path / "frame.html"
     frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)), encoding="utf-8")
@@ -83,11 +81,9 @@ def test_every_picture_is_seen_without_scrolling_sideways(folder, tmp_path, widt
     assert found["seen"] == found["pictures"] - hidden
 
 
-def test_the_lens_turns_and_no_script_fails(folder, tmp_path):
+def test_the_lens_turns_and_no_script_fails(markup, tmp_path):
     page = tmp_path / "play.html"
-    page.write_text(
-        (folder / "report.html").read_text(encoding="utf-8").replace("</head>", f"{_PLAY}</head>"), encoding="utf-8"
-    )
+    page.write_text(markup.replace("</head>", f"{_PLAY}</head>"), encoding="utf-8")
     document, console = browser.run(page, tmp_path)
     found = json.loads(browser.title(document))
     assert found["errors"] == []

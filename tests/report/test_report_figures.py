@@ -4,12 +4,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from result_folders import CONTENT, check_arrays, small_lens
+from result_folders import check_arrays, make_design, make_light, small_lens
 
+from lensforge.evaluation.light import Flux, MissedByCause
+from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
 from lensforge.report.drawing import INK, to_svg
-from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.report.records import Level
 from lensforge.spec import BaseSection
 
 SIDE = 200.0
@@ -76,9 +76,10 @@ def test_differences_are_centred_on_zero(difference):
 
 
 def test_the_flux_account_closes():
-    flux, missed = CONTENT["evaluate"]["flux"], CONTENT["evaluate"]["missed_by_cause"]
+    light = make_light(small_lens())
+    flux, missed = light.flux, light.missed_by_cause
     lost = flux_figures.losses(flux, missed)
-    assert sum(share for _, share in lost) + flux["detected"] == pytest.approx(1.0)
+    assert sum(share for _, share in lost) + flux.detected == pytest.approx(1.0)
     assert "emitted backwards" not in dict(lost), "a loss of zero is clutter"
     emitted, *steps, detected = flux_figures.flux_account(flux, missed).axes[0].patches
     edge = emitted.get_width()
@@ -109,17 +110,26 @@ def test_maps_in_lux_show_lux():
 
 
 def test_a_loss_that_is_there_is_never_called_zero():
-    axes = flux_figures.flux_account({"detected": 0.99999, "outside": 1e-5}, {}).axes[0]
+    nothing = MissedByCause(backward=0.0, outside_cavity=0.0, base=0.0, averted=0.0, crossed=0.0)
+    flux = Flux(
+        detected=0.99999, outside=1e-5, missed=0.0, total_reflection=0.0, not_converged=0.0, absorbed_fresnel=0.0
+    )
+    axes = flux_figures.flux_account(flux, nothing).axes[0]
     assert "< 0.01 %" in [text.get_text() for text in axes.texts]
 
 
-def test_without_causes_the_missed_flux_is_one_loss():
-    assert flux_figures.losses({"missed": 0.25, "detected": 0.75}, {}) == [("missed the lens", 0.25)]
+def test_no_cause_of_a_loss_is_left_out():
+    """Each share is another: whichever were dropped, the sum would tell."""
+    flux = Flux(
+        detected=0.5, outside=0.01, missed=0.31, total_reflection=0.02, not_converged=0.04, absorbed_fresnel=0.12
+    )
+    missed = MissedByCause(backward=0.01, outside_cavity=0.02, base=0.04, averted=0.08, crossed=0.16)
+    assert sum(share for _, share in flux_figures.losses(flux, missed)) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("quantity", ["nmse", "efficiency"])
+@pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])
 def test_history_runs_on_from_level_to_level(quantity):
-    levels = [Level.model_validate(level) for level in CONTENT["design"]["history"]]
+    levels = make_design(small_lens()).history
     axes = history_figures.history(levels, quantity).axes[0]
     steps = np.concatenate([line.get_xdata() for line in axes.lines])
     values = np.concatenate([line.get_ydata() for line in axes.lines])
@@ -129,13 +139,14 @@ def test_history_runs_on_from_level_to_level(quantity):
 
 
 def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shaded():
-    content = CONTENT["design"]["history"]
-    axes = history_figures.constraint_history([Level.model_validate(level) for level in content]).axes[0]
-    for name, label in (("g1_mm", "cavity"), ("g2_mm", "thickness"), ("g3_mm", "radius")):
+    levels = make_design(small_lens()).history
+    axes = history_figures.constraint_history(levels).axes[0]
+    named = {"cavity_clearance_mm": "cavity", "wall_margin_mm": "thickness", "radius_margin_mm": "radius"}
+    for name, label in named.items():
         first = next(line for line in axes.lines if line.get_label() == label)
         lines = [line for line in axes.lines if line.get_color() == first.get_color()]
         values = np.concatenate([line.get_ydata() for line in lines])
-        assert values.tolist() == [value for level in content for value in level[name]]
+        assert values.tolist() == [value for level in levels for value in level.constraints[name]]
     shaded = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     assert shaded.y1 == pytest.approx(0.0, abs=1e-12)
     assert shaded.y0 < -0.375

@@ -1,10 +1,14 @@
+import json
+
 import numpy as np
 import pytest
-from result_folders import CONTENT
+from part_files import whole_results
 
+from lensforge.records import Metric
 from lensforge.report.numerals import anything, number, percent, size
-from lensforge.report.tables import rows
+from lensforge.report.tables import plain, rows
 from lensforge.report.units import unit_of
+from lensforge.spec.target import ArrayTarget
 
 
 @pytest.mark.parametrize(
@@ -17,8 +21,8 @@ from lensforge.report.units import unit_of
         ("inner.curvature.kappa_min_per_mm", "1/mm"),
         ("inner.best_fit_sphere.centre_mm", "mm"),
         ("inner.draft_deg.min", "°"),
-        ("inner.draft_deg.area_fraction_below_0.5", ""),
-        ("mesh.chord_error_um", "µm"),
+        ("inner.draft_deg.area_fraction_below_half", ""),
+        ("triangulation.chord_error_um", "µm"),
         ("seconds", "s"),
         ("cast_seconds", "s"),
         ("files.lens.step.bytes", "B"),
@@ -28,9 +32,12 @@ from lensforge.report.units import unit_of
         ("table_error_nm.inner", "nm"),
         ("rays", ""),
         ("history.[0].nmse", ""),
-        ("constraints.g1_mm", "mm"),
+        ("constraints.cavity_clearance_mm", "mm"),
         ("evaluate.filter_variance", "pixel²"),
         ("referee.rate", "1/s"),
+        ("peak_cd", "cd"),
+        ("files.lens.ies.lumens", "lm"),
+        ("corners_located.edge_rms_px", "pixel"),
     ],
 )
 def test_units_follow_the_names(path, unit):
@@ -70,20 +77,47 @@ def test_other_values_read_well():
 
 
 def leaves(content):
+    """How many values there are; a metric and an empty list are one each."""
     if isinstance(content, dict):
-        return sum(map(leaves, content.values()))
+        return 1 if content.keys() == {"value", "unit", "standard_error"} else sum(map(leaves, content.values()))
     if isinstance(content, list):
-        return sum(map(leaves, content))
+        return sum(map(leaves, content)) or 1
     return 1
 
 
-@pytest.mark.parametrize("stage", CONTENT)
-def test_every_value_of_every_file_is_in_its_table(stage):
-    content = {key: value for key, value in CONTENT[stage].items() if key != "gates"}
-    table = rows(CONTENT[stage], without=("gates",))
+RESULTS = whole_results().found
+
+
+@pytest.mark.parametrize("stem", RESULTS)
+def test_every_value_of_every_record_is_in_its_table(stem):
+    content = {key: value for key, value in plain(RESULTS[stem]).items() if key not in ("gates", "verdicts")}
+    table = rows(plain(RESULTS[stem]), without=("gates", "verdicts"))
     texts = [text for row in table for text in row.value.split("  ")]
     assert len(texts) == leaves(content)
     assert len({row.path for row in table}) == len(table)
+
+
+@pytest.mark.parametrize("stem", RESULTS)
+def test_a_table_holds_what_the_json_file_holds_and_no_more(stem):
+    result = RESULTS[stem]
+    written = json.loads(result.contents(stem)[f"{stem}.json"])
+    assert {"schema": written["schema"], **plain(result)} == written
+
+
+def test_a_metric_is_one_row_in_its_own_unit():
+    (row,) = rows({"exit_w": Metric(value=0.75, unit="lm", standard_error=0.0025).model_dump()})
+    assert (row.path, row.value, row.unit) == ("exit_w", "0.75 ± 0.0025", "lm")
+    (row,) = rows({"hit_mm": Metric(value=0.5).model_dump()})
+    assert (row.path, row.value, row.unit) == ("hit_mm", "0.5", "mm")
+
+
+def test_arrays_of_a_spec_are_told_apart_and_not_written_out():
+    target = {"distance_mm": 100.0, "receiver_mm": 100.0, "width_mm": 50.0}
+    first, second = (rows(ArrayTarget(values=np.eye(40) + each, **target).model_dump()) for each in (0.0, 1.0))
+    (one,), (other,) = ([row.value for row in table if row.path == "values"] for table in (first, second))
+    assert one.startswith("40 × 40 numbers")
+    assert len(one) < 60
+    assert one != other
 
 
 def test_many_numbers_become_a_block_with_one_unit():

@@ -1,14 +1,15 @@
+import shutil
+
 import numpy as np
 import pytest
-from result_folders import make_folder, small_lens
+from result_folders import make_results, page_of, small_lens
 from scenes import small_spec
 
-from lensforge.optimisation.optimiser import design
 from lensforge.errors import InputError
-from lensforge.report import snapshots
-from lensforge.report.build import build_report
+from lensforge.optimisation.optimiser import search
+from lensforge.report.snapshot import FOLDER, load_snapshots
 from lensforge.report.snapshot_figure import snapshot_figure
-from lensforge.report.snapshots import Snapshots, load_snapshots, outer_slope
+from lensforge.report.snapshots import Snapshots, outer_slope
 from lensforge.sources.build import build_source
 
 
@@ -20,13 +21,14 @@ def taken(tmp_path_factory):
     (folder / "snapshots" / "level-9.npz").write_bytes(b"of an earlier design")
     (folder / "snapshots" / "notes.txt").write_text("the user's own", encoding="utf-8")
     observer = Snapshots(spec, folder)
-    return folder, design(spec, build_source(spec.source), accuracy="draft", observer=observer.on_step)
+    return folder, search(spec, build_source(spec.source), accuracy="draft", progress=observer.on_step)
 
 
 def test_every_level_leaves_a_picture_and_its_numbers(taken):
     folder, result = taken
     names = sorted(path.name for path in (folder / "snapshots").iterdir())
-    assert names == ["level-1.npz", "level-1.png", "level-2.npz", "level-2.png", "notes.txt"]
+    pictures = [f"level-{level}.{suffix}" for level in (1, 2) for suffix in ("json", "npz", "png")]
+    assert names == [*pictures, "notes.txt"]
     for path in (folder / "snapshots").glob("*.png"):
         assert path.read_bytes().startswith(b"\x89PNG")
     assert [(each.level, each.functions, each.step) for each in load_snapshots(folder, result.lens)] == [
@@ -61,7 +63,7 @@ def test_the_light_that_a_snapshot_holds_is_what_its_efficiency_says(taken):
 
 def test_snapshots_change_nothing_in_the_design(taken):
     spec = small_spec()
-    plain = design(spec, build_source(spec.source), accuracy="draft")
+    plain = search(spec, build_source(spec.source), accuracy="draft")
     assert np.array_equal(plain.lens.outer.weights, taken[1].lens.outer.weights)
 
 
@@ -81,10 +83,9 @@ def test_levels_can_be_drawn_on_one_scale(taken):
 
 def test_the_report_shows_them(taken, tmp_path):
     folder, result = taken
-    make_folder(tmp_path, stages=(), lens=result.lens)
-    without = build_report(tmp_path).read_text(encoding="utf-8").count("<svg")
-    (tmp_path / "snapshots").symlink_to(folder / "snapshots")
-    markup = build_report(tmp_path).read_text(encoding="utf-8")
+    results = make_results((), lens=result.lens)
+    without = page_of(results, tmp_path).count("<svg")
+    markup = page_of(results, folder)
     assert markup.count("<svg") == without + 2
     assert "Level 2: 34 functions" in markup
 
@@ -93,8 +94,19 @@ def test_those_of_another_design_are_not_shown(taken):
     assert load_snapshots(taken[0], small_lens()) == []
 
 
-def test_a_damaged_snapshot_is_one_line(tmp_path):
-    (tmp_path / snapshots.FOLDER).mkdir()
-    (tmp_path / snapshots.FOLDER / "level-1.npz").write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"level-1\.npz: damaged"):
-        load_snapshots(tmp_path, small_lens())
+def test_those_of_another_version_are_not_shown(taken, tmp_path):
+    copied = tmp_path / FOLDER
+    shutil.copytree(taken[0] / FOLDER, copied)
+    assert len(load_snapshots(tmp_path, taken[1].lens)) == 2
+    record = copied / "level-1.json"
+    record.write_text(record.read_text(encoding="utf-8").replace("lensforge-level-2", "lensforge-level-1"))
+    assert load_snapshots(tmp_path, taken[1].lens) == []
+
+
+@pytest.mark.parametrize("file", ["level-1.json", "level-1.npz"])
+def test_a_damaged_snapshot_is_one_line(taken, tmp_path, file):
+    shutil.copytree(taken[0] / FOLDER, tmp_path / FOLDER)
+    (tmp_path / FOLDER / file).write_bytes(b"nothing")
+    with pytest.raises(InputError, match=rf"{file}: .*") as caught:
+        load_snapshots(tmp_path, taken[1].lens)
+    assert "\n" not in str(caught.value)

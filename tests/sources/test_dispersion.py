@@ -71,7 +71,7 @@ def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_
         emitter.sample(4000, 1).refractive_indices, emitter.sample(4000, 2).refractive_indices
     )
     account = account_of(emitter, spec.source)
-    assert 430.0 < account["wavelengths_nm"][0] < account["wavelengths_nm"][1] < 470.0
+    assert 430.0 < account.wavelengths_nm[0] < account.wavelengths_nm[1] < 470.0
 
 
 def test_rays_that_name_their_table_are_drawn_from_it(tmp_path):

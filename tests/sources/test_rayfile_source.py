@@ -1,6 +1,5 @@
 """The ray-file emitter: placed where the spec says, power as stated, sampling that keeps what the file knows."""
 
-import json
 import runpy
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
+from lensforge.sources.account import SourceAccount
 from lensforge.sources.build import account_of, build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import placed
@@ -86,19 +86,20 @@ def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
     assert stated.rays.weights[:40].sum() == pytest.approx(0.6)
     scaled = load_rayfiles(RayfilesSource(kind="rayfiles", files=parts(3.0, 1.0), flux_w=2.0))
     assert scaled.rays.weights[:40].sum() == pytest.approx(1.5)
-    assert [part["flux_w"] for part in scaled.account["files"]] == pytest.approx([1.5, 0.5])
-    assert (scaled.account["file"], scaled.account["rays"]) == ("blue, yellow", 100)
-    assert scaled.account["effective_rays"] < 100
+    assert [part.flux_w for part in scaled.account.files] == pytest.approx([1.5, 0.5])
+    assert ([part.file for part in scaled.account.files], scaled.account.rays) == (["blue", "yellow"], 100)
+    assert scaled.account.effective_rays < 100
 
 
-def test_the_account_names_every_file_and_can_be_written_as_json(two_files):
+def test_the_account_names_every_file_and_comes_back_from_json(two_files):
     spec = RayfilesSource(kind="rayfiles", files=[{"file": two_files / name} for name in ("blue", "yellow")])
-    account = json.loads(json.dumps(account_of(load_rayfiles(spec), spec), allow_nan=False))
-    assert account["title"] == "ray files blue, yellow"
-    assert [part["rays"] for part in account["files"]] == [40, 60]
-    assert sum(part["flux_w"] for part in account["files"]) == pytest.approx(account["flux_w"])
+    account = account_of(load_rayfiles(spec), spec)
+    assert SourceAccount.model_validate_json(account.model_dump_json()) == account
+    assert account.title == "ray files blue, yellow"
+    assert [part.rays for part in account.files] == [40, 60]
+    assert sum(part.flux_w for part in account.files) == pytest.approx(account.flux_w)
     point = SquareSource(kind="square", side_mm=0.0)
-    assert account_of(build_source(point), point) == {"title": "point source", "flux_w": 1.0, "symmetry": "square"}
+    assert account_of(build_source(point), point) == SourceAccount(title="point source", flux_w=1.0, symmetry="square")
 
 
 def test_several_files_share_one_origin_the_focus_of_all_their_light(two_files):
@@ -129,14 +130,14 @@ def test_the_virtual_focus_goes_to_the_lens_origin(load):
     emitter = load(rays(500), origin="virtual_focus", rotate_z_deg=17.0)
     placed = virtual_focus(emitter.rays.origins, emitter.rays.directions, emitter.rays.weights)
     np.testing.assert_allclose(placed, 0.0, atol=1e-12)
-    assert emitter.account["origin_mm"] == emitter.account["virtual_focus_mm"]
+    assert emitter.account.placement.origin_mm == emitter.account.virtual_focus_mm
 
 
 def test_parallel_rays_have_no_virtual_focus(load):
     beam = replace(rays(), directions=np.tile([0.0, 0.0, 1.0], (12, 1)))
     with pytest.raises(InputError, match="parallel"):
         load(beam, origin="virtual_focus")
-    assert load(beam).account["virtual_focus_mm"] is None
+    assert load(beam).account.virtual_focus_mm is None
 
 
 def test_power_comes_from_the_spec_or_from_watts_never_from_lumens(load):
@@ -208,8 +209,8 @@ def test_backward_and_outlying_rays_are_kept_and_reported(load):
     four = replace(rays(4), positions=positions, directions=directions, flux=np.ones(4), header_flux_w=4.0)
     emitter = load(four)
     assert len(emitter) == 4
-    assert emitter.account["backward_share"] == pytest.approx(0.25)
-    assert emitter.account["below_plane_share"] == pytest.approx(0.25)
+    assert emitter.account.placement.backward_share == pytest.approx(0.25)
+    assert emitter.account.placement.below_plane_share == pytest.approx(0.25)
     assert emitter.share_outside_cavity(1.0, 2.0) == pytest.approx(0.25)
     assert emitter.share_outside_cavity(0.4, 2.0) == pytest.approx(0.5)
     assert emitter.share_outside_cavity(1.0, 4.0) == pytest.approx(0.0)
@@ -255,9 +256,9 @@ def test_the_example_file_is_what_its_script_makes(tmp_path):
 
 def test_the_example_led_is_off_the_axis_and_below_the_plane():
     account = load_example("led_rayfile").account
-    np.testing.assert_allclose(account["virtual_focus_mm"], [0.15, -0.10, -0.05], atol=0.01)
-    assert (account["flux_w"], account["rays"], account["warnings"]) == (1.0, 20_000, [])
-    assert 0.0 < account["backward_share"] < 0.005
+    np.testing.assert_allclose(account.virtual_focus_mm, [0.15, -0.10, -0.05], atol=0.01)
+    assert (account.flux_w, account.rays, account.warnings) == (1.0, 20_000, ())
+    assert 0.0 < account.placement.backward_share < 0.005
 
 
 @pytest.mark.parametrize(("name", "share"), [("led_rayfile", 0.005), ("osram_pi", 0.006)])

@@ -119,7 +119,7 @@ def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target,
     (tmp_path / "in").write_bytes(encoded(source, original))
     report = convert(tmp_path / "in", tmp_path / "out", target)
     back = read_rayfile(tmp_path / "out")
-    assert (report["from"], report["to"], report["rays"], report["lost"]) == (source, target, len(original), [])
+    assert (report.from_format, report.to_format, report.rays, report.lost) == (source, target, len(original), ())
     np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
     np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=3e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
@@ -129,7 +129,7 @@ def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target,
 def test_asap_loses_the_wavelengths_and_says_so(source, tmp_path):
     original = rays(wavelengths="each")
     (tmp_path / "in").write_bytes(encoded(source, original))
-    assert convert(tmp_path / "in", tmp_path / "out.dis")["lost"] == ["wavelengths"]
+    assert convert(tmp_path / "in", tmp_path / "out.dis").lost == ("wavelengths",)
     back = read_rayfile(tmp_path / "out.dis")
     np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
@@ -164,7 +164,7 @@ def test_what_a_format_cannot_hold_is_refused_not_guessed(tmp_path):
 
 def test_the_spectrum_is_named_when_it_does_not_come_along(tmp_path):
     write_rayfile(tmp_path / "in", with_tables(rays()), "tm25")
-    assert convert(tmp_path / "in", tmp_path / "out.csv")["lost"] == ["spectral tables"]
+    assert convert(tmp_path / "in", tmp_path / "out.csv").lost == ("spectral tables",)
 
 
 def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path):

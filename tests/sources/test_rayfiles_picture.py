@@ -11,7 +11,7 @@ from rayfile_samples import rays
 from lensforge.cli import cli
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import write_rayfile
-from lensforge.sources.rayfiles.picture import _Histograms, draw
+from lensforge.sources.rayfiles.picture import Histograms, draw
 
 
 def _lambertian(count=200_000):
@@ -23,7 +23,7 @@ def _lambertian(count=200_000):
 
 
 def test_intensity_of_a_lambertian_emitter_is_its_closed_form():
-    histograms = _Histograms.of(_lambertian())
+    histograms = Histograms.of(_lambertian())
     gamma = np.deg2rad(np.arange(90) + 0.5)
     np.testing.assert_allclose(histograms.intensity()[5:80], 2.0 / np.pi * np.cos(gamma)[5:80], rtol=0.1)
     assert histograms.intensity()[90:].max() == 0.0
@@ -36,7 +36,7 @@ def test_intensity_of_a_lambertian_emitter_is_its_closed_form():
 def test_the_frame_keeps_proportions_and_leaves_stray_light_out():
     led = _lambertian(1000)
     led.positions[0] = 500.0
-    histograms = _Histograms.of(led)
+    histograms = Histograms.of(led)
     assert np.ptp(histograms.high - histograms.low) == 0.0
     assert histograms.front.sum() == pytest.approx(2.0 * 999 / 1000)
     wide, high = np.ptp(np.nonzero(histograms.front), axis=1)

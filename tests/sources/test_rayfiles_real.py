@@ -50,16 +50,16 @@ def test_encoded_anew_the_rays_are_the_same(path):
 def test_the_measured_led():
     rayfile = read_rayfile(OSRAM)
     summary = describe(rayfile)
-    assert summary["rays"] == summary["rays_used"] == 100_000
-    assert summary["flux"]["ray_sum"] == pytest.approx(1.68, rel=1e-6)
-    assert summary["flux"]["header_w"] == pytest.approx(1.68, rel=1e-6)
-    assert summary["flux"]["backward_share"] == pytest.approx(0.0008, abs=5e-5)
-    np.testing.assert_allclose(summary["bounding_box_mm"]["min"], [-2.93, -3.14, -1.15], atol=0.005)
-    np.testing.assert_allclose(summary["bounding_box_mm"]["max"], [2.93, 3.27, 0.02], atol=0.005)
+    assert summary.rays == summary.rays_used == 100_000
+    assert summary.flux.ray_sum == pytest.approx(1.68, rel=1e-6)
+    assert summary.flux.header_w == pytest.approx(1.68, rel=1e-6)
+    assert summary.flux.backward_share == pytest.approx(0.0008, abs=5e-5)
+    np.testing.assert_allclose(summary.bounding_box_mm.min, [-2.93, -3.14, -1.15], atol=0.005)
+    np.testing.assert_allclose(summary.bounding_box_mm.max, [2.93, 3.27, 0.02], atol=0.005)
     # Printed in the PDF beside it, from 10 million rays; these are 100,000 of them.
-    np.testing.assert_allclose(summary["virtual_focus_mm"], [0.646, 0.808, -0.389], atol=0.002)
+    np.testing.assert_allclose(summary.virtual_focus_mm, [0.646, 0.808, -0.389], atol=0.002)
     assert (rayfile.header["name"], rayfile.header["date"]) == ("LERTDUW_S2WP", "2016-10-13 13:24:12")
-    assert summary["warnings"] == []
+    assert summary.warnings == ()
 
 
 def test_the_measured_led_has_the_lumens_of_its_own_spectrum():

@@ -1,6 +1,5 @@
 """What ``describe`` says, against closed forms, and what it drops."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +8,10 @@ from rayfile_samples import rays
 from scipy.optimize import minimize
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import RayFile, describe, outline
+from lensforge.sources.rayfiles import RayFile, RayFileSummary, describe, outline
 from lensforge.sources.rayfiles.cleaning import valid_rays
 from lensforge.sources.rayfiles.photopic import luminous_efficacy
+from lensforge.sources.rayfiles.summary import Box, WavelengthRange
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 
 
@@ -61,8 +61,8 @@ def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
     assert len(kept) + sum(kept.dropped.values()) == 10
     np.testing.assert_allclose(np.linalg.norm(kept.directions, axis=1), 1.0, atol=1e-15)
     summary = describe(broken)
-    assert summary["rays_used"] == 3
-    assert any("7 of 10 rays dropped" in warning for warning in summary["warnings"])
+    assert summary.rays_used == 3
+    assert any("7 of 10 rays dropped" in warning for warning in summary.warnings)
 
 
 def test_no_usable_ray_is_an_error():
@@ -74,31 +74,46 @@ def test_numbers_of_a_small_file():
     directions = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     rayfile = RayFile(np.eye(3), directions, np.array([2.0, 1.0, 1.0]), "W", np.array([400.0, 500.0, 600.0]))
     summary = describe(rayfile)
-    assert summary["flux"]["total"] == 4.0
-    assert summary["flux"]["backward_share"] == 0.25
-    assert summary["effective_rays"] == pytest.approx(16.0 / 6.0)
-    assert summary["mean_direction"] == pytest.approx([0.25, 0.0, 0.25])
-    assert summary["bounding_box_mm"] == {"min": [0.0] * 3, "max": [1.0] * 3}
-    assert summary["wavelengths_nm"] == {"min": 400.0, "max": 600.0, "mean": 475.0}
-    json.dumps(summary, allow_nan=False)
+    assert summary.flux.total == 4.0
+    assert summary.flux.backward_share == 0.25
+    assert summary.effective_rays == pytest.approx(16.0 / 6.0)
+    assert summary.mean_direction == pytest.approx([0.25, 0.0, 0.25])
+    assert summary.bounding_box_mm == Box(min=(0.0,) * 3, max=(1.0,) * 3)
+    assert summary.wavelengths_nm == WavelengthRange(min=400.0, max=600.0, mean=475.0)
+    assert RayFileSummary.model_validate_json(summary.model_dump_json()) == summary
 
 
 def test_the_outline_is_what_the_description_says_without_the_rays():
     table = {"wavelength_nm": [400.0, 500.0, 600.0], "weight": [0.0, 1.0, 0.0]}
     for rayfile, waves in (
-        (rays(wavelengths="one"), {"min": 450.0, "max": 450.0, "mean": 450.0}),
-        (replace(rays(), header={"spectral_tables": [table]}), {"min": 400.0, "max": 600.0, "mean": 500.0}),
-        (replace(rays(), header={"spectral_tables": [table, table]}), {"min": 400.0, "max": 600.0}),
+        (rays(wavelengths="one"), WavelengthRange(min=450.0, max=450.0, mean=450.0)),
+        (replace(rays(), header={"spectral_tables": [table]}), WavelengthRange(min=400.0, max=600.0, mean=500.0)),
+        (replace(rays(), header={"spectral_tables": [table, table]}), WavelengthRange(min=400.0, max=600.0)),
         (rays(), None),
     ):
         header, whole = outline(rayfile), describe(rayfile)
-        assert header["wavelengths_nm"] == waves
-        assert header["units"] == {"length": "mm", "length_in_file_mm": 1.0, "flux": "W"}
+        assert header.wavelengths_nm == waves
+        assert header.units.model_dump() == {"length": "mm", "length_in_file_mm": 1.0, "flux": "W"}
         for name in ("format", "rays", "units", "wavelengths_nm", "header"):
-            assert header[name] == whole[name]
-        json.dumps(header, allow_nan=False)
+            assert getattr(header, name) == getattr(whole, name)
+        assert type(header).model_validate_json(header.model_dump_json()) == header
         unread = outline(replace(rayfile, flux=np.full(12, np.nan)))
         assert unread == header
+
+
+def test_a_summary_is_saved_compared_and_shown(tmp_path):
+    rayfile = rays(300, wavelengths="each")
+    summary = describe(rayfile)
+    summary.save(tmp_path / "led.json")
+    back = RayFileSummary.read(tmp_path, "led")
+    assert back == summary
+    assert describe(rays(300, wavelengths="each", seed=2)) != summary
+    assert summary.row()["flux.ray_sum"] == summary.flux.ray_sum
+    assert "<img" in summary._repr_html_() and "<img" not in back._repr_html_()
+    with pytest.raises(InputError, match="read the ray file itself"):
+        back.plot()
+    (line, *_) = summary.plot("intensity").lines
+    assert line.get_ydata().sum() > 0.0
 
 
 def test_parts_add_up_to_the_whole(monkeypatch):
@@ -107,10 +122,10 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     whole = describe(rayfile)
     monkeypatch.setattr("lensforge.sources.rayfiles.record.CHUNK_ROWS", 64)
     parts = describe(rayfile)
-    np.testing.assert_allclose(parts["virtual_focus_mm"], whole["virtual_focus_mm"], rtol=1e-12)
-    assert parts["flux"]["ray_sum"] == pytest.approx(whole["flux"]["ray_sum"], rel=1e-12)
-    assert parts["wavelengths_nm"]["mean"] == pytest.approx(whole["wavelengths_nm"]["mean"], rel=1e-12)
-    assert parts["bounding_box_mm"] == whole["bounding_box_mm"]
+    np.testing.assert_allclose(parts.virtual_focus_mm, whole.virtual_focus_mm, rtol=1e-12)
+    assert parts.flux.ray_sum == pytest.approx(whole.flux.ray_sum, rel=1e-12)
+    assert parts.wavelengths_nm.mean == pytest.approx(whole.wavelengths_nm.mean, rel=1e-12)
+    assert parts.bounding_box_mm == whole.bounding_box_mm
 
 
 @pytest.mark.parametrize(
@@ -123,15 +138,15 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     ],
 )
 def test_warnings(changes, message):
-    assert any(message in warning for warning in describe(replace(rays(), **changes))["warnings"])
+    assert any(message in warning for warning in describe(replace(rays(), **changes)).warnings)
 
 
 def test_lumens_are_checked_against_the_spectrum():
     table = {"wavelength_nm": [549.0, 550.0, 551.0], "weight": [0.0, 1.0, 0.0]}
     right = replace(rays(), header_flux_lm=679.6 * rays().header_flux_w, header={"spectral_tables": [table]})
-    assert not any("lm/W" in warning for warning in describe(right)["warnings"])
+    assert not any("lm/W" in warning for warning in describe(right).warnings)
     wrong = replace(right, header_flux_lm=right.header_flux_w)
-    assert any("1 lm/W, its spectrum 679" in warning for warning in describe(wrong)["warnings"])
+    assert any("1 lm/W, its spectrum 679" in warning for warning in describe(wrong).warnings)
 
 
 def test_luminous_efficacy_at_its_peak_and_of_equal_energy():

@@ -30,12 +30,19 @@ COSINE = {"kind": "cosine", "power": 3.0}
 TABLE = {"kind": "table", "gamma_deg": [0.0, 20.0, 60.0, 80.0], "intensity": [1.0, 2.0, 0.5, 0.0]}
 FAR_FIELD = {"kind": "photometric", "file": "far.ldt"}
 CHIP = {"x_mm": 0.6, "y_mm": -0.3, "width_mm": 0.5, "height_mm": 0.25}
+GIVEN = np.random.default_rng(8).normal(size=(1200, 7))
+GIVEN[:, 6] = np.abs(GIVEN[:, 6])
 WHITE = {"kind": "table", "wavelength_nm": [430.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
 # kind of the spec -> forms of it; a kind without a case fails the suite
 CASES = {
     "square": [{"side_mm": 1.5, "flux_w": 2.0}, {"side_mm": 0.0}],
     "rayfile": [{"file": LED, "flux_w": 2.0}, {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0}],
     "rayfiles": [{"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0}],
+    "rays": [
+        {"rays": GIVEN, "flux_w": 2.0},
+        {"rays": GIVEN[:, :6].tolist(), "flux_w": 1.0, "spectrum": WHITE},
+        {"rays": GIVEN, "wavelengths_nm": np.linspace(430.0, 660.0, 1200), "origin": "virtual_focus"},
+    ],
     "rectangle": [
         {"width_mm": 2.0, "height_mm": 1.0},
         {"width_mm": 1.0, "height_mm": 1.0, "intensity": TABLE},

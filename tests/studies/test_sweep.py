@@ -1,23 +1,23 @@
 """A sweep varies what it says, keeps what is finished, and shows each design's own figures."""
 
-import json
-
 import numpy as np
 import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.files import read_json
 from lensforge.gates import require
 from lensforge.lens import load_lens
-from lensforge.pipeline import run_check, run_design, run_evaluate, run_export
+from lensforge.pipeline import CHECKPOINT
+from lensforge.results import Results, load_results
+from lensforge.stages import build, check, evaluate, search_lens
 from lensforge.studies.sweep.page import tradeoff_figure
-from lensforge.studies.sweep.runs import Settings, gates_of_sweep, run_sweep
-from lensforge.studies.sweep.vary import parse_variation, variant_name
+from lensforge.studies.sweep.runs import run_sweep
+from lensforge.studies.sweep.table import Sweep, sweep_of
+from lensforge.studies.sweep.vary import parse_variation, variant_name, variation_of
 
 SPEC = small_spec(optimise={"steps_per_level": [2, 2], "rays": 256, "pixels": 16}, base={"kind": "none"})
 SCALED = ("lens.inner_offset_mm", "lens.outer_offset_mm")
-SETTINGS = Settings("draft", 3)
+SETTINGS = {"accuracy": "draft", "seed": 3}
 
 
 class Designer:
@@ -26,75 +26,84 @@ class Designer:
     def __init__(self) -> None:
         self.made: list[str] = []
 
-    def __call__(self, spec, directory, settings, resume) -> None:
-        run_design(spec, directory, accuracy=settings.accuracy, seed=settings.seed, resume=resume)
-        (directory / "checkpoint.pt").unlink()
-        run_evaluate(directory, rays=1024)
-        self.made.append(directory.name)
+    def __call__(self, spec, folder, resume) -> None:
+        found = searched(spec, folder, resume)
+        found.lens.save(folder / "lens.json")
+        found.write(folder)
+        (folder / CHECKPOINT).unlink()
+        evaluate(found.lens, rays=1024).write(folder)
+        self.made.append(folder.name)
+
+
+def searched(spec, folder, resume=False, progress=None):
+    return search_lens(spec, "draft", 3, None, None, folder / CHECKPOINT, resume, progress, "cpu")
 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sweep")
     content = run_sweep(
-        SPEC, parse_variation("constraints.max_radius_mm=8,6.5", SCALED), folder, Designer(), settings=SETTINGS
+        SPEC, parse_variation("constraints.max_radius_mm=8,6.5", SCALED), folder, Designer(), **SETTINGS
     )
     return folder, content
 
 
 def test_every_design_is_the_spec_with_its_own_value(swept):
     folder, content = swept
-    assert [row["value"] for row in content["designs"]] == [6.5, 8.0]
-    for row in content["designs"]:
-        lens = load_lens(folder / row["folder"] / "lens.json")
+    assert content.values == (6.5, 8.0)
+    for row in content.designs:
+        lens = load_lens(folder / row.folder / "lens.json")
         assert lens.seed == 3 and lens.accuracy == "draft"
-        assert lens.spec.name == row["folder"]
-        assert lens.spec.constraints.max_radius_mm == row["value"]
-        assert lens.spec.lens.inner_offset_mm == pytest.approx(3.0 * row["value"] / 7.0)
-        assert lens.spec.lens.outer_offset_mm == pytest.approx(6.0 * row["value"] / 7.0)
+        assert content.inputs[row.folder] == lens.sha256
+        assert lens.spec.name == row.folder
+        assert lens.spec.constraints.max_radius_mm == row.value
+        assert lens.spec.lens.inner_offset_mm == pytest.approx(3.0 * row.value / 7.0)
+        assert lens.spec.lens.outer_offset_mm == pytest.approx(6.0 * row.value / 7.0)
         same = {"name", "lens", "constraints"}
         assert lens.spec.model_dump(exclude=same) == SPEC.model_dump(exclude=same)
-        judged = read_json(folder / row["folder"] / "evaluate.json")
-        assert row["nmse"] == judged["nmse"] and row["efficiency"] == judged["efficiency"]
+        results = load_results(folder / row.folder)
+        assert row.nmse == results.light.nmse and row.efficiency == results.light.efficiency
+        assert row.constraints == results.design.constraints
 
 
 def test_the_plot_shows_the_figures_of_the_designs(swept):
     folder, content = swept
     figure = tradeoff_figure(content)
     drawn = {axes.get_ylabel(): axes.containers[0][0].get_xydata() for axes in figure.axes}
-    for row, nmse, efficiency in zip(content["designs"], *drawn.values(), strict=True):
-        assert np.array_equal(nmse, [row["value"], row["nmse"]])
-        assert np.array_equal(efficiency, [row["value"], row["efficiency"]])
+    for row, nmse, efficiency in zip(content.designs, *drawn.values(), strict=True):
+        assert np.array_equal(nmse, [row.value, row.nmse.value])
+        assert np.array_equal(efficiency, [row.value, row.efficiency.value])
+    assert np.array_equal(content.plot("efficiency").lines[0].get_xydata(), list(drawn.values())[1])
     page = (folder / "sweep.html").read_text(encoding="utf-8")
-    assert all(f'href="{row["folder"]}/report.html"' in page for row in content["designs"])
+    assert all(f'href="{row.folder}/report.html"' in page for row in content.designs)
     assert (folder / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_finished_designs_are_kept_and_new_values_added(swept):
     folder, content = swept
-    lens = (folder / content["designs"][0]["folder"] / "lens.json").read_bytes()
+    lens = (folder / content.designs[0].folder / "lens.json").read_bytes()
     again = Designer()
     grown = run_sweep(
         SPEC,
         parse_variation("constraints.max_radius_mm=6.5,7", SCALED),
         folder,
         again,
-        settings=SETTINGS,
+        **SETTINGS,
         resume=True,
     )
     assert again.made == ["small-7"]
-    assert [row["value"] for row in grown["designs"]] == [6.5, 7.0, 8.0]
-    assert grown["designs"][0] == content["designs"][0] and grown["designs"][2] == content["designs"][1]
-    assert (folder / content["designs"][0]["folder"] / "lens.json").read_bytes() == lens
-    assert json.loads((folder / "sweep.json").read_text(encoding="utf-8")) == grown
+    assert grown.values == (6.5, 7.0, 8.0)
+    assert grown.designs[0] == content.designs[0] and grown.designs[2] == content.designs[1]
+    assert (folder / content.designs[0].folder / "lens.json").read_bytes() == lens
+    assert Sweep.read(folder) == grown
 
 
 def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
     class Interrupted(Designer):
-        def __call__(self, spec, directory, settings, resume) -> None:
+        def __call__(self, spec, folder, resume) -> None:
             if self.made:
-                run_design(spec, directory, accuracy="draft", seed=3, observer=lambda step: _stop_at(step, 2))
-            super().__call__(spec, directory, settings, resume)
+                searched(spec, folder, progress=lambda step: _stop_at(step, 2))
+            super().__call__(spec, folder, resume)
 
     def _stop_at(step, count):
         if step.steps_done == count:
@@ -102,33 +111,33 @@ def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
 
     variation = parse_variation("constraints.max_radius_mm=8,6.5", SCALED)
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(SPEC, variation, tmp_path, Interrupted(), settings=SETTINGS)
-    assert [row["value"] for row in read_json(tmp_path / "sweep.json")["designs"]] == [6.5]
+        run_sweep(SPEC, variation, tmp_path, Interrupted(), **SETTINGS)
+    assert Sweep.read(tmp_path).values == (6.5,)
     resumed: list[bool] = []
 
     class Watched(Designer):
-        def __call__(self, spec, directory, settings, resume) -> None:
+        def __call__(self, spec, folder, resume) -> None:
             resumed.append(resume)
-            super().__call__(spec, directory, settings, resume)
+            super().__call__(spec, folder, resume)
 
-    run_sweep(SPEC, variation, tmp_path, Watched(), settings=SETTINGS, resume=True)
+    run_sweep(SPEC, variation, tmp_path, Watched(), **SETTINGS, resume=True)
     assert resumed == [True]
     straight = tmp_path / "straight"
-    run_sweep(SPEC, variation, straight, Designer(), settings=SETTINGS)
+    run_sweep(SPEC, variation, straight, Designer(), **SETTINGS)
     for name in ("small-6_5", "small-8"):
         assert (tmp_path / name / "lens.json").read_bytes() == (straight / name / "lens.json").read_bytes()
 
 
 def test_another_sweep_is_not_resumed(swept):
     folder, _ = swept
-    for changed, settings in ((SPEC, Settings("draft", 4)), (small_spec(), SETTINGS)):
+    for changed, settings in ((SPEC, {"accuracy": "draft", "seed": 4}), (small_spec(), SETTINGS)):
         with pytest.raises(InputError, match="another"):
             run_sweep(
                 changed,
                 parse_variation("constraints.max_radius_mm=6.5,8", SCALED),
                 folder,
                 Designer(),
-                settings=settings,
+                **settings,
                 resume=True,
             )
 
@@ -160,12 +169,33 @@ def test_a_name_holds_any_value():
 
 
 def test_gates_are_named_by_their_design(tmp_path):
-    def whole(spec, directory, settings, resume) -> None:
-        Designer()(spec, directory, settings, resume)
-        run_export(directory)
-        run_check(directory)
+    def whole(spec, folder, resume) -> None:
+        Designer()(spec, folder, resume)
+        part = build(load_lens(folder / "lens.json"))
+        part.write(folder)
+        check(part).write(folder)
 
-    content = run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8", SCALED), tmp_path, whole)
-    gates = gates_of_sweep(content)
-    assert {gate.name.split(": ")[0] for gate in gates} == {"small-7", "small-8"}
-    require(gates)
+    content = run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8", SCALED), tmp_path, whole, **SETTINGS)
+    assert {gate.name.split(": ")[0] for gate in content.gates} == {"small-7", "small-8"}
+    assert len(content.gates) == sum(len(row.gates) for row in content.designs) > 10
+    require(content.gates)
+
+
+def test_a_sweep_in_memory_is_that_of_the_folders(swept):
+    folder, content = swept
+    variation = variation_of("constraints.max_radius_mm", [8, 6.5, 8], SCALED)
+    found = [(variant, load_results(folder / variant.spec.name)) for variant in variation.variants(SPEC)]
+    assert sweep_of(SPEC, variation, found) == content
+    assert [row["nmse.value"] for row in content.rows()] == [row.nmse.value for row in content.designs]
+    with pytest.raises(InputError, match="there is no result of this stage"):
+        sweep_of(SPEC, variation, [(found[0][0], Results(found[0][1].lens))])
+
+
+@pytest.mark.parametrize(
+    ("field", "values", "scaled"),
+    [(7, [1, 2], ()), ("lens.sigma_c", 7, ()), ("lens.sigma_c", ["a", "b"], ()), ("lens.sigma_c", [1, 2], "lens")],
+)
+def test_what_is_no_variation_is_one_line(field, values, scaled):
+    with pytest.raises(InputError) as caught:
+        variation_of(field, values, scaled)
+    assert "\n" not in str(caught.value)

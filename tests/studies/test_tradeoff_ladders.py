@@ -4,9 +4,8 @@ from scenes import random_surface, small_spec, table_of
 
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
-from lensforge.surfaces.spline import TableGrid, tabulate
-from lensforge.tracing.fused import Scene
 from lensforge.studies.tradeoff import rays as rays_module
 from lensforge.studies.tradeoff.casting import CURVED, FLAT, casting_ladder
 from lensforge.studies.tradeoff.degrees import degree_ladder
@@ -17,19 +16,22 @@ from lensforge.studies.tradeoff.rays import PLAIN, QMC, ray_ladder
 from lensforge.studies.tradeoff.runs import Run, resample, trace_run
 from lensforge.studies.tradeoff.shape import mesh_ladder, nurbs_ladder
 from lensforge.studies.tradeoff.tables import table_ladder, table_normals
+from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.tracing.fused import Scene
 
 GRID = TableGrid(100)
+SPEC = small_spec(base={"kind": "none"})
 
 
 @pytest.fixture(scope="module")
 def lens():
     inner, outer = (random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2))
-    return Lens(inner, outer, small_spec(base={"kind": "none"}), 0, "draft")
+    return Lens(inner, outer, SPEC, 0, "draft")
 
 
 @pytest.fixture(scope="module")
 def traced(lens):
-    scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, GRID)
+    scene = Scene(lens.refractive_index, GRID)
     return TracedLens(scene, table_of(lens.inner, GRID), table_of(lens.outer, GRID), {})
 
 
@@ -54,11 +56,11 @@ def by_nodes(measured):
 
 
 def rungs(ladder, series):
-    return [rung for rung in ladder.rungs if rung.series == series]
+    return [rung for rung in ladder.rows if rung.series == series]
 
 
 def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo_faster(by_rays):
-    orders = by_rays[0].orders
+    orders = by_rays[0].order
     assert orders[PLAIN]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.05)
     assert abs(orders[PLAIN]["efficiency"].value + 0.5) < 4.0 * orders[PLAIN]["efficiency"].standard_error
     assert orders[QMC]["irradiance_nmse"].value < -1.05
@@ -67,7 +69,7 @@ def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo
 
 
 def test_the_spread_of_plain_monte_carlo_is_that_of_independent_rays(traced, source):
-    pool = trace_run(traced, source, 2**12, 0)
+    pool = trace_run(traced, PlaneReceiver.of(SPEC.target, 16), source, 2**12, 0)
     drawn = [resample(pool, 256, np.random.default_rng(k)).flux.sum() for k in range(400)]
     expected = len(pool) * pool.flux.std() / np.sqrt(256)
     assert np.std(drawn, ddof=1) == pytest.approx(expected, rel=0.15)
@@ -89,11 +91,11 @@ def test_noise_raises_the_nmse_by_about_its_own_share(by_rays):
 
 
 def test_the_table_converges_to_the_exact_sum_with_the_fourth_power_and_its_normals_with_the_third(by_nodes):
-    orders = by_nodes.orders["table"]
+    orders = by_nodes.order["table"]
     assert orders["rho"].value == pytest.approx(-4.0, abs=0.5)
     assert orders["normal"].value == pytest.approx(-3.0, abs=0.6)
     assert orders["hit_99_percent"].value < -2.4
-    (exact,) = (rung for rung in by_nodes.rungs if rung.reference)
+    (exact,) = (rung for rung in by_nodes.rows if rung.reference)
     assert {estimate.value for estimate in exact.errors.values()} == {0.0}
 
 
@@ -119,14 +121,14 @@ def smooth_runs(count=8, rays=2**18):
 def test_the_bias_of_the_splat_is_what_its_second_moment_says():
     # Binning widens the Gaussian by a box's variance, p^2/12, the splat by a triangle's, p^2/6.
     ladder = pixel_ladder(smooth_runs(), small_spec(), (10, 16, 20))
-    for rung in ladder.rungs:
+    for rung in ladder.rows:
         pitch = 200.0 / rung.setting
         box, triangle = 20.0**2 + pitch**2 / 12.0, 20.0**2 + pitch**2 / 6.0
         expected = 1.0 + box / triangle - 4.0 * box / (box + triangle)
         found = rung.errors["splat_nmse"]
         assert abs(found.value - expected) < 0.05 * expected + 3.0 * found.standard_error
-    assert ladder.orders["hard bins"]["splat_nmse"].value == pytest.approx(-4.0, abs=0.6)
-    assert ladder.rungs[-1].errors["nmse_shift"].value == 0.0
+    assert ladder.order["hard bins"]["splat_nmse"].value == pytest.approx(-4.0, abs=0.6)
+    assert ladder.rows[-1].errors["nmse_shift"].value == 0.0
 
 
 def test_noise_does_not_count_as_bias():
@@ -138,9 +140,9 @@ def test_noise_does_not_count_as_bias():
 
 def test_the_filter_blurs_more_and_leaves_less_noise_the_wider_it_is(by_rays, lens):
     ladder = filter_ladder(by_rays[1], lens.spec, (0.0, 0.5, 1.0))
-    noise = [rung.errors["noise_nmse"].value for rung in ladder.rungs]
+    noise = [rung.errors["noise_nmse"].value for rung in ladder.rows]
     assert noise == sorted(noise, reverse=True)
-    assert ladder.rungs[0].errors["irradiance_nmse"].value == 0.0
+    assert ladder.rows[0].errors["irradiance_nmse"].value == 0.0
     # For white noise the share left is the sum of the squared taps.
     tap = np.exp(-1.0)
     left = ((1.0 + 2.0 * tap**2) / (1.0 + 2.0 * tap) ** 2) ** 2
@@ -148,18 +150,18 @@ def test_the_filter_blurs_more_and_leaves_less_noise_the_wider_it_is(by_rays, le
         Run(np.random.default_rng(k).uniform(-100, 100, (2**12, 2)), np.ones(2**12), 1.0, 0.0, 1.0) for k in range(8)
     ]
     flat = filter_ladder(white, lens.spec, (0.0, 0.5))
-    assert flat.rungs[1].errors["noise_nmse"].value / flat.rungs[0].errors["noise_nmse"].value == pytest.approx(
+    assert flat.rows[1].errors["noise_nmse"].value / flat.rows[0].errors["noise_nmse"].value == pytest.approx(
         left, rel=0.25
     )
 
 
 def test_the_faces_converge_to_the_sum_and_the_mesh_to_the_faces(lens):
     by_knots, plan = nurbs_ladder(lens, (20, 28, 40), cad=False)
-    assert by_knots.orders["quintic spline"]["form"].value < -5.0
+    assert by_knots.order["quintic spline"]["form"].value < -5.0
     by_rings = mesh_ladder(plan, (12, 24, 48))
-    assert by_rings.orders["mesh"]["chord"].value == pytest.approx(-2.0, abs=0.15)
-    assert by_rings.orders["mesh"]["normal"].value == pytest.approx(-1.0, abs=0.15)
-    triangles = {rung.setting: rung.other["triangles"] for rung in by_rings.rungs if not rung.reference}
+    assert by_rings.order["mesh"]["chord"].value == pytest.approx(-2.0, abs=0.15)
+    assert by_rings.order["mesh"]["normal"].value == pytest.approx(-1.0, abs=0.15)
+    triangles = {rung.setting: rung.other["triangles"] for rung in by_rings.rows if not rung.reference}
     assert triangles[24] == 2 * 6 * 24**2
 
 
@@ -177,8 +179,8 @@ def test_an_order_is_the_slope_and_knows_its_error():
 def test_a_spline_of_degree_k_converges_with_the_power_k_plus_one_and_its_slope_with_k(measured):
     ladder = degree_ladder(measured.truth.thinned(8), measured.grid, measured.tables, (5.0, 8.0, 12.0))
     for name, degree in (("linear", 1), ("quadratic", 2), ("cubic", 3), ("quintic", 5)):
-        assert ladder.orders[name]["rho"].value == pytest.approx(-degree - 1, abs=0.6)
-        assert ladder.orders[name]["normal"].value == pytest.approx(-degree, abs=0.6)
+        assert ladder.order[name]["rho"].value == pytest.approx(-degree - 1, abs=0.6)
+        assert ladder.order[name]["normal"].value == pytest.approx(-degree, abs=0.6)
     cubic, fused = rungs(ladder, "cubic"), {rung.setting: rung for rung in rungs(measured.ladder, "table")}
     for rung in cubic:  # scipy's cubic and the tracer's are the same spline
         assert rung.errors["rho"].value == pytest.approx(fused[rung.setting].errors["rho"].value, rel=1e-3, abs=1e-4)
@@ -198,16 +200,16 @@ def test_single_precision_costs_what_its_rounding_says(measured):
 
 def test_the_newton_step_squares_what_the_search_leaves(measured):
     ladder = search_ladder(measured.truth, (0, 2, 4, 6, 8, 40))
-    assert ladder.orders["readable tracer"]["hit"].value == pytest.approx(2.0, abs=0.3)
-    settings = [rung.setting for rung in ladder.rungs]
+    assert ladder.order["readable tracer"]["hit"].value == pytest.approx(2.0, abs=0.3)
+    settings = [rung.setting for rung in ladder.rows]
     assert settings[0] / settings[1] == pytest.approx(4.0)
 
 
 def test_curved_facets_converge_and_flat_ones_hardly(measured, lens):
     _, plan = nurbs_ladder(lens, (40,), cad=False)
     ladder = casting_ladder(measured.truth.thinned(8), plan, (12, 24, 48))
-    assert ladder.orders[CURVED]["hit_99_percent"].value < -2.5
-    assert ladder.orders[FLAT]["irradiance_nmse"].value > -2.2
+    assert ladder.order[CURVED]["hit_99_percent"].value < -2.5
+    assert ladder.order[FLAT]["irradiance_nmse"].value > -2.2
     curved, flat = (rungs(ladder, series)[-1].errors for series in (CURVED, FLAT))
     assert curved["hit_99_percent"].value < 1e-3 * flat["hit_99_percent"].value
 
@@ -220,4 +222,4 @@ def test_a_run_too_long_to_keep_is_as_good_as_its_parts_together(lens, traced, s
     found = long.errors["irradiance_nmse"].value / short.errors["irradiance_nmse"].value
     assert found == pytest.approx(1 / 4, rel=0.2)  # four scrambles of 2^12: noise falls with their number
     assert [rung.setting for rung in rungs(ladder, PLAIN)] == [2**10, 2**11, 2**12]
-    assert ladder.orders[QMC]["irradiance_nmse"].value < -1.0
+    assert ladder.order[QMC]["irradiance_nmse"].value < -1.0

@@ -1,4 +1,3 @@
-import json
 import re
 from dataclasses import dataclass, replace
 
@@ -13,6 +12,7 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.spec import parse_spec
 from lensforge.studies.tradeoff.measure import Effort, measure, run_tradeoff
+from lensforge.studies.tradeoff.record import Tradeoff
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.judge_nodes_per_sigma)}))
 EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5,), (0, 40), (12,), cad=False)
@@ -48,35 +48,35 @@ class Measured:
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("tradeoff")
     small_lens().save(path / "lens.json")
-    run_tradeoff(SPEC, path, effort=EFFORT)
+    assert run_tradeoff(SPEC, path, effort=EFFORT) == Tradeoff.read(path)
     return path
 
 
 def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
-    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
-    assert list(content["ladders"]) == [
+    ladders = Tradeoff.read(folder).ladders
+    assert list(ladders) == [
         *("rays", "tables", "degrees", "precision", "search"),
         *("pixels", "filter", "nurbs", "mesh", "casting"),
     ]
-    for name, ladder in content["ladders"].items():
-        errors = list(ladder["unit"])
-        assert all(list(row["error"]) == errors for row in ladder["rows"])
+    for name, ladder in ladders.items():
+        units = ladder.units
+        assert all({error: found.unit for error, found in rung.errors.items()} == units for rung in ladder.rows)
         if name != "pixels":  # hard bins are the reference of the splat at each number of pixels
-            (reference,) = [row for row in ladder["rows"] if row["reference"]]
-            assert [reference["error"][error] for error in errors if error != "noise_nmse"] == [0.0] * (
-                len(errors) - (name == "filter")
+            (reference,) = [rung for rung in ladder.rows if rung.reference]
+            assert [reference.errors[error].value for error in units if error != "noise_nmse"] == [0.0] * (
+                len(units) - (name == "filter")
             )
 
 
 def test_the_presets_say_what_the_rows_say(folder):
-    content = json.loads((folder / "tradeoff.json").read_text(encoding="utf-8"))
-    assert set(content["presets"]) == set(PRESETS)
-    rows = {row["setting"]: row for row in content["ladders"]["tables"]["rows"]}
+    content = Tradeoff.read(folder)
+    assert set(content.presets) == set(PRESETS)
+    rungs = {rung.setting: rung for rung in content.ladders["tables"].rows}
     for name, preset in PRESETS.items():
-        price = content["presets"][name]
-        assert price["design"]["table_rho"] == rows[preset.nodes_per_sigma]["error"]["rho"]
-        assert price["evaluation"]["table_rho"] == rows[preset.judge_nodes_per_sigma]["error"]["rho"]
-    shares = [content["presets"][name]["evaluation"]["noise_nmse"] for name in PRESETS]
+        price = content.presets[name]
+        assert price.design.table_rho == rungs[preset.nodes_per_sigma].errors["rho"]
+        assert price.evaluation.table_rho == rungs[preset.judge_nodes_per_sigma].errors["rho"]
+    shares = [content.presets[name].evaluation.noise_nmse for name in PRESETS]
     assert shares == sorted(shares, reverse=True)
 
 
@@ -85,6 +85,16 @@ def test_the_page_needs_nothing_else(folder):
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
     assert page.count("<svg") == 16
     assert "mathdefault" not in page
+
+
+def test_a_plot_shows_the_rungs_of_a_ladder(folder):
+    tradeoff = Tradeoff.read(folder)
+    axes = tradeoff.plot("tables", "rho")
+    (line,) = axes.lines
+    rungs = [rung for rung in tradeoff.ladders["tables"].rows if not rung.reference]
+    assert np.array_equal(line.get_ydata(), [rung.errors["rho"].value for rung in rungs])
+    assert np.array_equal(line.get_xdata(), [rung.seconds for rung in rungs])
+    assert axes.get_yscale() == "log" and "<img" in tradeoff._repr_html_()
 
 
 def test_the_lens_of_another_scene_is_refused(folder):
@@ -97,7 +107,7 @@ def test_without_a_lens_a_draft_is_designed(tmp_path):
     heard = []
     spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
     content = run_tradeoff(spec, tmp_path, effort=replace(EFFORT, rays=(2**8, 2**10)), announce=heard.append)
-    assert load_lens(tmp_path / "lens.json").accuracy == content["lens"]["accuracy"] == "draft"
+    assert load_lens(tmp_path / "lens.json").accuracy == content.lens.accuracy == "draft"
     assert "draft" in heard[0]
 
     def stop(heard: str) -> None:
@@ -110,13 +120,12 @@ def test_without_a_lens_a_draft_is_designed(tmp_path):
 def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
     source = Measured(build_source(SPEC.source).sample(5000, 1))
     content = measure(small_lens(), source, EFFORT, lambda _: None)
-    rows = content["ladders"]["rays"]["rows"]
-    assert {row["series"] for row in rows} == {"plain Monte Carlo", "reference"}
-    assert [row["setting"] for row in rows] == [2**8, 2**10, 2**12, 5000]
-    assert content["ladders"]["rays"]["order"]["plain Monte Carlo"]["irradiance_nmse"]["value"] == pytest.approx(
-        -1.0, abs=0.1
-    )
-    assert content["presets"]["standard"]["evaluation"]["rays"] == 5000
+    ladder = content.ladders["rays"]
+    assert {rung.series for rung in ladder.rows} == {"plain Monte Carlo", "reference"}
+    assert [rung.setting for rung in ladder.rows] == [2**8, 2**10, 2**12, 5000]
+    assert ladder.order["plain Monte Carlo"]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.1)
+    assert content.presets["standard"].evaluation.rays == 5000
+    assert content.inputs == {"lens": small_lens().sha256}
 
 
 def test_the_spec_of_a_lens_file_is_the_scene_it_was_designed_for(folder):

@@ -99,5 +99,7 @@ def test_a_lens_file_gives_the_same_surface_back(surface: Surface, tmp_path) -> 
 def test_a_lens_file_of_before_there_were_kinds_is_a_freeform(tmp_path) -> None:
     path = tmp_path / "lens.json"
     Lens(CASES["freeform"], freeform_sphere(20.0), small_spec(), 0, "draft").save(path)
-    path.write_text(path.read_text(encoding="utf-8").replace('"kind": "srbf",', ""), encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace('"kind": "srbf",', "")
+    assert '"schema": "lensforge-lens-2"' in text
+    path.write_text(text.replace('"schema": "lensforge-lens-2"', '"format": "lensforge-lens-1"'), encoding="utf-8")
     assert isinstance(load_lens(path).inner, SrbfSurface)

@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +7,13 @@ from scenes import random_surface, small_spec, sphere
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.tolerancing.perturbations import Amounts, perturbations
 from lensforge.tolerancing.perturbed_surfaces import Displaced, with_form_error
 from lensforge.tolerancing.sensitivity import measure_sensitivity, perturbed
+from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.shifted_source import ShiftedSource
 
 U = fibonacci_hemisphere(3000)
@@ -60,11 +61,12 @@ def test_source_and_receiver_shift_together_leave_the_picture_in_place():
     lens, shift = small_lens(), (0.05, 0.0, 0.0)
     nominal = TracedLens.of(lens, 8.0)
     source = build_source(lens.spec.source)
-    moved = nominal.trace(ShiftedSource(source, shift).sample(2000, 1))
+    receiver = PlaneReceiver.of(lens.spec.target, 16)
+    moved = receiver.land(nominal.trace(ShiftedSource(source, shift).sample(2000, 1)))
     errors = perturbations(lens, Amounts(), 0)
     back = {name: Displaced(getattr(lens, name), (-0.05, 0.0, 0.0)).radius for name in ("inner", "outer")}
-    other = perturbed(nominal, replace(errors[0], surfaces=back)).trace(source.sample(2000, 1))
-    both = (moved.arrived & other.arrived).numpy()
+    other = receiver.land(perturbed(nominal, replace(errors[0], surfaces=back)).trace(source.sample(2000, 1)))
+    both = (moved.landed & other.landed).numpy()
     assert both.mean() > 0.6
     gap = (moved.hits - other.hits).numpy()[both] - np.array([0.05, 0.0])
     # The tables differ by some nm, which is micrometres 100 mm away, and more for the few rays near total reflection.
@@ -77,28 +79,49 @@ def test_the_index_is_that_of_the_lens_plus_its_error():
     assert perturbed(nominal, error).scene.refractive_index == pytest.approx(1.4936 - 2e-3, abs=1e-15)
 
 
-def test_the_table_names_every_error_and_nothing_changes_without_one(tmp_path):
+def test_the_table_names_every_error_and_nothing_changes_without_one():
     lens = small_lens()
     source = build_source(lens.spec.source)
-    content = measure_sensitivity(lens, source, PRESETS["draft"], tmp_path, rays=4096)
-    assert json.loads((tmp_path / "sensitivity.json").read_text(encoding="utf-8")) == content
-    kinds = " ".join(row["name"] for row in content["rows"])
+    found = measure_sensitivity(lens, source, PRESETS["draft"], rays=4096)
+    assert found.inputs == {"lens": lens.sha256}
+    kinds = " ".join(row.name for row in found.rows)
     for kind in ("low-order", "SRBF-scale", "decentre", "tilt", "gap", "source shift", "index"):
         assert kind in kinds
-    for row in content["rows"]:
-        assert row["change"]["nmse"] == pytest.approx(row["nmse"] - content["nominal"]["nmse"])
-    assert any(abs(row["change"]["nmse"]) > 1e-6 for row in content["rows"])
+    for row in found.rows:
+        assert row.change.nmse == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
+    assert any(abs(row.change.nmse) > 1e-6 for row in found.rows)
     none = Amounts(*([1e-12] * 7))
-    still = measure_sensitivity(lens, source, PRESETS["draft"], tmp_path, rays=4096, amounts=none)
-    assert max(abs(row["change"]["nmse"]) for row in still["rows"]) < 1e-4
+    still = measure_sensitivity(lens, source, PRESETS["draft"], rays=4096, amounts=none)
+    assert max(abs(row.change.nmse) for row in still.rows) < 1e-4
 
 
-def test_a_larger_error_does_more(tmp_path):
+def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
+    lens, steps = small_lens(), []
+    amounts = Amounts(tilt_rad=2e-3)
+    found = measure_sensitivity(
+        lens,
+        build_source(lens.spec.source),
+        PRESETS["draft"],
+        rays=1024,
+        amounts=amounts,
+        progress=lambda done, total: steps.append((done, total)),
+    )
+    found.write(tmp_path)
+    assert Sensitivity.read(tmp_path) == found
+    assert found.amounts == {
+        "low_order_rms_mm": 1e-3, "fine_rms_mm": 1e-4, "decentre_mm": 0.02, "tilt_rad": 2e-3, "gap_mm": 0.02,
+        "source_mm": 0.05, "index": 1e-3,
+    }  # fmt: skip
+    lenses = len(found.rows) + 1
+    assert steps == [(done, lenses) for done in range(1, lenses + 1)]
+
+
+def test_a_larger_error_does_more():
     lens = small_lens()
     source = build_source(lens.spec.source)
     reach = []
     for scale in (1.0, 10.0):
         amounts = Amounts(decentre_mm=0.02 * scale, source_mm=0.05 * scale)
-        rows = measure_sensitivity(lens, source, PRESETS["draft"], tmp_path, rays=8192, amounts=amounts)["rows"]
-        reach.append(max(abs(row["change"]["nmse"]) for row in rows if "decentre" in row["name"]))
+        rows = measure_sensitivity(lens, source, PRESETS["draft"], rays=8192, amounts=amounts).rows
+        reach.append(max(abs(row.change.nmse) for row in rows if "decentre" in row.name))
     assert reach[1] > 2.0 * reach[0]

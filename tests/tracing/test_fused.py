@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from landed import Landed, by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of, weight_matrix
 
 from lensforge.errors import InputError
@@ -10,9 +11,9 @@ from lensforge.optics.transmittance import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.arrivals import Arrivals
+from lensforge.tracing.exit_rays import Sensitivities
 from lensforge.tracing.fates import Fate
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.fused import Scene, TracedBundle, trace_tables
 from lensforge.tracing.reference import ExactSurface, trace_exact
 
 N, Z = 1.4936, 1000.0
@@ -24,25 +25,25 @@ def _exact(surface) -> ExactSurface:
     return ExactSurface(surface.basis, weights, offset)
 
 
-def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Arrivals:
+def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:
     grid = TableGrid(nodes)
-    return trace_tables(*(table_of(s, grid) for s in surfaces), Scene(index, distance, grid), rays)
+    return by_kernels([table_of(s, grid) for s in surfaces], Scene(index, grid), rays, distance)
 
 
-def _mixed(arrivals: Arrivals, seed: int = 0) -> torch.Tensor:
+def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
     """A scalar in which every output has a random say."""
-    count = len(arrivals.fates)
+    count = len(found.fates)
     rng = np.random.default_rng(seed)
-    by_hits, by_flux, by_sines = (torch.from_numpy(rng.normal(size=shape)) for shape in ((count, 2), count, count))
-    hits = (arrivals.hits / Z * by_hits).sum()
-    return hits + 100 * (arrivals.flux * by_flux).sum() + (arrivals.sines * by_sines).sum()
+    by_hits, by_flux, by_sin2 = (torch.from_numpy(rng.normal(size=shape)) for shape in ((count, 2), count, count))
+    hits = (found.hits / Z * by_hits).sum()
+    return hits + 100 * (found.flux * by_flux).sum() + (found.sin2_exit * by_sin2).sum()
 
 
 @pytest.mark.parametrize("symmetry", ["none", "square"])
 def test_fused_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
     surfaces = random_surface(1, 0.8, 0.01, symmetry=symmetry), random_surface(2, 2.45, 0.008, symmetry=symmetry)
     rays = SquareEmitter(0.8).sample(512, 0)
-    exact = trace_exact(*(_exact(s) for s in surfaces), N, Z, rays)
+    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), N, rays), Z)
     errors = []
     for nodes in (61, 121):
         fused = _fused(surfaces, rays, nodes)
@@ -50,26 +51,74 @@ def test_fused_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
         errors.append((fused.hits - exact.hits).norm(dim=1).median().item())
         assert torch.allclose(fused.carried, exact.carried, rtol=1e-4, atol=0)
     assert errors[1] < 1e-5 * Z
+    assert (fused.exits.points - exact.exits.points).norm(dim=1).median() < 1e-5
+    assert (fused.exits.directions - exact.exits.directions).norm(dim=1).median() < 1e-5
     assert np.log2(errors[0] / errors[1]) > 2.5  # the normal converges with the third power of the step
 
 
 def test_the_flux_of_lost_rays_is_a_constant() -> None:
     grid = TableGrid(64)
     tables = [table_of(random_surface(3, *shape), grid).requires_grad_() for shape in ((0.8, 0.1), (2.45, 0.1))]
-    arrivals = trace_tables(*tables, Scene(N, Z, grid), SquareEmitter(0.9).sample(4096, 1))
-    lost = ~arrivals.arrived
-    assert {Fate.AVERTED, Fate.TOTAL_REFLECTION} <= set(arrivals.fates[lost].tolist())
-    for gradient in torch.autograd.grad(arrivals.carried[lost].sum(), tables):
+    found = by_kernels(tables, Scene(N, grid), SquareEmitter(0.9).sample(4096, 1), Z)
+    lost = ~found.landed
+    assert found.averted.any() and (found.fates == Fate.TOTAL_REFLECTION).any()
+    for gradient in torch.autograd.grad(found.flux[lost].sum() + found.hits[lost].sum(), tables):
         assert not gradient.any()
+
+
+def test_exit_rays_are_those_of_a_lens_and_of_no_receiver() -> None:
+    """Points on the outer surface, unit directions; 0 for rays that stay inside."""
+    outer = random_surface(3, 2.45, 0.1)
+    grid = TableGrid(160)
+    tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.1), outer)]
+    exits = trace_tables(*tables, Scene(N, grid), SquareEmitter(0.9).sample(4096, 1))
+    left = exits.left_lens
+    points, directions = exits.points[left].numpy(), exits.directions[left].numpy()
+    assert 0.5 < left.double().mean() < 1.0 and (directions[:, 2] < 0.0).any()
+    radius = np.linalg.norm(points, axis=1)
+    assert np.abs(outer.radius(points / radius[:, None]) - radius).max() < 1e-5
+    assert np.abs(np.linalg.norm(directions, axis=1) - 1.0).max() < 1e-12
+    assert not exits.points[~left].any() and not exits.directions[~left].any()
+
+
+def test_sensitivities_to_a_crossing_and_to_a_direction_are_those_of_differences() -> None:
+    """With respect to a reference plane of any height, and to the direction with the crossing of it kept."""
+    grid, rays = TableGrid(64), SquareEmitter(0.9).sample(200, 1)
+    tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
+    rng, level = np.random.default_rng(2), 17.0
+    by_crossings, by_directions = rng.normal(size=(200, 2)), rng.normal(size=(200, 3))
+
+    def value(traced: TracedBundle) -> float:
+        way, points = traced.exits.directions.numpy(), traced.exits.points.numpy()
+        with np.errstate(invalid="ignore"):  # no direction where a ray did not leave the lens
+            crossings = (points + ((level - points[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
+        return float((by_crossings * crossings)[up].sum() + (by_directions * way)[up].sum())
+
+    before = TracedBundle.of(*tables, Scene(N, grid), rays)
+    up = before.exits.directions[:, 2].numpy() > 0.05
+    by_crossings, by_directions = by_crossings * up[:, None], by_directions * up[:, None]
+    none = np.zeros(200)
+    gradients = before.gradients(Sensitivities(level, by_crossings, by_directions), none, none)
+    for which, gradient in enumerate(gradients):
+        direction = torch.from_numpy(rng.normal(size=gradient.shape)) * (gradient != 0)
+        ahead, behind = (
+            value(
+                TracedBundle.of(
+                    *(t + s * 1e-7 * direction * (i == which) for i, t in enumerate(tables)), Scene(N, grid), rays
+                )
+            )
+            for s in (1, -1)
+        )
+        assert (ahead - behind) / 2e-7 == pytest.approx((gradient * direction).sum().item(), rel=1e-5)
 
 
 def test_gradients_agree_with_finite_differences_of_the_fused_tracer() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     rays = SquareEmitter(0.9).sample(256, 1)
     grid = TableGrid(64)
-    scene = Scene(N, Z, grid)
+    scene = Scene(N, grid)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    before = trace_tables(*tables, scene, rays)
+    before = by_kernels(tables, scene, rays, Z)
     gradients = torch.autograd.grad(_mixed(before), tables)
     for which, gradient in enumerate(gradients):
         direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
@@ -77,7 +126,7 @@ def test_gradients_agree_with_finite_differences_of_the_fused_tracer() -> None:
         values = []
         for sign in (1, -1):
             moved = [t.detach() + sign * step * direction * (i == which) for i, t in enumerate(tables)]
-            after = trace_tables(*moved, scene, rays)
+            after = by_kernels(moved, scene, rays, Z)
             assert torch.equal(after.fates, before.fates)
             values.append(_mixed(after).item())
         assert (values[0] - values[1]) / (2 * step) == pytest.approx((gradient * direction).sum().item(), rel=1e-5)
@@ -88,11 +137,11 @@ def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     rays = SquareEmitter(0.6).sample(256, 2)
     exact = [_exact(s) for s in surfaces]
     parameters = [p for e in exact for p in (e.weights, e.offset)]
-    expected = torch.autograd.grad(_mixed(trace_exact(*exact, N, Z, rays)), parameters)
+    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, N, rays), Z)), parameters)
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
     tables = [(matrix @ e.weights + e.offset).reshape(grid.side, -1) for e in exact]
-    found = torch.autograd.grad(_mixed(trace_tables(*tables, Scene(N, Z, grid), rays)), parameters)
+    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(N, grid), rays, Z)), parameters)
     for a, b in zip(found, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3
 
@@ -103,15 +152,17 @@ def test_totally_reflected_rays_still_pull_on_the_surface() -> None:
     rays = SquareEmitter(0.9).sample(2048, 3)
     grid = TableGrid(64)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    scene = Scene(N, Z, grid)
-    before = trace_tables(*tables, scene, rays)
-    reflected = (before.fates == Fate.TOTAL_REFLECTION) & (before.sines > 1.0)
+    scene = Scene(N, grid)
+    before = by_kernels(tables, scene, rays, Z)
+    reflected = (before.fates == Fate.TOTAL_REFLECTION) & (before.sin2_exit > 1.0)
     assert reflected.sum() > 20
-    gradient = torch.autograd.grad(before.sines[reflected].sum(), tables[1])[0]
+    gradient = torch.autograd.grad(before.sin2_exit[reflected].sum(), tables[1])[0]
     direction = torch.from_numpy(np.random.default_rng(5).normal(size=gradient.shape)) * (gradient != 0)
     step = 1e-8
     ahead, behind = (
-        trace_tables(tables[0].detach(), tables[1].detach() + s * step * direction, scene, rays).sines[reflected].sum()
+        trace_tables(tables[0].detach(), tables[1].detach() + s * step * direction, scene, rays)
+        .sin2_exit[reflected]
+        .sum()
         for s in (1, -1)
     )
     assert ((ahead - behind) / (2 * step)).item() == pytest.approx((gradient * direction).sum().item(), rel=1e-4)
@@ -121,19 +172,19 @@ def test_concentric_spheres_around_a_point_bend_nothing() -> None:
     u = hemisphere_directions(2000)
     u = u[u[:, 2] > 0.02]
     rays = RayBundle(np.zeros_like(u), u, np.full(len(u), 1.0 / len(u)))
-    arrivals = _fused((sphere(0.8), sphere(2.45)), rays, 48)
-    assert (arrivals.fates == Fate.ARRIVED).all()
-    assert np.allclose(arrivals.hits, u[:, :2] / u[:, 2:] * Z, rtol=1e-11)
-    assert arrivals.flux.sum().item() == pytest.approx(normal_transmittance(N) ** 2, rel=1e-13)
+    found = _fused((sphere(0.8), sphere(2.45)), rays, 48)
+    assert found.landed.all()
+    assert np.allclose(found.hits, u[:, :2] / u[:, 2:] * Z, rtol=1e-11)
+    assert found.flux.sum().item() == pytest.approx(normal_transmittance(N) ** 2, rel=1e-13)
 
 
 def test_a_lens_of_air_is_not_there() -> None:
     rays = SquareEmitter(0.6).sample(1000, 4)
-    arrivals = _fused((random_surface(1, 0.8), random_surface(2, 2.45)), rays, 48, index=1.0)
-    arrived = arrivals.arrived.numpy()
+    found = _fused((random_surface(1, 0.8), random_surface(2, 2.45)), rays, 48, index=1.0)
+    arrived = found.landed.numpy()
     straight = rays.origins + (Z / rays.directions[:, 2])[:, None] * rays.directions
-    assert np.allclose(arrivals.hits.numpy()[arrived], straight[arrived, :2], rtol=1e-9, atol=1e-9)
-    assert np.array_equal(arrivals.flux.numpy()[arrived], rays.weights[arrived])
+    assert np.allclose(found.hits.numpy()[arrived], straight[arrived, :2], rtol=1e-9, atol=1e-9)
+    assert np.array_equal(found.flux.numpy()[arrived], rays.weights[arrived])
 
 
 def test_a_scaled_scene_gives_scaled_hits() -> None:
@@ -142,10 +193,10 @@ def test_a_scaled_scene_gives_scaled_hits() -> None:
     surfaces = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.01)
     grid = TableGrid(48)
     tables = [table_of(s, grid) for s in surfaces]
-    unit = trace_tables(*tables, Scene(N, Z, grid), rays)
+    unit = by_kernels(tables, Scene(N, grid), rays, Z)
     for scale in (2.0**-10, 2.0**13):
         scaled_rays = RayBundle(rays.origins * scale, rays.directions, rays.weights)
-        scaled = trace_tables(*(t * scale for t in tables), Scene(N, Z * scale, grid), scaled_rays)
+        scaled = by_kernels([t * scale for t in tables], Scene(N, grid), scaled_rays, Z * scale)
         assert torch.equal(scaled.fates, unit.fates)
         assert torch.allclose(scaled.hits, unit.hits * scale, rtol=1e-11, atol=1e-11 * scale)
 
@@ -154,15 +205,15 @@ def test_every_ray_has_its_fate() -> None:
     origins = np.array([[0, 0, 0], [0, 0, 0.1], [1.5, 0, 0], [0, 0, -1.0], [2.0, 0, -0.1], [0, 0, 3.0]], dtype=float)
     directions = np.array([[0, 0, 1], [0, 0, -1], [0, 0, 1], [0, 0, 1], [-0.1, 0, 1], [0, 0, 1]], dtype=float)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    arrivals = _fused((sphere(0.8), sphere(2.45)), RayBundle(origins, directions, np.ones(6)), 48)
+    found = _fused((sphere(0.8), sphere(2.45)), RayBundle(origins, directions, np.ones(6)), 48)
     outside = Fate.OUTSIDE_CAVITY
-    assert arrivals.fates.tolist() == [Fate.ARRIVED, Fate.BACKWARD, outside, Fate.ARRIVED, outside, outside]
+    assert found.fates.tolist() == [Fate.LEFT_LENS, Fate.BACKWARD, outside, Fate.LEFT_LENS, outside, outside]
 
 
 def test_crossed_surfaces_are_named() -> None:
     rays = SquareEmitter(0.1).sample(64, 0)
-    arrivals = _fused((sphere(2.0), sphere(1.0)), rays, 48)
-    assert (arrivals.fates == Fate.CROSSED).all()
+    found = _fused((sphere(2.0), sphere(1.0)), rays, 48)
+    assert (found.fates == Fate.CROSSED).all()
 
 
 def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
@@ -174,8 +225,8 @@ def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
     for count in (1, 3):
         torch.set_num_threads(count)
         tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-        arrivals = trace_tables(*tables, Scene(N, Z, grid), rays)
-        results.append((arrivals.hits, *torch.autograd.grad(_mixed(arrivals), tables)))
+        found = by_kernels(tables, Scene(N, grid), rays, Z)
+        results.append((found.hits, *torch.autograd.grad(_mixed(found), tables)))
     torch.set_num_threads(threads)
     assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
 
@@ -184,17 +235,17 @@ def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
     grid = TableGrid(48)
     bad = table_of(sphere(1.0), grid) - 1.5
     with pytest.raises(InputError, match=r"inner surface: its radius falls to -0\.5"):
-        trace_tables(bad, table_of(sphere(2.0), grid), Scene(N, Z, grid), SquareEmitter(0.1).sample(8, 0))
+        trace_tables(bad, table_of(sphere(2.0), grid), Scene(N, grid), SquareEmitter(0.1).sample(8, 0))
 
 
 def test_without_fresnel_rays_keep_their_flux_and_their_way() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(2048, 1)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    full, bare = (trace_tables(*tables, Scene(N, Z, grid, fresnel), rays) for fresnel in (True, False))
+    full, bare = (by_kernels(tables, Scene(N, grid, fresnel), rays, Z) for fresnel in (True, False))
     assert torch.equal(full.hits, bare.hits) and torch.equal(full.fates, bare.fates)
     assert torch.equal(bare.carried, torch.from_numpy(rays.weights))
-    assert (full.flux[full.arrived] < bare.flux[full.arrived]).all()
+    assert (full.flux[full.landed] < bare.flux[full.landed]).all()
     assert all(not gradient.any() for gradient in torch.autograd.grad(bare.flux.sum(), tables))
 
 
@@ -203,8 +254,8 @@ def test_each_ray_sees_its_own_refractive_index() -> None:
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(300, 1)
     indices = np.where(np.arange(300) % 2 == 0, 1.48, 1.52)
     tables = [table_of(s, grid) for s in surfaces]
-    mixed = trace_tables(*tables, Scene(N, Z, grid), RayBundle(rays.origins, rays.directions, rays.weights, indices))
+    mixed = by_kernels(tables, Scene(N, grid), RayBundle(rays.origins, rays.directions, rays.weights, indices), Z)
     for index in (1.48, 1.52):
-        alone = trace_tables(*tables, Scene(index, Z, grid), rays)
+        alone = by_kernels(tables, Scene(index, grid), rays, Z)
         assert torch.equal(mixed.hits[indices == index], alone.hits[indices == index])
         assert torch.equal(mixed.carried[indices == index], alone.carried[indices == index])

@@ -6,6 +6,7 @@ The way back is walked here: from outside of the lens, where neither tracer ever
 import numpy as np
 import pytest
 import torch
+from landed import plane_at
 from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
@@ -14,10 +15,11 @@ from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.surface import Surface
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.fused import Scene, trace_tables
 from lensforge.tracing.reference import ExactSurface, Search, trace_exact
 
-N, NEAR, FAR = 1.4936, 20.0, 30.0
+N, FAR = 1.4936, 30.0
 LENS = random_surface(1, 0.8, 0.01, (9, 25)), random_surface(2, 2.45, 0.01, (9, 25))
 GRID = TableGrid(48)
 
@@ -78,12 +80,12 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
     return points - points[:, 2:] / directions[:, 2:] * directions, directions, carried
 
 
-def _forth(trace) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _forth(exits: ExitRays) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Which rays arrive; their hits, directions behind the lens, and transmitted shares."""
-    near, far = (trace(z) for z in (NEAR, FAR))
-    kept = (near.arrived & far.arrived & (far.hits.abs() < 30.0).all(dim=1)).numpy()
-    a, b = (np.column_stack([x.hits.numpy(), np.full(len(x.fates), z)])[kept] for x, z in ((near, NEAR), (far, FAR)))
-    return kept, b, (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True), near.carried.numpy()[kept]
+    far = plane_at(FAR).land_in_torch(exits)
+    kept = (far.landed & (far.hits.abs() < 30.0).all(dim=1)).numpy()
+    hits = np.column_stack([far.hits.numpy(), np.full(len(kept), FAR)])[kept]
+    return kept, hits, exits.directions.numpy()[kept], exits.flux.numpy()[kept]
 
 
 @pytest.mark.parametrize("tracer", ["fused", "reference"])
@@ -92,7 +94,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     if tracer == "fused":
         tables = [table_of(s, GRID) for s in LENS]
         surfaces: tuple[Surface, Surface] = tuple(Tabulated(table.numpy()) for table in tables)
-        kept, hits, out, carried = _forth(lambda z: trace_tables(*tables, Scene(N, z, GRID), rays))
+        kept, hits, out, carried = _forth(trace_tables(*tables, Scene(N, GRID), rays))
     else:
         exact = [
             ExactSurface(
@@ -101,7 +103,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
             for s in LENS
         ]
         surfaces = LENS
-        kept, hits, out, carried = _forth(lambda z: trace_exact(*exact, N, z, rays))
+        kept, hits, out, carried = _forth(trace_exact(*exact, N, rays))
     assert kept.sum() > 100
     points, directions, share = _back(surfaces, hits, -out)
     assert np.abs(points - rays.origins[kept]).max() < 1e-12

@@ -1,5 +1,3 @@
-import json
-
 import cadquery as cq
 import numpy as np
 import pytest
@@ -7,7 +5,7 @@ from lens_meshes import lambertian, lens_mesh, oracle, sphere
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.brep import judge_brep, send_through_step
+from lensforge.verification.brep import brep_gates, judge_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
 from lensforge.verification.part import part_of
@@ -27,14 +25,18 @@ def ball(surface):
     return cq.Workplane().sphere(surface.semi_axes[0]).translate(surface.centre)
 
 
+def written(shape, path):
+    cq.exporters.export(shape, str(path))
+    return path.read_bytes()
+
+
 def step(path, outer=OUTER, scale=1.0):
-    """A dome with a cavity on a cylindrical base, built by the kernel's booleans."""
+    """The bytes of a dome with a cavity on a cylindrical base, built by the kernel's booleans."""
     below = cq.Workplane().box(100.0, 100.0, 50.0).translate((0.0, 0.0, -25.0))
     bore = cq.Workplane().circle(6.0).extrude(-2.0).translate((INNER.centre[0], INNER.centre[1], 0.0))
     base = cq.Workplane().circle(16.0).extrude(-2.0)
     body = ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
-    cq.exporters.export(cq.Workplane(body.val().scale(scale)), str(path))
-    return path
+    return written(cq.Workplane(body.val().scale(scale)), path)
 
 
 @pytest.fixture(scope="module")
@@ -42,15 +44,15 @@ def lens_step(tmp_path_factory):
     return step(tmp_path_factory.mktemp("brep") / "lens.step")
 
 
-def verdict(path):
+def judged_by(step_bytes):
     part = part_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
     mesh = send_through(part, Grid(part.mesh), RAYS, INDEX, DISTANCE)
     expected = Expected(np.ones((4, 4)), HITS, WEIGHTS)
-    return judge_brep(path, RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
+    return judge_brep(step_bytes, RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
 
 
-def failed(verdict):
-    return {gate.name for gate in verdict.gates(DISTANCE) if not gate.passed}
+def failed(cast):
+    return {gate.name for gate in brep_gates(cast, DISTANCE) if not gate.passed}
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
@@ -63,11 +65,12 @@ def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
 
 
 def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
-    judged = verdict(lens_step)
+    judged, gaps = judged_by(lens_step)
     assert judged.rays == len(RAYS)
     assert failed(judged) == set()
-    assert judged.design.rms < 1e-6
-    assert judged.mesh.rms > 100.0 * judged.design.rms
+    assert judged.against_design.rms < 1e-6
+    assert judged.against_mesh.rms > 100.0 * judged.against_design.rms
+    assert gaps[-1] == judged.against_design.max
 
 
 WRONG = {
@@ -80,7 +83,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_step_fails(tmp_path, name):
-    assert "brep_deviation_rms" in failed(verdict(step(tmp_path / "lens.step", **WRONG[name])))
+    assert "brep_deviation_rms" in failed(judged_by(step(tmp_path / "lens.step", **WRONG[name]))[0])
 
 
 def test_rays_that_cannot_pass_say_why(lens_step):
@@ -91,11 +94,9 @@ def test_rays_that_cannot_pass_say_why(lens_step):
     assert passage.fates.tolist() == [Fate.BASE, Fate.STARTS_INSIDE, Fate.NO_HIT]
 
 
-def test_verify_reports_the_step_beside_the_mesh(lens_step, tmp_path):
-    lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(tmp_path / "lens.stl")
+def test_verify_reports_the_step_beside_the_mesh(lens_step):
     result = verify_part(
-        tmp_path / "lens.stl",
-        tmp_path,
+        lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl"),
         rays=RAYS,
         refractive_index=INDEX,
         distance_mm=DISTANCE,
@@ -109,20 +110,16 @@ def test_verify_reports_the_step_beside_the_mesh(lens_step, tmp_path):
         step=lens_step,
         step_rays=50,
     )
-    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["brep"] == result["brep"]
-    assert result["brep"]["rays"] == 50
-    assert result["brep"]["against_design"]["rms"] < result["deviation_mm"]["rms"]
-    assert {gate["name"] for gate in result["gates"]} >= {"brep_deviation_rms", "deviation_rms"}
+    assert result.brep.rays == 50
+    assert result.brep.against_design.rms < result.deviation_mm.rms
+    assert result.gaps_step_mm[-1] == result.brep.against_design.max
+    assert {gate.name for gate in result.gates} >= {"brep_deviation_rms", "deviation_rms"}
 
 
 def test_what_is_no_solid_is_input_error(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        StepBody(tmp_path / "none.step")
-    (tmp_path / "bad.step").write_text("not a STEP file", encoding="utf-8")
-    with pytest.raises(InputError, match=r"not readable|0 solids"):
-        StepBody(tmp_path / "bad.step")
-    cq.exporters.export(
-        cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0))), str(tmp_path / "two.step")
-    )
-    with pytest.raises(InputError, match="2 solids"):
-        StepBody(tmp_path / "two.step")
+    for content in (b"", b"not a STEP file"):
+        with pytest.raises(InputError, match=r"STEP: (not readable|holds 0 solids)"):
+            StepBody(content)
+    two = cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0)))
+    with pytest.raises(InputError, match="STEP: holds 2 solids"):
+        StepBody(written(two, tmp_path / "two.step"))

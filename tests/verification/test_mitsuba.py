@@ -1,7 +1,5 @@
 """The third referee against closed forms, and in the verdict; only where Mitsuba is installed."""
 
-import json
-
 import numpy as np
 import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
@@ -10,7 +8,7 @@ from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification import mitsuba_cast
 from lensforge.verification.comparison import Expected
-from lensforge.verification.mitsuba_cast import judge_mitsuba, send_through_mitsuba
+from lensforge.verification.mitsuba_cast import judge_mitsuba, mitsuba_gates, send_through_mitsuba
 from lensforge.verification.part import part_of
 from lensforge.verification.passage import Fate
 from lensforge.verification.picture import Receiver
@@ -52,14 +50,15 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     expected = Expected(converged(), HITS, FLUX)
-    right = judge_mitsuba(part(), RAYS, INDEX, DISTANCE, RECEIVER, expected, 3000)
+    right, _ = judge_mitsuba(part(), RAYS, INDEX, DISTANCE, RECEIVER, expected, 3000)
     assert right.rays == 3000
     assert right.version == mitsuba.__version__
-    assert all(gate.passed for gate in right.gates(DISTANCE))
+    assert all(gate.passed for gate in mitsuba_gates(right, DISTANCE))
     # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
     assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
-    wider = judge_mitsuba(part(outer=Quadric(OUTER.centre, (14.7, 13, 14))), RAYS, INDEX, DISTANCE, RECEIVER, expected)
-    failed = {gate.name for gate in wider.gates(DISTANCE) if not gate.passed}
+    other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
+    wider, _ = judge_mitsuba(other, RAYS, INDEX, DISTANCE, RECEIVER, expected)
+    failed = {gate.name for gate in mitsuba_gates(wider, DISTANCE) if not gate.passed}
     assert "mitsuba_deviation_rms" in failed
 
 
@@ -72,19 +71,20 @@ def test_rays_with_an_index_each_are_bent_by_it():
         np.testing.assert_array_equal(own.landings, given.landings)
 
 
-def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller(tmp_path):
-    lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(tmp_path / "lens.stl")
+def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
+    stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
     given = {
         "rays": RAYS, "refractive_index": INDEX, "distance_mm": DISTANCE, "receiver_mm": SIDE, "window_mm": SIDE,
         "pixels": 32, "design_irradiance": converged(), "design_hits": HITS, "design_weights": FLUX, "referee_rays": 1,
     }  # fmt: skip
-    result = verify_part(tmp_path / "lens.stl", tmp_path, **given, mitsuba_rays=500)
+    result = verify_part(stl, **given, mitsuba_rays=500)
     assert mitsuba.variant() == "scalar_spectral"
-    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8"))["mitsuba"] == result["mitsuba"]
-    assert result["mitsuba"]["rays"] == 500
-    assert "mitsuba_nmse_vs_design" in {gate["name"] for gate in result["gates"]}
-    assert verify_part(tmp_path / "lens.stl", tmp_path, **given)["mitsuba"] is None
+    assert result.mitsuba.rays == 500
+    assert result.gaps_mitsuba_mm[-1] == result.mitsuba.against_design.max
+    assert "mitsuba_nmse_vs_design" in {gate.name for gate in result.gates}
+    without = verify_part(stl, **given)
+    assert without.mitsuba is None and without.gaps_mitsuba_mm is None
 
 
 def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):

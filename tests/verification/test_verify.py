@@ -1,13 +1,11 @@
-import json
-
 import numpy as np
 import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.gates import Gate
 from lensforge.verification.picture import Receiver
+from lensforge.verification.proof import Proof
 from lensforge.verification.verify import verify_part
 
 INDEX, DISTANCE, SIDE, PIXELS = 1.4936, 150.0, 300.0, 64
@@ -51,9 +49,8 @@ def design_irradiance():
 
 
 @pytest.fixture
-def verify(tmp_path, design_irradiance):
+def verify(design_irradiance):
     def run(mesh, **changes):
-        mesh.export(tmp_path / "lens.stl")
         given = {
             "rays": RAYS,
             "refractive_index": INDEX,
@@ -66,30 +63,31 @@ def verify(tmp_path, design_irradiance):
             "design_weights": WEIGHTS,
             "referee_rays": 20,
         }
-        return verify_part(tmp_path / "lens.stl", tmp_path, **{**given, **changes})
+        return verify_part(mesh.export(file_type="stl"), **{**given, **changes})
 
     return run
 
 
 def failed(result):
-    return {gate["name"] for gate in result["gates"] if not gate["passed"]}
+    return {gate.name for gate in result.gates if not gate.passed}
 
 
-def test_the_right_lens_passes_and_says_so_on_disk(verify, tmp_path, design_irradiance):
-    result = verify(right())
+def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, design_irradiance):
+    result = verify(right(), inputs={"lens": "0" * 64})
     assert failed(result) == set()
-    assert json.loads((tmp_path / "verify.json").read_text(encoding="utf-8")) == result
-    with np.load(tmp_path / "verify.npz") as stored:
-        assert stored["irradiance"].shape == (PIXELS, PIXELS)
-        np.testing.assert_array_equal(stored["design_irradiance"], design_irradiance)
-    assert sum(result["flux"].values()) == pytest.approx(1.0, abs=1e-12)
-    assert result["flux"]["missed"] == pytest.approx(sum(result["missed_by_cause"].values()))
-    assert result["efficiency"] == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= SIDE / 2]), rel=1e-4)
-    assert result["nmse_vs_design"] == pytest.approx(result["noise_floor_nmse"], rel=0.25)
-    assert result["nmse_same_rays"] < 0.01 * result["noise_floor_nmse"]
-    assert result["deviation_mm"]["rms"] < result["deviation_mm"]["p99"] < result["deviation_mm"]["max"] < 0.05
-    assert result["referee"]["casts"] == 40
-    assert result["referee"]["disagreements"] == 0
+    assert result.inputs == {"lens": "0" * 64}
+    result.write(tmp_path)
+    assert Proof.read(tmp_path) == result
+    assert result.irradiance.shape == (PIXELS, PIXELS)
+    np.testing.assert_array_equal(result.design_irradiance, design_irradiance)
+    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    assert result.flux.missed == pytest.approx(sum(result.missed_by_cause.model_dump().values()))
+    assert result.efficiency == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= SIDE / 2]), rel=1e-4)
+    assert result.nmse_vs_design == pytest.approx(result.noise_floor_nmse, rel=0.25)
+    assert result.nmse_same_rays < 0.01 * result.noise_floor_nmse
+    assert result.deviation_mm.rms < result.deviation_mm.p99 < result.deviation_mm.max < 0.05
+    assert result.referee.casts == 40
+    assert result.referee.disagreements == 0
 
 
 WRONG = {
@@ -112,7 +110,7 @@ WRONG = {
 def test_a_lens_exported_wrongly_fails(verify, name):
     result = verify(WRONG[name](), referee_rays=1)
     assert "deviation_rms" in failed(result)
-    assert sum(result["flux"].values()) == pytest.approx(1.0, abs=1e-12)
+    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_hole_fails(verify):
@@ -134,15 +132,15 @@ def test_rays_that_the_design_loses_are_counted(verify):
     inside = np.nonzero((np.abs(hits) < 100.0).all(axis=1))[0][:100]
     hits[inside] = np.nan
     result = verify(right(), design_hits=hits, referee_rays=1)
-    assert result["fate_disagreements"] == 100
-    assert result["fate_disagreement_flux"] == pytest.approx(100 / 8000)
+    assert result.fate_disagreements == 100
+    assert result.fate_disagreement_flux == pytest.approx(100 / 8000)
     assert "fate_disagreement_flux" in failed(result)
 
 
 def test_a_window_smaller_than_the_receiver_counts_less(verify):
     result = verify(right(), window_mm=100.0, referee_rays=1)
-    assert result["efficiency"] == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= 50.0]), rel=1e-2)
-    assert result["efficiency"] < 0.5 * verify(right(), referee_rays=1)["efficiency"]
+    assert result.efficiency == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= 50.0]), rel=1e-2)
+    assert result.efficiency < 0.5 * verify(right(), referee_rays=1).efficiency
 
 
 @pytest.mark.parametrize(
@@ -161,6 +159,5 @@ def test_what_does_not_fit_is_input_error(verify, change, message):
 
 def test_gates_read_as_sentences(verify):
     result = verify(right(rings=8), referee_rays=1)
-    gate = next(gate for gate in result["gates"] if gate["name"] == "deviation_rms")
-    gate.pop("passed")
-    assert "finer mesh" in str(Gate(**gate))
+    gate = next(gate for gate in result.gates if gate.name == "deviation_rms")
+    assert "finer mesh" in str(gate)

@@ -3,6 +3,7 @@
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -47,7 +48,7 @@ class FileImage:
         """A copy of the bytes from ``start`` to ``stop``, fewer where the file ends earlier."""
         return self.data[start:stop].tobytes()
 
-    def unpack(self, layout: struct.Struct, offset: int = 0) -> tuple:
+    def unpack(self, layout: struct.Struct, offset: int = 0) -> tuple[Any, ...]:
         """The fields of ``layout`` at ``offset``."""
         if offset + layout.size > self.size:
             raise self.refuse(

@@ -74,4 +74,5 @@ def causes(dropped: dict[str, int]) -> str:
 
 def _finite(values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
     with np.errstate(invalid="ignore"):
-        return np.abs(values) < HUGE
+        finite: Bool[np.ndarray, "*n"] = np.abs(values) < HUGE
+        return finite

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -14,8 +14,8 @@ from lensforge.sources.rayfiles.record import RayFile, as_float64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
+Panel = Literal["front", "side", "directions", "intensity"]
 _PIXELS = 160
 _COSINES = 64  # pixels across the unit disc of directions
 _RINGS = 180  # of 1 degree each
@@ -25,7 +25,7 @@ _SUFFIXES = (".png", ".svg", ".pdf")
 
 
 @dataclass
-class _Histograms:
+class Histograms:
     """Flux by start point (front: x and y; side: x and z), by direction cosine, and by angle from +z."""
 
     low: Float[np.ndarray, " 3"]
@@ -36,7 +36,7 @@ class _Histograms:
     rings: Float[np.ndarray, " r"] = field(default_factory=lambda: np.zeros(_RINGS))
 
     @classmethod
-    def of(cls, rayfile: RayFile) -> "_Histograms":
+    def of(cls, rayfile: RayFile) -> "Histograms":
         """One pass over the rays in parts, so that memory stays bounded; the frame comes from rays all over the file.
 
         Raises :class:`InputError` if no ray is usable.
@@ -60,6 +60,7 @@ class _Histograms:
         directions: Float[np.ndarray, "n 3"],
         flux: Float[np.ndarray, " n"],
     ) -> None:
+        """Bin ``n`` rays into all four."""
         frame = list(zip(self.low, self.high, strict=True))
         self.front += _binned(positions[:, 0], positions[:, 1], frame[:2], _PIXELS, flux)
         self.side += _binned(positions[:, 0], positions[:, 2], frame[::2], _PIXELS, flux)
@@ -82,41 +83,50 @@ def _binned(
     pixels: int,
     flux: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p p"]:
-    return np.histogram2d(x, y, pixels, frame, weights=flux)[0]
+    binned: Float[np.ndarray, "p p"] = np.histogram2d(x, y, pixels, frame, weights=flux)[0]
+    return binned
 
 
 def draw(rayfile: RayFile, path: Path) -> None:
-    """Write the picture to ``path``, a PNG, SVG or PDF file. Raises :class:`InputError` for any other suffix."""
+    """Write all four panels to ``path``, a PNG, SVG or PDF file. Raises :class:`InputError` for any other suffix."""
     from matplotlib.figure import Figure
 
     if Path(path).suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_SUFFIXES)}")
-    histograms = _Histograms.of(rayfile)
+    histograms = Histograms.of(rayfile)
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     figure.suptitle(f"{Path(rayfile.path).name}: {len(rayfile):,} rays, {rayfile.total_flux():.4g} {rayfile.unit}")
-    _draw_starts(figure, histograms, 1, "y", histograms.front, 1)
-    _draw_starts(figure, histograms, 2, "z", histograms.side, 2)
-    _draw_cosines(figure, histograms.cosines)
-    _draw_intensity(figure, histograms.intensity(), float(histograms.rings.sum()), rayfile.unit)
+    for place, which in enumerate(get_args(Panel), start=1):
+        draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.unit)
     with replacing(Path(path)) as temporary:
         figure.savefig(temporary, dpi=150)
 
 
-def _draw_starts(figure: "Figure", of: _Histograms, place: int, name: str, image: np.ndarray, axis: int) -> None:
-    axes = figure.add_subplot(2, 2, place)
+def draw_panel(axes: "Axes", histograms: Histograms, which: Panel, unit: str) -> None:
+    """One of the four panels on ``axes``; ``unit`` of the flux."""
+    match which:
+        case "front":
+            _draw_starts(axes, histograms, "y", histograms.front, 1)
+        case "side":
+            _draw_starts(axes, histograms, "z", histograms.side, 2)
+        case "directions":
+            _draw_cosines(axes, histograms.cosines)
+        case "intensity":
+            _draw_intensity(axes, histograms.intensity(), float(histograms.rings.sum()), unit)
+
+
+def _draw_starts(axes: "Axes", of: Histograms, name: str, image: np.ndarray, axis: int) -> None:
     frame = (of.low[0], of.high[0], of.low[axis], of.high[axis])
     _show(axes, image, frame)
     axes.set(title=f"where rays start, x and {name}", xlabel="x (mm)", ylabel=f"{name} (mm)")
 
 
-def _draw_cosines(figure: "Figure", image: np.ndarray) -> None:
-    axes = figure.add_subplot(2, 2, 3)
+def _draw_cosines(axes: "Axes", image: np.ndarray) -> None:
     _show(axes, image, (-1.0, 1.0, -1.0, 1.0))
     axes.set(title="forward directions: flux per area of the unit disc", xlabel="kx", ylabel="ky")
 
 
-def _draw_intensity(figure: "Figure", intensity: Float[np.ndarray, " r"], flux: float, unit: str) -> None:
-    axes = figure.add_subplot(2, 2, 4)
+def _draw_intensity(axes: "Axes", intensity: Float[np.ndarray, " r"], flux: float, unit: str) -> None:
     gamma = np.arange(_RINGS) + 0.5
     axes.plot(gamma, intensity, color="#c0392b", linewidth=1.8, label="rays")
     lambertian = np.maximum(np.cos(np.deg2rad(gamma)), 0.0) * flux / np.pi

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -16,6 +15,7 @@ from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.formats.zemax_binary import NM_PER_MICRON
 from lensforge.sources.rayfiles.mapped import give_back
 from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.summary import Conversion
 
 # Suffixes of formats whose layout is not public, and the programs that write them.
 _PRIVATE = {
@@ -70,22 +70,22 @@ def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
         give_back(content)
 
 
-def convert(path_in: Path, path_out: Path, format: str | None = None) -> dict[str, Any]:
+def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
     """Read ``path_in``, write ``path_out``; say from what to what, how many rays, and what did not come along."""
     rayfile = read_rayfile(path_in)
     chosen = write_rayfile(path_out, rayfile, format)
     back = read_rayfile(path_out)
     lost = ["wavelengths"] * (rayfile.wavelengths is not None and back.wavelengths is None)
-    lost += ["spectral tables"] * (bool(rayfile.header.get("spectral_tables")) and "spectral_tables" not in back.header)
+    lost += ["spectral tables"] * (bool(rayfile.spectral_tables) and "spectral_tables" not in back.header)
     lost += ["spectral table of each ray"] * (rayfile.spectrum_numbers is not None and back.spectrum_numbers is None)
-    return {
-        "from": rayfile.format,
-        "to": chosen.name,
-        "rays": len(rayfile),
-        "bytes": Path(path_out).stat().st_size,
-        "lost": lost,
-        "warnings": list(rayfile.warnings),
-    }
+    return Conversion(
+        from_format=rayfile.format,
+        to_format=chosen.name,
+        rays=len(rayfile),
+        bytes=Path(path_out).stat().st_size,
+        lost=tuple(lost),
+        warnings=rayfile.warnings,
+    )
 
 
 def _format_of(image: FileImage) -> Format:

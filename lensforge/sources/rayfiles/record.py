@@ -1,8 +1,8 @@
 """What a ray file says, whatever its format: rays in mm, their flux, and the header in plain words."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -10,10 +10,22 @@ from jaxtyping import Float
 from lensforge.sources.rayfiles.mapped import give_back
 
 Unit = Literal["W", "lm"]
+# Of a field of a header: a number, a text, or lists of them, such as spectral tables.
+HeaderValue: TypeAlias = (
+    str | int | float | Sequence[str] | Sequence[float | None] | Sequence[Mapping[str, Sequence[float]]] | None
+)
 HeaderRole = Literal["total", "scale", "ignored"]
 CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
 HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
 SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralTable:
+    """Power density (relative, per nm) at each wavelength."""
+
+    wavelength_nm: Float[np.ndarray, " k"]
+    weight: Float[np.ndarray, " k"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +57,7 @@ class RayFile:
     header_flux_w: float | None = None
     header_flux_lm: float | None = None
     header_role: HeaderRole = "total"
-    header: Mapping[str, Any] = field(default_factory=dict)
+    header: Mapping[str, HeaderValue] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     path: str = ""
     verbatim: np.ndarray | None = field(default=None, init=False, repr=False)
@@ -62,6 +74,18 @@ class RayFile:
     def stated_flux(self) -> float | None:
         """The header's total where it outranks the sum over the rays; None where that sum is the truth."""
         return None if self.header_role == "ignored" else self.header_flux
+
+    @property
+    def spectral_tables(self) -> list[SpectralTable]:
+        """The spectral tables of the header; spectrum number 1 is the first."""
+        tables = self.header.get("spectral_tables")
+        if tables is None or isinstance(tables, str | int | float):
+            return []
+        return [
+            SpectralTable(np.array(table["wavelength_nm"]), np.array(table["weight"]))
+            for table in tables
+            if isinstance(table, Mapping)
+        ]
 
     def blocks(self) -> Iterator["RayFile"]:
         """The rays some at a time, each block's pages of a mapped file given back once the next one is asked for."""

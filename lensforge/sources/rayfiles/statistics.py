@@ -2,14 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from lensforge.records import Point
 from lensforge.sources.rayfiles.cleaning import ValidRays, causes, no_usable_ray, valid_chunks
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.photopic import luminous_efficacy
 from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.summary import (
+    Box,
+    FileFlux,
+    FileUnits,
+    HeaderFlux,
+    RayFileHeader,
+    RayFileSummary,
+    WavelengthRange,
+)
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
 
 _FLUX_TOLERANCE = 0.01  # header and rays that disagree by more than this get a warning
@@ -58,22 +68,22 @@ class _Sums:
         self.wavelength_flux += float(flux[usable] @ wavelengths[usable])
 
 
-def outline(rayfile: RayFile) -> dict[str, Any]:
-    """What the header says, ready for JSON, without a look at the rays: at once, whatever the size of the file."""
-    return {
-        "format": rayfile.format,
-        "title": FORMATS[rayfile.format].title if rayfile.format in FORMATS else None,
-        "rays": len(rayfile),
-        "units": {"length": "mm", "length_in_file_mm": rayfile.header.get("mm_per_unit", 1.0), "flux": rayfile.unit},
-        "flux": {"unit": rayfile.unit, "header_w": rayfile.header_flux_w, "header_lm": rayfile.header_flux_lm},
-        "wavelengths_nm": _header_wavelengths(rayfile),
-        "header": dict(rayfile.header),
-        "warnings": list(rayfile.warnings),
-    }
+def outline(rayfile: RayFile) -> RayFileHeader:
+    """What the header says, without a look at the rays: at once, whatever the size of the file."""
+    return RayFileHeader(
+        format=rayfile.format,
+        title=_title(rayfile),
+        rays=len(rayfile),
+        units=_units(rayfile),
+        flux=HeaderFlux(unit=rayfile.unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
+        wavelengths_nm=_header_wavelengths(rayfile),
+        header=dict(rayfile.header),
+        warnings=rayfile.warnings,
+    )
 
 
-def describe(rayfile: RayFile) -> dict[str, Any]:
-    """Numbers about the usable rays, ready for JSON: lengths in mm, flux in the file's unit, wavelengths in nm.
+def describe(rayfile: RayFile) -> RayFileSummary:
+    """Numbers about the usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
 
     One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
     """
@@ -83,54 +93,73 @@ def describe(rayfile: RayFile) -> dict[str, Any]:
     if sums.rays == 0:
         raise no_usable_ray(rayfile, sums.dropped)
     focus = sums.focus.point()
-    total = rayfile.stated_flux or sums.flux
-    header = outline(rayfile)
-    return {
-        **{name: header[name] for name in ("format", "title", "rays", "units")},
-        "rays_used": sums.rays,
-        "rays_dropped": sums.dropped,
-        "effective_rays": sums.flux**2 / sums.flux_squared,
-        "flux": {
-            "unit": rayfile.unit,
-            "total": total,
-            "total_from": "header" if rayfile.stated_flux else "rays",
-            "ray_sum": sums.flux,
-            "header_w": rayfile.header_flux_w,
-            "header_lm": rayfile.header_flux_lm,
-            "ray_sum_over_header": sums.flux / rayfile.header_flux if rayfile.header_flux else None,
-            "backward_share": sums.backward / sums.flux,
-        },
-        "bounding_box_mm": {"min": sums.low.tolist(), "max": sums.high.tolist()},
-        "virtual_focus_mm": None if focus is None else focus.tolist(),
-        "mean_direction": (sums.direction / sums.flux).tolist(),
-        "wavelengths_nm": _wavelengths(sums) or header["wavelengths_nm"],
-        "header": header["header"],
-        "warnings": [*rayfile.warnings, *_warnings(rayfile, sums)],
-    }
+    summary = RayFileSummary(
+        format=rayfile.format,
+        title=_title(rayfile),
+        rays=len(rayfile),
+        units=_units(rayfile),
+        rays_used=sums.rays,
+        rays_dropped=sums.dropped,
+        effective_rays=sums.flux**2 / sums.flux_squared,
+        flux=_flux(rayfile, sums),
+        bounding_box_mm=Box(min=_point(sums.low), max=_point(sums.high)),
+        virtual_focus_mm=None if focus is None else _point(focus),
+        mean_direction=_point(sums.direction / sums.flux),
+        wavelengths_nm=_wavelengths(sums) or _header_wavelengths(rayfile),
+        header=dict(rayfile.header),
+        warnings=(*rayfile.warnings, *_warnings(rayfile, sums)),
+    )
+    return summary.holding(rayfile)
 
 
-def _wavelengths(sums: _Sums) -> dict[str, float] | None:
+def _title(rayfile: RayFile) -> str | None:
+    return FORMATS[rayfile.format].title if rayfile.format in FORMATS else None
+
+
+def _units(rayfile: RayFile) -> FileUnits:
+    length = rayfile.header.get("mm_per_unit")
+    return FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.unit)
+
+
+def _flux(rayfile: RayFile, sums: _Sums) -> FileFlux:
+    return FileFlux(
+        unit=rayfile.unit,
+        header_w=rayfile.header_flux_w,
+        header_lm=rayfile.header_flux_lm,
+        total=rayfile.stated_flux or sums.flux,
+        total_from="header" if rayfile.stated_flux else "rays",
+        ray_sum=sums.flux,
+        ray_sum_over_header=sums.flux / rayfile.header_flux if rayfile.header_flux else None,
+        backward_share=sums.backward / sums.flux,
+    )
+
+
+def _point(coordinates: Float[np.ndarray, " 3"]) -> Point:
+    x, y, z = coordinates.tolist()
+    return x, y, z
+
+
+def _wavelengths(sums: _Sums) -> WavelengthRange | None:
     if not np.isfinite(sums.wavelength_low):
         return None
     mean = sums.wavelength_flux / sums.flux
-    return {"min": sums.wavelength_low, "max": sums.wavelength_high, "mean": mean}
+    return WavelengthRange(min=sums.wavelength_low, max=sums.wavelength_high, mean=mean)
 
 
-def _header_wavelengths(rayfile: RayFile) -> dict[str, float] | None:
+def _header_wavelengths(rayfile: RayFile) -> WavelengthRange | None:
     """Of the wavelength that all rays share, or of the spectral tables together; the mean where there is one table."""
     shared = rayfile.single_wavelength
     if shared is not None:
-        return {"min": shared, "max": shared, "mean": shared}
-    tables = rayfile.header.get("spectral_tables", [])
-    waves = [wave for table in tables for wave in table["wavelength_nm"]]
-    if not waves:
+        return WavelengthRange(min=shared, max=shared, mean=shared)
+    tables = rayfile.spectral_tables
+    if not tables:
         return None
-    ends = {"min": min(waves), "max": max(waves)}
-    power = np.trapezoid(tables[0]["weight"], tables[0]["wavelength_nm"])
-    if len(tables) > 1 or not power > 0.0:
-        return ends
-    nanometres, weights = np.array(tables[0]["wavelength_nm"]), np.array(tables[0]["weight"])
-    return ends | {"mean": float(np.trapezoid(weights * nanometres, nanometres) / power)}
+    waves = np.concatenate([table.wavelength_nm for table in tables])
+    power = np.trapezoid(tables[0].weight, tables[0].wavelength_nm)
+    mean = None
+    if len(tables) == 1 and power > 0.0:
+        mean = float(np.trapezoid(tables[0].weight * tables[0].wavelength_nm, tables[0].wavelength_nm) / power)
+    return WavelengthRange(min=float(waves.min()), max=float(waves.max()), mean=mean)
 
 
 def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
@@ -150,10 +179,10 @@ def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
 
 def _efficacy_warnings(rayfile: RayFile) -> Iterator[str]:
     """lm/W of the header against the spectrum of the file, where it has one common table."""
-    tables = rayfile.header.get("spectral_tables", [])
+    tables = rayfile.spectral_tables
     if len(tables) != 1 or not (rayfile.header_flux_w and rayfile.header_flux_lm):
         return
     stated = rayfile.header_flux_lm / rayfile.header_flux_w
-    expected = luminous_efficacy(np.array(tables[0]["wavelength_nm"]), np.array(tables[0]["weight"]))
+    expected = luminous_efficacy(tables[0].wavelength_nm, tables[0].weight)
     if expected is not None and abs(stated / expected - 1.0) > _EFFICACY_TOLERANCE:
         yield f"the header has {stated:.4g} lm/W, its spectrum {expected:.4g} lm/W: check W and lm"

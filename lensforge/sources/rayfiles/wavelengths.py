@@ -1,13 +1,11 @@
 """What wavelength each ray of a file has: its own, that of all, or one drawn from the file's spectral tables."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.cleaning import ValidRays
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.record import RayFile, SpectralTable
 from lensforge.sources.spectrum import Spectrum, spectrum_of
 from lensforge.spec.spectrum import Spectrum as SpectrumSpec
 
@@ -25,7 +23,7 @@ def wavelengths_of(rayfile: RayFile, rays: ValidRays, instead: SpectrumSpec | No
         return spectrum_of(instead).draw(len(rays), _SEED)
     if rays.wavelengths is not None:
         return rays.wavelengths
-    tables = rayfile.header.get("spectral_tables", [])
+    tables = rayfile.spectral_tables
     if rays.spectrum_numbers is not None and tables:
         return _by_number(rayfile.path, rays.spectrum_numbers, tables)
     if len(tables) > 1:
@@ -35,7 +33,7 @@ def wavelengths_of(rayfile: RayFile, rays: ValidRays, instead: SpectrumSpec | No
     return _table(rayfile.path, tables[0], 1).draw(len(rays), _SEED) if tables else None
 
 
-def _by_number(path: str, numbers: Float[np.ndarray, " n"], tables: list[dict[str, Any]]) -> Float[np.ndarray, " n"]:
+def _by_number(path: str, numbers: Float[np.ndarray, " n"], tables: list[SpectralTable]) -> Float[np.ndarray, " n"]:
     wavelengths = np.zeros(len(numbers))
     wrong = ~np.isin(numbers, np.arange(1, len(tables) + 1))
     if wrong.any():
@@ -48,5 +46,5 @@ def _by_number(path: str, numbers: Float[np.ndarray, " n"], tables: list[dict[st
     return wavelengths
 
 
-def _table(path: str, table: dict[str, Any], number: int) -> Spectrum:
-    return Spectrum(np.array(table["wavelength_nm"]), np.array(table["weight"]), f"{path}: spectral table {number}")
+def _table(path: str, table: SpectralTable, number: int) -> Spectrum:
+    return Spectrum(table.wavelength_nm, table.weight, f"{path}: spectral table {number}")

@@ -5,38 +5,26 @@ within a design from its checkpoint.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from lensforge.optimisation.checkpoint import FILE_NAME as CHECKPOINT
 from lensforge.errors import InputError
-from lensforge.files import read_json, write_json
-from lensforge.gates import Gate
-from lensforge.pipeline import gates_of
+from lensforge.files import replacing
+from lensforge.pipeline import CHECKPOINT
+from lensforge.results import load_results
 from lensforge.spec import Accuracy, Spec
-from lensforge.studies.sweep.page import build_page
-from lensforge.studies.sweep.vary import Variant, Variation
+from lensforge.studies.sweep.page import sweep_page, sweep_png
+from lensforge.studies.sweep.table import Sweep, sweep_of
+from lensforge.studies.sweep.vary import Variation
 from lensforge.version import __version__
 
-FILE_NAME = "sweep.json"
-_JUDGED = ("nmse", "uniformity", "rsd", "efficiency")
-_DESIGNED = ("max_radius_mm", "height_mm", "steps", "seconds", "constraints")
+PAGE, PLOT = "sweep.html", "sweep.png"
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What all designs of a sweep share besides the spec."""
+class WholeWay(Protocol):
+    """The whole way for one design, with the accuracy and the seed of the sweep."""
 
-    accuracy: Accuracy = "standard"
-    seed: int = 0
-    rays: int | None = None
-
-
-class Design(Protocol):
-    """The whole way for one design; ``pipeline.run`` with its observers."""
-
-    def __call__(self, spec: Spec, directory: Path, settings: Settings, resume: bool) -> object:
+    def __call__(self, spec: Spec, folder: Path, resume: bool) -> object:
         """Leave a finished result folder; with ``resume`` go on from the checkpoint there."""
         ...
 
@@ -45,77 +33,57 @@ def run_sweep(
     spec: Spec,
     variation: Variation,
     directory: Path,
-    design: Design,
+    whole_way: WholeWay,
     *,
-    settings: Settings | None = None,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
     resume: bool = False,
     announce: Callable[[str], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> Sweep:
     """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the first.
 
-    With ``resume`` designs that sweep.json lists are kept, whatever values are asked for now. A design that fails a
-    gate is listed with it, and the sweep goes on. Raises :class:`InputError` before the first design for a value that
-    the spec cannot have, and for a sweep.json of another sweep.
+    ``accuracy`` and ``seed``: those that ``whole_way`` designs with. With ``resume`` designs that sweep.json lists are
+    kept, whatever values are asked for now. A design that fails a gate is listed with it, and the sweep goes on. Raises
+    :class:`InputError` before the first design for a value that the spec cannot have, and for a sweep.json of another
+    sweep.
     """
     variants = variation.variants(spec)
-    content = _head(spec, variation, settings := settings or Settings())
-    rows = {row["value"]: row for row in (_finished(directory / FILE_NAME, content) if resume else [])}
+    sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
     for number, variant in enumerate(variants, start=1):
-        if variant.value not in rows:
-            announce(f"design {number} of {len(variants)}: {variation.field} = {variant.value:g}")
-            folder = directory / variant.spec.name
-            design(variant.spec, folder, settings, resume and (folder / CHECKPOINT).exists())
-            rows[variant.value] = _row(variant, folder)
-            content["designs"] = [rows[value] for value in sorted(rows)]
-            write_json(directory / FILE_NAME, content)
-    content["designs"] = [rows[value] for value in sorted(rows)]
-    write_json(directory / FILE_NAME, content)
-    build_page(content, directory)
-    return content
+        if sweep is not None and variant.value in sweep.values:
+            continue
+        announce(f"design {number} of {len(variants)}: {variation.field} = {variant.value:g}")
+        folder = directory / variant.spec.name
+        whole_way(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
+        made = sweep_of(spec, variation, [(variant, load_results(folder))])
+        sweep = made if sweep is None else sweep.joined(made)
+        sweep.write(directory)
+    assert sweep is not None, "a variation has values"
+    _show(sweep, directory)
+    return sweep
 
 
-def _head(spec: Spec, variation: Variation, settings: Settings) -> dict[str, Any]:
-    """What must be the same for a design to belong to the sweep; the list of values may grow."""
-    return {
-        "spec": spec.model_dump(mode="json"),
+def _show(sweep: Sweep, directory: Path) -> None:
+    results = [load_results(directory / row.folder) for row in sweep.designs]
+    for name, content in ((PAGE, sweep_page(sweep, results).encode()), (PLOT, sweep_png(sweep))):
+        with replacing(directory / name) as temporary:
+            temporary.write_bytes(content)
+
+
+def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
+    """What an earlier call finished; None where there is nothing. The list of values may grow, nothing else change."""
+    if not (directory / f"{Sweep.stage}.json").exists():
+        return None
+    sweep = Sweep.read(directory)
+    wanted: dict[str, object] = {
+        "spec": spec,
         "vary": variation.field,
-        "scale": list(variation.scaled),
-        **vars(settings),
+        "scale": variation.scaled,
+        "accuracy": accuracy,
+        "seed": seed,
         "version": __version__,
-        "designs": [],
     }
-
-
-def _finished(path: Path, head: dict[str, Any]) -> list[dict[str, Any]]:
-    if not path.exists():
-        return []
-    content = read_json(path)
-    if not isinstance(content, dict) or not isinstance(content.get("designs"), list):
-        raise InputError(f"{path}: not a sweep; run without --resume")
-    for key, value in head.items():
-        if key != "designs" and content.get(key) != value:
-            raise InputError(f"{path}: belongs to a sweep with another {key!r}; run without --resume")
-    designs: list[dict[str, Any]] = content["designs"]
-    return designs
-
-
-def _row(variant: Variant, folder: Path) -> dict[str, Any]:
-    """The figures of a finished result folder that a sweep compares."""
-    judged, designed = read_json(folder / "evaluate.json"), read_json(folder / "design.json")
-    return {
-        "value": variant.value,
-        "folder": folder.name,
-        "changes": variant.changes,
-        **{key: judged[key] for name in _JUDGED for key in (name, f"{name}_standard_error")},
-        **{key: designed[key] for key in _DESIGNED},
-        "gates": [gate.to_json() for gate in gates_of(folder)],
-    }
-
-
-def gates_of_sweep(content: dict[str, Any]) -> list[Gate]:
-    """The gates of all designs, each named by its folder too."""
-    found = []
-    for row in content["designs"]:
-        gates = (Gate.from_json(entry) for entry in row["gates"])
-        found += [replace(gate, name=f"{row['folder']}: {gate.name}") for gate in gates]
-    return found
+    for name, value in wanted.items():
+        if getattr(sweep, name) != value:
+            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; run without --resume")
+    return sweep

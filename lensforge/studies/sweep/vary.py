@@ -1,10 +1,12 @@
 """Which designs a sweep makes: a spec with one field set to each value, and others scaled in proportion to it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import isfinite
 
 from lensforge.errors import InputError
-from lensforge.spec import Spec, parse_spec
+from lensforge.spec import Spec
+from lensforge.spec.section import Section
 
 MOST_VALUES = 100
 
@@ -34,31 +36,40 @@ class Variation:
         return [self._variant(base, value) for value in self.values]
 
     def _variant(self, base: Spec, value: float) -> Variant:
-        content = base.model_dump(mode="json")
-        origin = f"{base.name} with {self.field} = {value:g}"
+        for field in (self.field, *self.scaled):
+            _value(base, field)
         changes = {self.field: value}
         if self.scaled:
-            before = _number(content, self.field)
-            changes |= {field: _number(content, field) * value / before for field in self.scaled}
-        for field, changed in changes.items():
-            table, key = _table(content, field)
-            table[key] = changed
-        content["name"] = variant_name(base.name, value)
-        return Variant(value, changes, parse_spec(content, origin))
+            before = _number(base, self.field)
+            changes |= {field: _number(base, field) * value / before for field in self.scaled}
+        return Variant(value, changes, base.replace(changes, name=variant_name(base.name, value)))
 
 
-def parse_variation(text: str, scaled: tuple[str, ...] = ()) -> Variation:
-    """``section.field=v1,v2,...`` as the command line takes it; values are sorted, each kept once."""
+def variation_of(field: str, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
+    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for what is no variation."""
+    if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
+        raise InputError(
+            f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
+        )
+    try:
+        kept = tuple(sorted({float(value) for value in values}))
+    except (TypeError, ValueError):
+        raise InputError(f"{field} = {str(values)[:60]}: give 2 to {MOST_VALUES} numbers") from None
+    if not (2 <= len(kept) <= MOST_VALUES and all(map(isfinite, kept))):
+        raise InputError(f"{field}: {len(kept)} values; give 2 to {MOST_VALUES} finite numbers")
+    if field in scaled:
+        raise InputError(f"{field}: this is the field that varies; name others to be scaled")
+    return Variation(field, kept, tuple(scaled))
+
+
+def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
+    """``section.field=v1,v2,...`` as the command line takes it. Raises :class:`InputError` for anything else."""
     field, _, listed = text.partition("=")
     try:
-        values = tuple(sorted({float(part) for part in listed.split(",")}))
+        values = [float(part) for part in listed.split(",")]
     except ValueError:
         raise InputError(f"--vary {text}: give section.field=value,value,... with numbers as values") from None
-    if not (2 <= len(values) <= MOST_VALUES and all(abs(value) < float("inf") for value in values)):
-        raise InputError(f"--vary {text}: {len(values)} values; give 2 to {MOST_VALUES} finite numbers")
-    if field in scaled:
-        raise InputError(f"--scale {field}: this is the field that varies; name others")
-    return Variation(field, values, scaled)
+    return variation_of(field, values, scaled)
 
 
 def variant_name(name: str, value: float) -> str:
@@ -67,21 +78,20 @@ def variant_name(name: str, value: float) -> str:
     return f"{name[: 63 - len(shown)]}-{shown}"
 
 
-def _table(content: dict[str, Any], field: str) -> tuple[dict[str, Any], str]:
-    """The table that holds ``field``, and its key there."""
-    *sections, key = field.split(".")
-    table: Any = content
-    for section in sections:
-        table = table.get(section) if isinstance(table, dict) else None
-    if not isinstance(table, dict) or key not in table:
-        known = ", ".join(sorted(table if isinstance(table, dict) else content))
-        raise InputError(f"{field}: no such field in this spec; there are: {known}")
-    return table, key
+def _value(spec: Spec, field: str) -> object:
+    """What ``field`` is in ``spec``. Raises :class:`InputError` where there is no such field."""
+    found: object = spec
+    for part in field.split("."):
+        known = type(found).model_fields if isinstance(found, Section) else {}
+        if part not in known:
+            there = ", ".join(sorted(known)) or "none within it"
+            raise InputError(f"{field}: no such field in this spec; there are: {there}")
+        found = getattr(found, part)
+    return found
 
 
-def _number(content: dict[str, Any], field: str) -> float:
-    table, key = _table(content, field)
-    value = table[key]
+def _number(spec: Spec, field: str) -> float:
+    value = _value(spec, field)
     if isinstance(value, bool) or not isinstance(value, int | float) or value == 0.0:
         raise InputError(f"{field} = {value!r} in the spec: only a number other than 0 can be scaled")
     return float(value)

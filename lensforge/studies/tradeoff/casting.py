@@ -49,22 +49,29 @@ def casting_ladder(truth: Truth, plan: Plan, settings: Sequence[int] = RINGS) ->
             )
             users = ("verify, on the export's mesh",) if rings == used and series == CURVED else ()
             other = {"triangles": len(body.triangles)}
-            rungs.append(Rung(rings, series, meter.seconds, meter.peak_mb, errors, users, other))
-    names = tuple(LIGHT_UNITS)
+            rungs.append(
+                Rung(
+                    setting=rings,
+                    series=series,
+                    seconds=meter.seconds,
+                    peak_mb=meter.peak_mb,
+                    errors=errors,
+                    presets=users,
+                    other=other,
+                )
+            )
     orders = {
         series: orders_of([rung for rung in rungs if rung.series == series], ("hit_99_percent", "irradiance_nmse"))
         for series in (CURVED, FLAT)
     }
-    cost = truth.cost.seconds, truth.cost.peak_mb
-    rungs.append(Rung(0, "exact surfaces", *cost, truth.exactly(names), reference=True))
+    rungs.append(truth.reference_rung("exact surfaces", LIGHT_UNITS))
     return Ladder(
-        "casting",
-        "Rays through the mesh",
-        "export --rings",
-        f"the exact surfaces: {len(truth.rays)} rays",
-        LIGHT_UNITS,
-        ("hit_99_percent", "irradiance_nmse"),
-        "setting",
-        tuple(rungs),
-        orders,
+        name="casting",
+        title="Rays through the mesh",
+        knob="export --rings",
+        reference=f"the exact surfaces: {len(truth.rays)} rays",
+        plotted=("hit_99_percent", "irradiance_nmse"),
+        against="setting",
+        rows=tuple(rungs),
+        order=orders,
     )

@@ -11,12 +11,19 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import NdBSpline, RectBivariateSpline
 
-from lensforge.evaluation.exact import trace_exact_sum
+from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, orders_of
+from lensforge.studies.tradeoff.truth import (
+    LIGHT_UNITS,
+    SHAPE_UNITS,
+    SURFACES,
+    Tables,
+    Truth,
+    directions,
+    landed_exactly,
+)
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for
 from lensforge.surfaces.surface import Surface
-from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, orders_of
-from lensforge.studies.tradeoff.truth import LIGHT_UNITS, SHAPE_UNITS, SURFACES, Tables, Truth, directions
 
 SETTINGS = (1.7, 2.5, 3.4, 5.0)
 DEGREES = {"linear": 1, "quadratic": 2, "cubic": 3, "quintic": 5}
@@ -70,27 +77,33 @@ def degree_ladder(truth: Truth, finest: TableGrid, tables: Tables, settings: Seq
         for name, degree in DEGREES.items():
             made = {side: SplineSurface.through(grid, samples[side], degree, lens.detail_rad) for side in SURFACES}
             with Meter() as meter:
-                light = trace_exact_sum(
-                    replace(lens, inner=made["inner"], outer=made["outer"]), finest, tables, truth.rays, steps=_STEPS
-                )
+                other = replace(lens, inner=made["inner"], outer=made["outer"])
+                light = landed_exactly(other, finest, tables, truth.rays, _STEPS)
             shapes = {side: (one.radius(directions()), one.normal(directions())) for side, one in made.items()}
             errors = truth.shape_errors(shapes) | truth.light_errors(light.hits, light.flux)
             users = ("all tables",) if name == "cubic" else ()
-            rungs.append(Rung(setting, name, meter.seconds, meter.peak_mb, errors, users, {"nodes": grid.nodes}))
-    names = tuple(rungs[0].errors)
+            rungs.append(
+                Rung(
+                    setting=setting,
+                    series=name,
+                    seconds=meter.seconds,
+                    peak_mb=meter.peak_mb,
+                    errors=errors,
+                    presets=users,
+                    other={"nodes": grid.nodes},
+                )
+            )
     orders = {name: orders_of([rung for rung in rungs if rung.series == name], ("rho", "normal")) for name in DEGREES}
-    cost = truth.cost.seconds, truth.cost.peak_mb
-    rungs.append(Rung(0.0, "exact sum", *cost, truth.exactly(names), reference=True))
+    rungs.append(truth.reference_rung("exact sum", SHAPE_UNITS | LIGHT_UNITS))
     return Ladder(
-        "degrees",
-        "Degree of the splines",
-        "nodes per sigma",
-        f"the exact sum: {len(truth.rays)} rays; the degree of the tables is fixed, cubic",
-        SHAPE_UNITS | LIGHT_UNITS,
-        ("normal", "irradiance_nmse"),
-        "setting",
-        tuple(rungs),
-        orders,
+        name="degrees",
+        title="Degree of the splines",
+        knob="nodes per sigma",
+        reference=f"the exact sum: {len(truth.rays)} rays; the degree of the tables is fixed, cubic",
+        plotted=("normal", "irradiance_nmse"),
+        against="setting",
+        rows=tuple(rungs),
+        order=orders,
     )
 
 

@@ -2,81 +2,63 @@
 
 import time
 import tracemalloc
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from types import TracebackType
-from typing import Any
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
+
+from lensforge.records import Flag, Metric, Number, Record, Text
+
+Setting = Annotated[int, Field(strict=True)] | Number
+Errors = dict[Text, Metric]
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A measured number and its standard error; None where it is no estimate but a maximum over fixed points."""
-
-    value: float
-    standard_error: float | None = None
-
-
-@dataclass(frozen=True)
-class Rung:
+class Rung(Record):
     """One setting of a knob.
 
     ``series``: which of the ladder's methods. ``seconds``: of one run, on the threads in use. ``peak_mb``: the most
-    that NumPy held at once during it. ``errors``: by name, against the ladder's reference. ``presets``: who uses it.
+    that NumPy held at once during it. ``errors``: by name, against the ladder's reference; no standard error where it
+    is a maximum over fixed points. ``presets``: who uses it.
     """
 
-    setting: float
-    series: str
-    seconds: float | None
-    peak_mb: float | None
-    errors: dict[str, Estimate]
-    presets: tuple[str, ...] = ()
-    other: Mapping[str, float] = field(default_factory=dict)
-    reference: bool = False
-
-    def to_json(self) -> dict[str, Any]:
-        """For ``tradeoff.json``."""
-        return {
-            "setting": self.setting,
-            "series": self.series,
-            "seconds": self.seconds,
-            "peak_mb": self.peak_mb,
-            "error": {name: estimate.value for name, estimate in self.errors.items()},
-            "standard_error": {name: estimate.standard_error for name, estimate in self.errors.items()},
-            "presets": list(self.presets),
-            **self.other,
-            "reference": self.reference,
-        }
+    setting: Setting
+    series: Text
+    seconds: Number | None
+    peak_mb: Number | None
+    errors: Errors
+    presets: tuple[Text, ...] = ()
+    other: dict[Text, Setting] = Field(default_factory=dict)
+    reference: Flag = False
 
 
-@dataclass(frozen=True)
-class Ladder:
-    """The rungs of one knob. ``plotted``: the errors that are drawn against time, or against the setting."""
+class Ladder(Record):
+    """The rungs of one knob, in ``rows``.
 
-    name: str
-    title: str
-    knob: str
-    reference: str
-    units: dict[str, str]
-    plotted: tuple[str, ...]
-    against: str  # "seconds" or "setting"
-    rungs: tuple[Rung, ...]
-    orders: dict[str, dict[str, Estimate]] = field(default_factory=dict)
+    ``order``: by series, the power of the setting with which an error changes. ``plotted``: the errors that are drawn,
+    ``against`` time or the setting.
+    """
 
-    def to_json(self) -> dict[str, Any]:
-        """For ``tradeoff.json``; ``order`` is the power of the setting with which an error changes."""
-        return {
-            "title": self.title,
-            "knob": self.knob,
-            "reference": self.reference,
-            "unit": self.units,
-            "order": {
-                series: {name: vars(order) for name, order in found.items()} for series, found in self.orders.items()
-            },
-            "rows": [rung.to_json() for rung in self.rungs],
-        }
+    name: Text
+    title: Text
+    knob: Text
+    reference: Text
+    rows: tuple[Rung, ...]
+    order: dict[Text, Errors] = Field(default_factory=dict)
+    plotted: tuple[Text, ...]
+    against: Literal["seconds", "setting"]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each error; "" for a ratio."""
+        return {name: error.unit for name, error in self.rows[0].errors.items()}
+
+
+def exactly(units: Mapping[str, str]) -> Errors:
+    """The errors of a reference itself: none."""
+    return {name: Metric(value=0.0, unit=unit) for name, unit in units.items()}
 
 
 class Meter:
@@ -109,7 +91,7 @@ class Meter:
 
 def order_of(
     settings: Float[np.ndarray, " n"], errors: Float[np.ndarray, " n"], relative: Float[np.ndarray, " n"] | None = None
-) -> Estimate:
+) -> Metric:
     """The power of ``settings`` with which ``errors`` change: the slope of a line through their logarithms.
 
     Its standard error comes from the ``relative`` standard errors of the points, or else from their scatter.
@@ -118,13 +100,14 @@ def order_of(
     away = x - x.mean()
     slope = float(away @ y / (away @ away))
     if relative is not None:
-        return Estimate(slope, float(np.sqrt(away**2 @ relative**2) / (away @ away)))
+        return Metric(value=slope, standard_error=float(np.sqrt(away**2 @ relative**2) / (away @ away)))
     rest = y - y.mean() - slope * away
     freedom = len(x) - 2
-    return Estimate(slope, float(np.sqrt(rest @ rest / freedom / (away @ away))) if freedom > 0 else None)
+    scatter = float(np.sqrt(rest @ rest / freedom / (away @ away))) if freedom > 0 else None
+    return Metric(value=slope, standard_error=scatter)
 
 
-def orders_of(rungs: list[Rung], names: tuple[str, ...]) -> dict[str, Estimate]:
+def orders_of(rungs: Sequence[Rung], names: tuple[str, ...]) -> Errors:
     """The order of each of the errors ``names`` over ``rungs``, where three or more stand out of their noise."""
     found = {}
     for name in names:

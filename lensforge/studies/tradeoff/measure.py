@@ -1,31 +1,30 @@
-"""``lensforge tradeoff``: every ladder for one scene, ``tradeoff.json`` and ``tradeoff.html``."""
+"""Every ladder for one scene; ``lensforge tradeoff`` writes them as ``tradeoff.json`` and ``tradeoff.html``."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import write_json
+from lensforge.files import replacing
 from lensforge.lens import Lens, load_lens
+from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.pipeline import run_design
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
-from lensforge.tracing.fused import Scene
 from lensforge.studies.tradeoff import casting, degrees, pixels, precision, rays, shape, tables
-from lensforge.studies.tradeoff.ladder import Ladder
-from lensforge.studies.tradeoff.page import build_page
+from lensforge.studies.tradeoff.page import tradeoff_page
 from lensforge.studies.tradeoff.prices import preset_prices
+from lensforge.studies.tradeoff.record import MeasuredLens, Tradeoff
 from lensforge.studies.tradeoff.runs import trace_run
-from lensforge.version import __version__
+from lensforge.tracing.fused import Scene
 
-JSON_FILE = "tradeoff.json"
+PAGE = "tradeoff.html"
 _THINNED = 4  # of the rays that tables are measured with: the slower ladders take every fourth
 _WARM_UP_RAYS = 512  # compiles the kernels, so that no rung pays for it
 
@@ -56,10 +55,11 @@ def run_tradeoff(
     *,
     effort: Effort | None = None,
     announce: Callable[[str], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> Tradeoff:
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
-    ``announce`` hears what is measured next. Raises :class:`InputError` if the lens is that of another scene.
+    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` hears what is measured next. Raises
+    :class:`InputError` if the lens is that of another scene.
     """
     path, source = directory / "lens.json", build_source(spec.source, spec.lens.dispersion)
     if path.exists():
@@ -67,18 +67,20 @@ def run_tradeoff(
         _require_same_scene(lens, settled_symmetry(spec, source), path)
     else:
         announce("no lens yet: a draft is designed")
-        lens = run_design(spec, directory, accuracy="draft")
-    content = measure(lens, source, effort or Effort(), announce)
-    write_json(directory / JSON_FILE, content)
-    build_page(content, directory)
-    return content
+        lens = run_design(spec, directory, accuracy="draft").lens
+    found = measure(lens, source, effort or Effort(), announce)
+    found.write(directory)
+    with replacing(directory / PAGE) as temporary:
+        temporary.write_text(tradeoff_page(found), encoding="utf-8")
+    return found
 
 
-def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str], None]) -> dict[str, Any]:
-    """All ladders of ``lens`` under ``source``."""
+def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str], None]) -> Tradeoff:
+    """All ladders of ``lens`` under ``source``; ``announce`` hears what is measured next."""
     started = time.perf_counter()
     coarse = TracedLens.of(lens, min(effort.nodes_per_sigma))
-    trace_run(coarse, source, min(_WARM_UP_RAYS, source.population or _WARM_UP_RAYS), 0)
+    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
+    trace_run(coarse, receiver, source, min(_WARM_UP_RAYS, source.population or _WARM_UP_RAYS), 0)
     announce("tables")
     found = tables.table_ladder(lens, source, effort.nodes_per_sigma)
     by_nodes, grid, finest, few = found.ladder, found.grid, found.tables, found.truth.thinned(_THINNED)
@@ -86,7 +88,7 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     by_degree = degrees.degree_ladder(few, grid, finest, effort.degrees)
     by_bits = precision.precision_ladder(found.truth, grid, finest)
     by_search = precision.search_ladder(found.truth, effort.bisections)
-    scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, grid)
+    scene = Scene(lens.refractive_index, grid)
     traced = TracedLens(scene, torch.from_numpy(finest["inner"]), torch.from_numpy(finest["outer"]), {})
     announce("rays")
     by_rays, runs = rays.ray_ladder(traced, lens.spec, source, effort.rays)
@@ -98,21 +100,15 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     by_mesh, by_cast = shape.mesh_ladder(plan, effort.rings), casting.casting_ladder(few, plan, effort.cast_rings)
     searched = [] if by_search is None else [by_search]
     ladders = [by_rays, by_nodes, by_degree, by_bits, *searched, by_pixels, by_filter, by_knots, by_mesh, by_cast]
-    return _content(lens, ladders, preset_prices(by_rays, by_nodes, source.population)) | {
-        "seconds": time.perf_counter() - started
-    }
-
-
-def _content(lens: Lens, ladders: list[Ladder], prices: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "name": lens.spec.name,
-        "lens": {"accuracy": lens.accuracy, "seed": lens.seed, "version": lens.version},
-        "version": __version__,
-        "threads": torch.get_num_threads(),
-        "presets": prices,
-        "ladders": {ladder.name: ladder.to_json() for ladder in ladders},
-        "plots": {ladder.name: {"errors": list(ladder.plotted), "against": ladder.against} for ladder in ladders},
-    }
+    return Tradeoff(
+        inputs={"lens": lens.sha256},
+        name=lens.spec.name,
+        lens=MeasuredLens(accuracy=lens.accuracy, seed=lens.seed, version=lens.version),
+        threads=torch.get_num_threads(),
+        presets=preset_prices(by_rays, by_nodes, source.population),
+        ladders={ladder.name: ladder for ladder in ladders},
+        seconds=time.perf_counter() - started,
+    )
 
 
 def _require_same_scene(lens: Lens, spec: Spec, path: Path) -> None:

@@ -1,8 +1,7 @@
-"""``tradeoff.html``: the ladders of ``tradeoff.json`` as tables and Pareto plots; the page needs nothing else."""
+"""``tradeoff.html``: the ladders as tables and Pareto plots."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,13 +9,15 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from lensforge.files import replacing
+from lensforge.records import Metric
 from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
 from lensforge.report.numerals import NOTHING, number
 from lensforge.report.page import template
 from lensforge.report.pictures import Picture, picture
+from lensforge.spec import Accuracy
+from lensforge.studies.tradeoff.ladder import Errors, Ladder, Rung
+from lensforge.studies.tradeoff.record import PresetPrice, Tradeoff
 
-FILE_NAME = "tradeoff.html"
 _HEIGHT = 3.0
 _COLOURS = (BLUE, ORANGE, GREEN, RED)
 
@@ -70,52 +71,51 @@ class Section:
     pictures: list[Picture]
 
 
-def build_page(content: dict[str, Any], directory: Path) -> Path:
-    """Write ``tradeoff.html`` from the content of ``tradeoff.json`` and return its path."""
-    page = template("tradeoff.html").render(
-        name=content["name"],
-        lens=content["lens"],
-        threads=content["threads"],
-        seconds=number(content["seconds"], 3),
+def tradeoff_page(tradeoff: Tradeoff) -> str:
+    """The page: one HTML file that needs nothing else."""
+    return template("tradeoff.html").render(
+        name=tradeoff.name,
+        lens=tradeoff.lens,
+        threads=tradeoff.threads,
+        seconds=number(tradeoff.seconds, 3),
         preset_head=PRESET_HEAD,
-        presets=preset_rows(content["presets"]),
-        sections=sections_of(content),
-        version=content["version"],
+        presets=preset_rows(tradeoff.presets),
+        sections=sections_of(tradeoff),
+        version=tradeoff.version,
     )
-    path = directory / FILE_NAME
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
-    return path
 
 
-def sections_of(content: dict[str, Any]) -> list[Section]:
-    """The ladders of ``tradeoff.json`` as the page shows them."""
-    return [_section(name, ladder, content["plots"][name]) for name, ladder in content["ladders"].items()]
+def sections_of(tradeoff: Tradeoff) -> list[Section]:
+    """The ladders as the page shows them."""
+    return [_section(ladder) for ladder in tradeoff.ladders.values()]
 
 
-def preset_rows(presets: dict[str, Any]) -> list[list[str]]:
+def preset_rows(presets: Mapping[Accuracy, PresetPrice]) -> list[list[str]]:
     """What each preset leaves in design and in evaluation, under :data:`PRESET_HEAD`."""
     return [
-        [f"{name}, {stage}", *(number(found.get(key), 3) for key in _PRESETS)]
+        [f"{name}, {stage}", *(_plain(getattr(found, key)) for key in _PRESETS)]
         for name, price in presets.items()
-        for stage, found in price.items()
+        for stage, found in (("design", price.design), ("evaluation", price.evaluation))
     ]
 
 
-def _section(name: str, ladder: dict[str, Any], plot: dict[str, Any]) -> Section:
-    rows = ladder["rows"]
-    other = [key for key in _OTHER if any(key in row for row in rows)]
-    head = [_headed(error, ladder["unit"]) for error in ladder["unit"]]
+def _plain(value: Metric | float | None) -> str:
+    return number(value.value if isinstance(value, Metric) else value, 3)
+
+
+def _section(ladder: Ladder) -> Section:
+    other = [key for key in _OTHER if any(key in rung.other for rung in ladder.rows)]
+    head = [_headed(error, ladder.units) for error in ladder.units]
     return Section(
-        ladder["title"],
-        ladder["knob"],
-        ladder["reference"],
-        [_order(series, found) for series, found in ladder["order"].items() if found],
+        ladder.title,
+        ladder.knob,
+        ladder.reference,
+        [_order(series, found) for series, found in ladder.order.items() if found],
         ["method", "setting", "seconds", "MB", *head, *(_OTHER[key] for key in other), "used by"],
-        [_cells(row, other) for row in rows],
+        [_cells(rung, other) for rung in ladder.rows],
         [
-            picture(f"{name}-{error}", pareto(ladder, error, plot["against"]), _title(error, plot["against"]))
-            for error in plot["errors"]
+            picture(f"{ladder.name}-{error}", pareto(ladder, error), _title(error, ladder.against))
+            for error in ladder.plotted
         ],
     )
 
@@ -124,23 +124,21 @@ def _headed(error: str, units: dict[str, str]) -> str:
     return f"{NAMES[error]} ({units[error]})" if units[error] else NAMES[error]
 
 
-def _order(series: str, found: dict[str, dict[str, float | None]]) -> str:
-    parts = []
-    for error, order in found.items():
-        noise = order["standard_error"]
-        parts.append(f"{NAMES[error]} {number(order['value'], 3)}" + (f" ± {number(noise, 1)}" if noise else ""))
-    return f"{series}: " + ", ".join(parts)
+def _order(series: str, found: Errors) -> str:
+    return f"{series}: " + ", ".join(f"{NAMES[error]} {_measured(order)}" for error, order in found.items())
 
 
-def _cells(row: dict[str, Any], other: list[str]) -> list[str]:
-    errors = []
-    for error, value in row["error"].items():
-        noise = row["standard_error"][error]
-        errors.append(number(value, 3) + (f" ± {number(noise, 1)}" if noise else ""))
-    setting = NOTHING if row["reference"] and not row["setting"] else number(row["setting"])
-    used = "reference" if row["reference"] else "; ".join(row["presets"])
-    costs = [number(row["seconds"], 2), number(row["peak_mb"], 2)]
-    return [row["series"], setting, *costs, *errors, *(number(row.get(key), 4) for key in other), used]
+def _measured(found: Metric) -> str:
+    noise = found.standard_error
+    return number(found.value, 3) + (f" ± {number(noise, 1)}" if noise else "")
+
+
+def _cells(rung: Rung, other: list[str]) -> list[str]:
+    setting = NOTHING if rung.reference and not rung.setting else number(rung.setting)
+    used = "reference" if rung.reference else "; ".join(rung.presets)
+    costs = [number(rung.seconds, 2), number(rung.peak_mb, 2)]
+    errors = [_measured(error) for error in rung.errors.values()]
+    return [rung.series, setting, *costs, *errors, *(number(rung.other.get(key), 4) for key in other), used]
 
 
 def _title(error: str, against: str) -> str:
@@ -149,27 +147,34 @@ def _title(error: str, against: str) -> str:
 
 
 @in_house_style
-def pareto(ladder: dict[str, Any], error: str, against: str) -> Figure:
+def pareto(ladder: Ladder, error: str) -> Figure:
     """The error of every rung over its time or its setting, both logarithmic; rungs that somebody uses are named."""
     figure, axes = new_figure(WIDE, _HEIGHT)
-    shown = [row for row in ladder["rows"] if not row["reference"] and row["error"][error] > 0.0 and row[against]]
-    for series, colour in zip(dict.fromkeys(row["series"] for row in shown), _COLOURS, strict=False):
-        rows = [row for row in shown if row["series"] == series]
-        x, y = [row[against] for row in rows], [row["error"][error] for row in rows]
-        noise = [min(row["standard_error"][error] or 0.0, 0.9 * value) for row, value in zip(rows, y, strict=True)]
+    shown = [
+        rung for rung in ladder.rows if not rung.reference and rung.errors[error].value > 0.0 and _at(rung, ladder)
+    ]
+    for series, colour in zip(dict.fromkeys(rung.series for rung in shown), _COLOURS, strict=False):
+        rungs = [rung for rung in shown if rung.series == series]
+        x, y = [_at(rung, ladder) for rung in rungs], [rung.errors[error].value for rung in rungs]
+        known = [rung.errors[error].standard_error or 0.0 for rung in rungs]
+        noise = [min(own, 0.9 * value) for own, value in zip(known, y, strict=True)]
         axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker="o", markersize=3.5, label=series)
         if colour == _COLOURS[0]:
-            for row, at, value in zip(rows, x, y, strict=True):
-                _name(axes, row, at, value)
-    axes.set(xscale="log", yscale="log", ylabel=_headed(error, ladder["unit"]))
-    axes.set_xlabel("seconds" if against == "seconds" else ladder["knob"])
+            for rung, at, value in zip(rungs, x, y, strict=True):
+                _name(axes, rung, at, value)
+    axes.set(xscale="log", yscale="log", ylabel=_headed(error, ladder.units))
+    axes.set_xlabel("seconds" if ladder.against == "seconds" else ladder.knob)
     for axis, least in ((axes.xaxis, 1.3), (axes.yaxis, 0.7)):
         _tick(axis, least)
     axes.margins(x=0.16, y=0.12)
     axes.grid(True)
-    if len({row["series"] for row in shown}) > 1:
+    if len({rung.series for rung in shown}) > 1:
         figure.legend(loc="outside upper left", ncols=2)
     return figure
+
+
+def _at(rung: Rung, ladder: Ladder) -> float:
+    return (rung.seconds or 0.0) if ladder.against == "seconds" else rung.setting
 
 
 def _tick(axis: Axis, decades: float) -> None:
@@ -181,8 +186,7 @@ def _tick(axis: Axis, decades: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _name(axes: Axes, row: dict[str, Any], at: float, value: float) -> None:
-    text = "\n".join(row["presets"]) or number(row["setting"])
-    axes.annotate(
-        text, (at, value), (5, 4), textcoords="offset points", fontsize=7.0, color=INK if row["presets"] else GREY
-    )
+def _name(axes: Axes, rung: Rung, at: float, value: float) -> None:
+    text = "\n".join(rung.presets) or number(rung.setting)
+    colour = INK if rung.presets else GREY
+    axes.annotate(text, (at, value), (5, 4), textcoords="offset points", fontsize=7.0, color=colour)

@@ -14,11 +14,12 @@ from jaxtyping import Float
 from lensforge.evaluation.metrics import nmse
 from lensforge.receivers.bins import bin_flux
 from lensforge.receivers.filter import gaussian3
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.splat import splat_flux
 from lensforge.receivers.targets import target_irradiance
+from lensforge.records import Metric
 from lensforge.spec import Spec
-from lensforge.studies.tradeoff.ladder import Estimate, Ladder, Meter, Rung, orders_of
+from lensforge.studies.tradeoff.ladder import Errors, Ladder, Meter, Rung, Setting, orders_of
 from lensforge.studies.tradeoff.runs import Run
 
 PIXELS = (16, 32, 64, 128, 256)
@@ -37,11 +38,11 @@ def pixel_ladder(runs: Sequence[Run], spec: Spec, settings: Sequence[int] = PIXE
     runs = in_parts(runs)
     found = {}
     for pixels in settings:
-        receiver = Receiver(spec.target.receiver_mm, pixels)
+        grid = PixelGrid(spec.target.receiver_mm, pixels)
         with Meter() as meter:
-            bins = np.stack([bin_flux(run.hits, run.flux, receiver) for run in runs])
-        splats = np.stack([_splat(run, receiver) for run in runs])
-        target = target_irradiance(spec.target, receiver)
+            bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
+        splats = np.stack([_splat(run, grid) for run in runs])
+        target = target_irradiance(spec.target, grid)
         found[pixels] = bins, splats, partial(_quiet_nmse, target=target), meter
     finest = max(settings)
     truth = found[finest][2](found[finest][0])
@@ -49,59 +50,72 @@ def pixel_ladder(runs: Sequence[Run], spec: Spec, settings: Sequence[int] = PIXE
     for pixels, (bins, splats, to_target, meter) in found.items():
         splat_error = with_error(np.stack([splats, bins], axis=1), lambda both: bias(both[:, 0], both[:, 1]))
         shift = with_error(bins, to_target)
-        errors = {"splat_nmse": splat_error, "nmse_shift": Estimate(shift.value - truth, shift.standard_error)}
-        if pixels == finest:
-            errors["nmse_shift"] = Estimate(0.0)
+        shifted = Metric(value=shift.value - truth, standard_error=shift.standard_error)
+        errors = {"splat_nmse": splat_error, "nmse_shift": Metric(value=0.0) if pixels == finest else shifted}
         rungs.append(_rung(pixels, meter, len(runs), errors, {"nmse": shift.value}, spec))
     orders = {"hard bins": orders_of(rungs, ("splat_nmse",))}
     return Ladder(
-        "pixels",
-        "Pixels and the splat",
-        "--pixels, optimise.pixels",
-        f"hard bins; for the NMSE those of {finest} pixels",
-        {"splat_nmse": "", "nmse_shift": ""},
-        ("splat_nmse",),
-        "setting",
-        tuple(rungs),
-        orders,
+        name="pixels",
+        title="Pixels and the splat",
+        knob="--pixels, optimise.pixels",
+        reference=f"hard bins; for the NMSE those of {finest} pixels",
+        plotted=("splat_nmse",),
+        against="setting",
+        rows=tuple(rungs),
+        order=orders,
     )
 
 
-def _rung(
-    pixels: int, meter: Meter, runs: int, errors: dict[str, Estimate], other: dict[str, float], spec: Spec
-) -> Rung:
+def _rung(pixels: int, meter: Meter, runs: int, errors: Errors, other: dict[str, Setting], spec: Spec) -> Rung:
     users = [
         name
         for name, used in (("the design", spec.optimise.pixels), ("the evaluation", spec.evaluate.pixels))
         if used == pixels
     ]
-    return Rung(pixels, "hard bins", meter.seconds / runs, meter.peak_mb, errors, tuple(users), other)
+    return Rung(
+        setting=pixels,
+        series="hard bins",
+        seconds=meter.seconds / runs,
+        peak_mb=meter.peak_mb,
+        errors=errors,
+        presets=tuple(users),
+        other=other,
+    )
 
 
 def filter_ladder(runs: Sequence[Run], spec: Spec, variances: Sequence[float] = VARIANCES) -> Ladder:
     """What the 3 x 3 Gaussian takes away: blur (``irradiance_nmse``, without noise), and gives: less noise."""
     runs = in_parts(runs)
-    receiver = Receiver(spec.target.receiver_mm, spec.evaluate.pixels)
-    bins = np.stack([bin_flux(run.hits, run.flux, receiver) for run in runs])
+    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
+    bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
     rungs = []
     for variance in sorted({*variances, spec.evaluate.filter_variance}):
         with Meter() as meter:
             smooth = np.stack([gaussian3(image, variance) for image in bins])
         blur = with_error(np.stack([smooth, bins], axis=1), lambda both: bias(both[:, 0], both[:, 1]))
-        errors = {"irradiance_nmse": Estimate(0.0) if variance == 0.0 else blur}
+        errors = {"irradiance_nmse": Metric(value=0.0) if variance == 0.0 else blur}
         errors["noise_nmse"] = with_error(smooth, lambda images: _noise(images) / float(np.sum(images.mean(0) ** 2)))
         users = ("the evaluation",) if variance == spec.evaluate.filter_variance else ()
         seconds = meter.seconds / len(runs)
-        rungs.append(Rung(variance, "3 x 3 Gaussian", seconds, meter.peak_mb, errors, users, reference=variance == 0.0))
+        rungs.append(
+            Rung(
+                setting=variance,
+                series="3 x 3 Gaussian",
+                seconds=seconds,
+                peak_mb=meter.peak_mb,
+                errors=errors,
+                presets=users,
+                reference=variance == 0.0,
+            )
+        )
     return Ladder(
-        "filter",
-        "Filter of the evaluation",
-        "evaluate.filter_variance",
-        f"no filter; the noise is that of one run of {len(runs[0])} rays",
-        {"irradiance_nmse": "", "noise_nmse": ""},
-        ("irradiance_nmse", "noise_nmse"),
-        "setting",
-        tuple(rungs),
+        name="filter",
+        title="Filter of the evaluation",
+        knob="evaluate.filter_variance",
+        reference=f"no filter; the noise is that of one run of {len(runs[0])} rays",
+        plotted=("irradiance_nmse", "noise_nmse"),
+        against="setting",
+        rows=tuple(rungs),
     )
 
 
@@ -125,13 +139,12 @@ def bias(images: Images, others: Images) -> float:
     return squared / float(np.sum(others.mean(axis=0) ** 2))
 
 
-def with_error(runs: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]) -> Estimate:
+def with_error(runs: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]) -> Metric:
     """``statistic`` of all runs, and its standard error by the jackknife over them."""
     count = len(runs)
     left_out = np.array([statistic(np.delete(runs, k, axis=0)) for k in range(count)])
-    return Estimate(
-        float(statistic(runs)), float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
-    )
+    scatter = (count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)
+    return Metric(value=float(statistic(runs)), standard_error=float(np.sqrt(scatter)))
 
 
 def _noise(images: Images) -> float:
@@ -145,5 +158,5 @@ def _quiet_nmse(images: Images, target: Float[np.ndarray, "p p"]) -> float:
     return nmse(mean, target) - _noise(images) / len(images) / float(np.sum(wanted**2))
 
 
-def _splat(run: Run, receiver: Receiver) -> Float[np.ndarray, "p p"]:
-    return splat_flux(run.hits, run.flux, receiver)
+def _splat(run: Run, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
+    return splat_flux(run.hits, run.flux, grid)

@@ -11,13 +11,16 @@ import numpy as np
 import torch
 
 from lensforge.lens import Lens
+from lensforge.receivers.hits import Hits
+from lensforge.receivers.plane import PlaneReceiver
+from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle
+from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, exactly, orders_of
+from lensforge.studies.tradeoff.tables import through_tables
+from lensforge.studies.tradeoff.truth import LIGHT_UNITS, SURFACES, Tables, Truth
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfSurface
 from lensforge.tracing.reference import ExactSurface, Search, trace_exact
-from lensforge.studies.tradeoff.ladder import Estimate, Ladder, Meter, Rung, orders_of
-from lensforge.studies.tradeoff.tables import through_tables
-from lensforge.studies.tradeoff.truth import LIGHT_UNITS, SURFACES, Tables, Truth
 
 BISECTIONS = (0, 2, 4, 6, 8, 12, 16, 40)
 _RAYS = 2**6  # the readable tracer asks for every function at each of its many steps
@@ -26,7 +29,6 @@ _SCAN = 48
 
 def precision_ladder(truth: Truth, grid: TableGrid, tables: Tables) -> Ladder:
     """Tables in float32 and float64 by the fused tracer; the exact sum in both by the readable one."""
-    names = tuple(LIGHT_UNITS)
     rungs = []
     for bits, dtype in ((32, np.float32), (64, np.float64)):
         stored: Tables = {name: table.astype(dtype) for name, table in tables.items()}
@@ -35,24 +37,50 @@ def precision_ladder(truth: Truth, grid: TableGrid, tables: Tables) -> Ladder:
         megabytes = sum(table.nbytes for table in stored.values()) / 1e6
         users = ("all commands",) if bits == 64 else ()
         errors = truth.light_errors(light.hits, light.flux)
-        rungs.append(Rung(bits, "tables", meter.seconds, meter.peak_mb, errors, users, {"tables_mb": megabytes}))
+        rungs.append(
+            Rung(
+                setting=bits,
+                series="tables",
+                seconds=meter.seconds,
+                peak_mb=meter.peak_mb,
+                errors=errors,
+                presets=users,
+                other={"tables_mb": megabytes},
+            )
+        )
     if _is_a_sum(truth.lens):
         few = _few(truth)
         for bits, precision in ((32, torch.float32), (64, torch.float64)):
             with Meter() as meter:
                 hits, flux = _read(few.lens, few.rays, precision, Search(_SCAN))
-            rungs.append(Rung(bits, "exact sum", meter.seconds, meter.peak_mb, few.light_errors(hits, flux)))
-    nothing = truth.exactly(names)
-    rungs.append(Rung(64, "exact surfaces", truth.cost.seconds, truth.cost.peak_mb, nothing, reference=True))
+            rungs.append(
+                Rung(
+                    setting=bits,
+                    series="exact sum",
+                    seconds=meter.seconds,
+                    peak_mb=meter.peak_mb,
+                    errors=few.light_errors(hits, flux),
+                )
+            )
+    nothing = exactly(LIGHT_UNITS)
+    rungs.append(
+        Rung(
+            setting=64,
+            series="exact surfaces",
+            seconds=truth.cost.seconds,
+            peak_mb=truth.cost.peak_mb,
+            errors=nothing,
+            reference=True,
+        )
+    )
     return Ladder(
-        "precision",
-        "float32 and float64",
-        "bits; fixed at 64",
-        f"the exact surfaces in float64: {len(truth.rays)} rays, {_RAYS} for the exact sum",
-        LIGHT_UNITS,
-        (),
-        "setting",
-        tuple(rungs),
+        name="precision",
+        title="float32 and float64",
+        knob="bits; fixed at 64",
+        reference=f"the exact surfaces in float64: {len(truth.rays)} rays, {_RAYS} for the exact sum",
+        plotted=(),
+        against="setting",
+        rows=tuple(rungs),
     )
 
 
@@ -74,23 +102,32 @@ def search_ladder(truth: Truth, settings: Sequence[int] = BISECTIONS) -> Ladder 
         both = arrived & (carried > 0.0)
         away = np.linalg.norm(landed - hits, axis=1)[both]
         errors = {
-            "hit": Estimate(float(away.max(initial=0.0))),
-            "flux": Estimate(float(np.abs(carried - flux).sum() / flux.sum())),
+            "hit": Metric(value=float(away.max(initial=0.0)), unit="mm"),
+            "flux": Metric(value=float(np.abs(carried - flux).sum() / flux.sum()), unit="of the flux"),
         }
         tolerance = reach / _SCAN / 2.0**bisections
         last = bisections == max(settings)
         other = {"bisections": bisections}
-        rungs.append(Rung(tolerance, "readable tracer", cost.seconds, cost.peak_mb, errors, (), other, reference=last))
+        rungs.append(
+            Rung(
+                setting=tolerance,
+                series="readable tracer",
+                seconds=cost.seconds,
+                peak_mb=cost.peak_mb,
+                errors=errors,
+                other=other,
+                reference=last,
+            )
+        )
     return Ladder(
-        "search",
-        "Tolerance of the search",
-        "tracing.reference.Search (mm); the fused tracer's is fixed at 1e-13 of the radius",
-        f"{max(settings)} bisections: {len(few.rays)} rays through the exact sum",
-        {"hit": "mm", "flux": "of the flux"},
-        ("hit",),
-        "setting",
-        tuple(rungs),
-        {"readable tracer": orders_of(rungs, ("hit",))},
+        name="search",
+        title="Tolerance of the search",
+        knob="tracing.reference.Search (mm); the fused tracer's is fixed at 1e-13 of the radius",
+        reference=f"{max(settings)} bisections: {len(few.rays)} rays through the exact sum",
+        plotted=("hit",),
+        against="setting",
+        rows=tuple(rungs),
+        order={"readable tracer": orders_of(rungs, ("hit",))},
     )
 
 
@@ -113,5 +150,6 @@ def _read(lens: Lens, rays: RayBundle, dtype: torch.dtype, search: Search) -> tu
         for s in (getattr(lens, name) for name in SURFACES)
     ]
     with torch.no_grad():
-        arrivals = trace_exact(inner, outer, lens.refractive_index, lens.spec.target.distance_mm, rays)
-    return arrivals.hits.double().numpy(), arrivals.flux.double().numpy()
+        exit_rays = trace_exact(inner, outer, lens.refractive_index, rays)
+    landed = Hits.of(PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels).land_in_torch(exit_rays))
+    return landed.hits, landed.flux

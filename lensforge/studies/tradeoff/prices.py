@@ -1,22 +1,22 @@
 """What each accuracy preset costs and leaves on this scene, read off the ladders."""
 
-from typing import Any
-
 import numpy as np
 
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.simulate import REPLICATES
+from lensforge.spec import Accuracy
 from lensforge.studies.tradeoff.ladder import Ladder, Rung
 from lensforge.studies.tradeoff.rays import PLAIN, QMC
+from lensforge.studies.tradeoff.record import PresetPrice, PresetStage
 
 
-def preset_prices(rays: Ladder, tables: Ladder, population: int | None) -> dict[str, Any]:
+def preset_prices(rays: Ladder, tables: Ladder, population: int | None) -> dict[Accuracy, PresetPrice]:
     """By preset: the tables' errors in design and evaluation, and the ray noise of a gradient step and of the verdict.
 
     ``noise_nmse``: of the filtered irradiance; between and beyond the rungs by the power law through the nearest two.
     ``table_share``: the table's irradiance NMSE over that noise. The rule of the presets is that it stays below 0.01.
     """
-    prices: dict[str, Any] = {}
+    prices: dict[Accuracy, PresetPrice] = {}
     for name, preset in PRESETS.items():
         if population is None:
             judged, shared = preset.evaluate_rays // REPLICATES, REPLICATES
@@ -26,32 +26,37 @@ def preset_prices(rays: Ladder, tables: Ladder, population: int | None) -> dict[
         evaluation = _table(tables, preset.judge_nodes_per_sigma)
         step = _noise(rays, "irradiance_nmse", min(preset.design_rays, population or preset.design_rays))
         verdict = _noise(rays, "irradiance_nmse", judged) / shared
-        prices[name] = {
-            "design": _priced(design, step) | {"rays": preset.design_rays},
-            "evaluation": _priced(evaluation, verdict)
-            | {
-                "rays": preset.evaluate_rays if population is None else judged,
-                "efficiency_standard_error": _noise(rays, "efficiency", judged) / float(np.sqrt(shared)),
-            },
-        }
+        error = _noise(rays, "efficiency", judged) / float(np.sqrt(shared))
+        traced = preset.evaluate_rays if population is None else judged
+        prices[name] = PresetPrice(
+            design=_priced(design, step, preset.design_rays), evaluation=_priced(evaluation, verdict, traced, error)
+        )
     return prices
 
 
-def _priced(table: Rung | None, noise: float) -> dict[str, float]:
-    if table is None:
-        return {"noise_nmse": noise}
-    errors = {f"table_{name}": estimate.value for name, estimate in table.errors.items()}
-    share = {"table_share": errors["table_irradiance_nmse"] / noise} if noise > 0.0 else {}
-    return {**errors, "noise_nmse": noise, **share}
+def _priced(table: Rung | None, noise: float, rays: int, efficiency_error: float | None = None) -> PresetStage:
+    errors = {} if table is None else table.errors
+    added = errors.get("irradiance_nmse")
+    return PresetStage(
+        rays=rays,
+        noise_nmse=noise,
+        table_rho=errors.get("rho"),
+        table_normal=errors.get("normal"),
+        table_hit=errors.get("hit"),
+        table_hit_99_percent=errors.get("hit_99_percent"),
+        table_irradiance_nmse=added,
+        table_share=added.value / noise if added and noise > 0.0 else None,
+        efficiency_standard_error=efficiency_error,
+    )
 
 
 def _table(tables: Ladder, nodes_per_sigma: float) -> Rung | None:
-    return next((rung for rung in tables.rungs if rung.setting == nodes_per_sigma), None)
+    return next((rung for rung in tables.rows if rung.setting == nodes_per_sigma), None)
 
 
 def _noise(rays: Ladder, error: str, count: int) -> float:
     """The error of a run of ``count`` rays, by the best sampling there is."""
-    by_series = {series: [rung for rung in rays.rungs if rung.series == series] for series in (QMC, PLAIN)}
+    by_series = {series: [rung for rung in rays.rows if rung.series == series] for series in (QMC, PLAIN)}
     rungs = by_series[QMC] or by_series[PLAIN]
     x = np.log([rung.setting for rung in rungs])
     values = np.array([rung.errors[error].value for rung in rungs])

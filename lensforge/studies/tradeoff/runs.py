@@ -6,7 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.receivers.hits import Hits
+from lensforge.receivers.receiver import Receiver
+from lensforge.sources.bundle import Source
 from lensforge.studies.tradeoff.ladder import Meter
 
 _SEED_BASE = 2**43  # apart from the seeds of the design, of its evaluation and of its verification
@@ -14,7 +16,7 @@ _SEED_BASE = 2**43  # apart from the seeds of the design, of its evaluation and 
 
 @dataclass(frozen=True)
 class Run:
-    """Hits (mm) and flux (W) at the receiver's plane of one run; ``sampling_s``: the part spent on drawing the rays."""
+    """Hits (mm) and flux (W) on the receiver of one run; ``sampling_s``: the part spent on drawing the rays."""
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
@@ -26,18 +28,13 @@ class Run:
         return len(self.flux)
 
 
-def trace_run(traced: TracedLens, source: Source, rays: int, number: int) -> Run:
+def trace_run(traced: TracedLens, receiver: Receiver, source: Source, rays: int, number: int) -> Run:
     """Run ``number`` of ``rays`` rays; other numbers are independent scrambles of the same sequence."""
     with Meter() as all_of_it:
         with Meter() as sampling:
             bundle = source.sample(rays, _SEED_BASE + number)
-        run = _trace(traced, bundle)
-    return Run(*run, all_of_it.seconds, sampling.seconds, all_of_it.peak_mb)
-
-
-def _trace(traced: TracedLens, bundle: RayBundle) -> tuple[np.ndarray, np.ndarray]:
-    arrivals = traced.trace(bundle)
-    return arrivals.hits.numpy(), arrivals.flux.numpy()
+        landed = Hits.of(receiver.land(traced.trace(bundle)))
+    return Run(landed.hits, landed.flux, all_of_it.seconds, sampling.seconds, all_of_it.peak_mb)
 
 
 def resample(run: Run, rays: int, generator: np.random.Generator) -> Run:

@@ -1,8 +1,6 @@
 """Shape: nodes of the exported NURBS faces against the exact sum, and rings of the mesh against the faces."""
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 from lensforge.geometry.form import chart_samples, fit_to_form, form_error, worst
 from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
@@ -10,9 +8,10 @@ from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.rings import dome_mesh
 from lensforge.geometry.solid import build_solid
-from lensforge.geometry.step import write_step
+from lensforge.geometry.step import step_bytes
 from lensforge.lens import Lens
-from lensforge.studies.tradeoff.ladder import Estimate, Ladder, Meter, Rung, orders_of
+from lensforge.records import Metric
+from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, exactly, orders_of
 
 NODES = (36, 48, 72, 96, 128)
 RINGS = (24, 48, 96, 128)
@@ -36,33 +35,43 @@ def nurbs_ladder(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = Tru
         error = worst(
             [form_error(getattr(lens, name), p.points(chart), p.normals(chart)) for name, p in patches.items()]
         )
-        errors = {"form": Estimate(error.form_max_nm), "normal": Estimate(error.normal_max_mrad)}
+        errors = {
+            "form": Metric(value=error.form_max_nm, unit="nm"),
+            "normal": Metric(value=error.normal_max_mrad, unit="mrad"),
+        }
         users = tuple(f"the export, {name}" for name, patch in chosen.items() if patch.nodes == nodes)
         other = {"step_kb": _step_kb(patches, lens)} if cad else {}
-        rungs.append(Rung(nodes, "quintic spline", meter.seconds, meter.peak_mb, errors, users, other))
+        rungs.append(
+            Rung(
+                setting=nodes,
+                series="quintic spline",
+                seconds=meter.seconds,
+                peak_mb=meter.peak_mb,
+                errors=errors,
+                presets=users,
+                other=other,
+            )
+        )
     orders = {"quintic spline": orders_of(rungs, ("form", "normal"))}
-    nothing = {"form": Estimate(0.0), "normal": Estimate(0.0)}
-    rungs.append(Rung(0, "exact sum", None, None, nothing, reference=True))
+    nothing = exactly({"form": "nm", "normal": "mrad"})
+    rungs.append(Rung(setting=0, series="exact sum", seconds=None, peak_mb=None, errors=nothing, reference=True))
     ladder = Ladder(
-        "nurbs",
-        "Nodes of the exported faces",
-        "export --nodes",
-        f"the exact sum: {len(chart)} points of each surface, a fifth of them on the rim",
-        {"form": "nm", "normal": "mrad"},
-        ("form", "normal"),
-        "setting",
-        tuple(rungs),
-        orders,
+        name="nurbs",
+        title="Nodes of the exported faces",
+        knob="export --nodes",
+        reference=f"the exact sum: {len(chart)} points of each surface, a fifth of them on the rim",
+        plotted=("form", "normal"),
+        against="setting",
+        rows=tuple(rungs),
+        order=orders,
     )
     return ladder, make_plan(chosen["inner"], chosen["outer"], lens.spec.base)
 
 
 def _step_kb(patches: Patches, lens: Lens) -> float:
     """Size of the whole part's STEP file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "lens.step"
-        write_step(build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base)), path, lens.spec.name)
-        return path.stat().st_size / 1e3
+    solid = build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base))
+    return len(step_bytes(solid, lens.spec.name)) / 1e3
 
 
 def mesh_ladder(plan: Plan, settings: Sequence[int] = RINGS) -> Ladder:
@@ -73,20 +82,32 @@ def mesh_ladder(plan: Plan, settings: Sequence[int] = RINGS) -> Ladder:
         with Meter() as meter:
             triangles = sum(len(dome_mesh(patch, rings)[1]) for patch in (plan.inner, plan.outer))
         reached = mesh_error(plan, rings)
-        errors = {"chord": Estimate(1e3 * reached.chord_mm), "normal": Estimate(1e3 * reached.normal_rad)}
+        errors = {
+            "chord": Metric(value=1e3 * reached.chord_mm, unit="um"),
+            "normal": Metric(value=1e3 * reached.normal_rad, unit="mrad"),
+        }
         users = ("the export",) if rings == used else ()
-        rungs.append(Rung(rings, "mesh", meter.seconds, meter.peak_mb, errors, users, {"triangles": triangles}))
+        rungs.append(
+            Rung(
+                setting=rings,
+                series="mesh",
+                seconds=meter.seconds,
+                peak_mb=meter.peak_mb,
+                errors=errors,
+                presets=users,
+                other={"triangles": triangles},
+            )
+        )
     orders = {"mesh": orders_of(rungs, ("chord", "normal"))}
-    nothing = {"chord": Estimate(0.0), "normal": Estimate(0.0)}
-    rungs.append(Rung(0, "spline faces", None, None, nothing, reference=True))
+    nothing = exactly({"chord": "um", "normal": "mrad"})
+    rungs.append(Rung(setting=0, series="spline faces", seconds=None, peak_mb=None, errors=nothing, reference=True))
     return Ladder(
-        "mesh",
-        "Rings of the mesh",
-        "export --rings",
-        "the spline faces",
-        {"chord": "um", "normal": "mrad"},
-        ("chord", "normal"),
-        "setting",
-        tuple(rungs),
-        orders,
+        name="mesh",
+        title="Rings of the mesh",
+        knob="export --rings",
+        reference="the spline faces",
+        plotted=("chord", "normal"),
+        against="setting",
+        rows=tuple(rungs),
+        order=orders,
     )

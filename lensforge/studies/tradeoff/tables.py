@@ -8,13 +8,14 @@ import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.exact import ExactHits
 from lensforge.lens import Lens
+from lensforge.receivers.hits import Hits
+from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
-from lensforge.tracing.fused import Scene, trace_tables
 from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, orders_of
 from lensforge.studies.tradeoff.truth import DIRECTIONS, LIGHT_UNITS, SHAPE_UNITS, SURFACES, Tables, Truth, directions
+from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
+from lensforge.tracing.fused import Scene, trace_tables
 
 SETTINGS = tuple(
     sorted({value for p in PRESETS.values() for value in (p.nodes_per_sigma, p.judge_nodes_per_sigma)} | {1.7})
@@ -48,31 +49,38 @@ def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTING
         errors = truth.shape_errors({name: table_normals(grid, table, directions()) for name, table in made.items()})
         errors |= truth.light_errors(light.hits, light.flux)
         nodes = {"nodes": grid.nodes}
-        rungs.append(Rung(setting, "table", meter.seconds, meter.peak_mb, errors, _users(setting), nodes))
+        rungs.append(
+            Rung(
+                setting=setting,
+                series="table",
+                seconds=meter.seconds,
+                peak_mb=meter.peak_mb,
+                errors=errors,
+                presets=_users(setting),
+                other=nodes,
+            )
+        )
     names = tuple(rungs[0].errors)
     orders = {"table": orders_of(rungs, names)}
-    cost = truth.cost.seconds, truth.cost.peak_mb
-    rungs.append(Rung(0.0, "exact sum", *cost, truth.exactly(names), reference=True))
+    rungs.append(truth.reference_rung("exact sum", SHAPE_UNITS | LIGHT_UNITS))
     ladder = Ladder(
-        "tables",
-        "Tables",
-        "nodes per sigma",
-        f"the exact sum: {DIRECTIONS} directions, {len(truth.rays)} rays",
-        SHAPE_UNITS | LIGHT_UNITS,
-        ("rho", "irradiance_nmse"),
-        "seconds",
-        tuple(rungs),
-        orders,
+        name="tables",
+        title="Tables",
+        knob="nodes per sigma",
+        reference=f"the exact sum: {DIRECTIONS} directions, {len(truth.rays)} rays",
+        plotted=("rho", "irradiance_nmse"),
+        against="seconds",
+        rows=tuple(rungs),
+        order=orders,
     )
     return TableMeasurement(ladder, finest, tables, truth)
 
 
-def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> ExactHits:
+def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Hits:
     """Hits and flux of ``rays`` by the fused tracer."""
-    scene = Scene(lens.refractive_index, lens.spec.target.distance_mm, grid)
     inner, outer = (torch.from_numpy(tables[name]) for name in SURFACES)
-    arrivals = trace_tables(inner, outer, scene, rays)
-    return ExactHits(arrivals.hits.numpy(), arrivals.flux.numpy())
+    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
+    return Hits.of(receiver.land(trace_tables(inner, outer, Scene(lens.refractive_index, grid), rays)))
 
 
 def table_normals(

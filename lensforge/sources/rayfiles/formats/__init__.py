@@ -1,18 +1,25 @@
-"""One module for each ray-file format; being in this folder is all it takes to be known.
+"""One module for each ray-file format, and the table of all: a new format is one file and one line here.
 
-A module ends with ``FORMAT``, a :class:`Format`.
+A module ends with ``FORMAT``, a :class:`Format`. Files are offered to the formats in this order.
 """
 
 from collections.abc import Mapping
-from importlib import import_module
-from pkgutil import iter_modules
 
 from lensforge.sources.rayfiles.format import Format
+from lensforge.sources.rayfiles.formats import (
+    asap,
+    csv_table,
+    lighttools_binary,
+    lighttools_text,
+    speos,
+    speos_text,
+    tm25,
+    zemax_binary,
+    zemax_text,
+)
 
+_MODULES = (
+    asap, csv_table, lighttools_binary, lighttools_text, speos, speos_text, tm25, zemax_binary, zemax_text,
+)  # fmt: skip
 
-def _discover() -> dict[str, Format]:
-    found = (import_module(f"{__name__}.{module.name}").FORMAT for module in iter_modules(__path__))
-    return {entry.name: entry for entry in found}
-
-
-FORMATS: Mapping[str, Format] = _discover()
+FORMATS: Mapping[str, Format] = {module.FORMAT.name: module.FORMAT for module in _MODULES}

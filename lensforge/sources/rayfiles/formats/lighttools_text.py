@@ -1,13 +1,13 @@
 """LightTools text ray files: `key: value` lines, `lt_startofdata`, rows of numbers, `lt_endofdata`."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
 
 import numpy as np
 
 from lensforge.sources.rayfiles.binary import FileImage, known, plain_text, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.record import RayFile, Unit
 from lensforge.sources.rayfiles.text import numbers, parse_rows, print_rows
 
 _START, _END = b"lt_startofdata", b"lt_endofdata"
@@ -15,12 +15,10 @@ _MM_PER_UNIT = {
     "system": 1.0, "millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0,
     "inches": 25.4, "feet": 304.8, "microns": 1e-3, "micrometers": 1e-3, "nanometers": 1e-6,
 }  # fmt: skip
-_CHOICES: dict[str, dict[str, Any]] = {
-    "lt_datatype": {"luminous_flux": "lm", "radiant_power": "W"},
-    "lt_far_field_data": {"no": False, "yes": True},
-    "lt_color_info": {"none": False, "wavelength": True},
-    "lt_length_units": _MM_PER_UNIT,
-}
+_UNITS: dict[str, Unit] = {"luminous_flux": "lm", "radiant_power": "W"}
+_FAR_FIELD = {"no": False, "yes": True}
+_COLOUR = {"none": False, "wavelength": True}
+_Choice = TypeVar("_Choice")
 _DEFAULTS = {"lt_far_field_data": "no", "lt_color_info": "none", "lt_length_units": "millimeters"}
 
 
@@ -34,7 +32,10 @@ def _decode(image: FileImage) -> RayFile:
     if not marker or not ending[1]:
         raise image.refuse("truncated: lt_startofdata or lt_endofdata is missing; fetch or export it again")
     header = _header(head)
-    unit, far_field, coloured, mm_per_unit = (_choice(image, header, key) for key in _CHOICES)
+    unit = _choice(image, header, "lt_datatype", _UNITS)
+    far_field = _choice(image, header, "lt_far_field_data", _FAR_FIELD)
+    coloured = _choice(image, header, "lt_color_info", _COLOUR)
+    mm_per_unit = _choice(image, header, "lt_length_units", _MM_PER_UNIT)
     begin = len(head) + len(_START)
     end = image.size - len(ending[2]) - len(_END)
     rows = parse_rows(image, begin, end, first_line=head.count(b"\n") + 2)
@@ -64,11 +65,11 @@ def _header(head: bytes) -> dict[str, str]:
     return {key.strip(): value.strip() for key, _, value in pairs}
 
 
-def _choice(image: FileImage, header: dict[str, str], key: str) -> Any:
+def _choice(image: FileImage, header: dict[str, str], key: str, choices: Mapping[str, _Choice]) -> _Choice:
     value = header.get(key, _DEFAULTS.get(key, "")).lower()
-    if value not in _CHOICES[key]:
-        raise image.refuse(f"{key}: {value[:40] or 'missing'}; one of {', '.join(_CHOICES[key])} can be read")
-    return _CHOICES[key][value]
+    if value not in choices:
+        raise image.refuse(f"{key}: {value[:40] or 'missing'}; one of {', '.join(choices)} can be read")
+    return choices[value]
 
 
 def _origin(image: FileImage, header: dict[str, str], count: int) -> np.ndarray:

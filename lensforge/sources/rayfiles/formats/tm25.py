@@ -7,14 +7,14 @@ spectral tables (each an i32 count and that many wavelength-weight pairs; the bl
 
 import struct
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, plain_text
 from lensforge.sources.rayfiles.format import Format, require_watts_with_wavelengths
-from lensforge.sources.rayfiles.record import RayFile, as_float64, shared_wavelength
+from lensforge.sources.rayfiles.record import HeaderValue, RayFile, SpectralTable, as_float64, shared_wavelength
 
 _FIXED = struct.Struct("<4s2i2fQ28s2i3f3i168x8i")
 _COUNT = struct.Struct("<i")
@@ -160,10 +160,10 @@ def _warnings(fields: _Fields) -> Iterator[str]:
 
 def _describe(
     image: FileImage, fields: _Fields, tables: list[dict[str, list[float]]], labels: list[str], extra_text: str
-) -> dict[str, Any]:
+) -> dict[str, HeaderValue]:
     """The header as JSON can hold it; ``_encode`` finds its texts and tables here again."""
     spectral = fields.spectral_id
-    content: dict[str, Any] = {
+    content: dict[str, HeaderValue] = {
         "version": fields.version,
         "creation_method": {0: "simulated", 1: "measured"}.get(fields.creation_method, "unknown"),
         "date": plain_text(fields.date, "ascii"),
@@ -181,7 +181,7 @@ def _describe(
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(_without_shared_wavelength(rayfile), FORMAT.title)
     header = rayfile.header
-    tables = header.get("spectral_tables", [])
+    tables = rayfile.spectral_tables
     per_ray = rayfile.wavelengths is not None and rayfile.single_wavelength is None
     total = rayfile.total_flux()
     yield _fixed_bytes(rayfile, total, len(tables), per_ray)
@@ -207,7 +207,7 @@ def _fixed_bytes(rayfile: RayFile, total: float, tables: int, per_ray: bool) -> 
     flags = (1, 1, watts, per_ray, not watts, 0, 0, 0)
     nan = float("nan")
     return _FIXED.pack(
-        b"TM25", _VERSION, {"simulated": 0, "measured": 1}.get(header.get("creation_method", ""), -1),
+        b"TM25", _VERSION, {"simulated": 0, "measured": 1}.get(str(header.get("creation_method")), -1),
         (rayfile.header_flux_lm or nan) if watts else total,
         total if watts else (rayfile.header_flux_w or nan),
         len(rayfile), str(header.get("date", "")).encode("ascii", "replace"), header.get("start_position", 0),
@@ -223,8 +223,8 @@ def _padded_text(text: str) -> bytes:
     return raw.ljust(_TEXT_BYTES, b"\0")
 
 
-def _table_bytes(table: dict[str, list[float]]) -> bytes:
-    pairs = np.stack([table["wavelength_nm"], table["weight"]], axis=1).astype("<f4")
+def _table_bytes(table: SpectralTable) -> bytes:
+    pairs = np.stack([table.wavelength_nm, table.weight], axis=1).astype("<f4")
     return _COUNT.pack(len(pairs)) + pairs.tobytes()
 
 

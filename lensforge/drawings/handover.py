@@ -1,0 +1,50 @@
+"""The files that go to the shop with the STEP, as a record."""
+
+from base64 import b64encode
+from html import escape
+from pathlib import Path
+
+from pydantic import field_serializer
+
+from lensforge.files import replacing
+from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.records import Count, Record, Sha256, Text
+
+HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
+
+
+class Handover(Record):
+    """Drawing and verdicts as page and PDF, tables of points and of sag, each as the bytes of its file.
+
+    ``points``: lines of the table of points. ``sha256``: of the files that go to the shop, by their names, less page
+    and PDF, which state them. ``refused``: what the shop cannot do.
+    """
+
+    name: Text
+    html: bytes
+    pdf: bytes
+    points_csv: bytes
+    sag_csv: bytes
+    points: Count
+    sha256: dict[Text, Sha256]
+    refused: tuple[ShopVerdict, ...]
+
+    @field_serializer("html", "pdf", "points_csv", "sag_csv", when_used="json")
+    def _as_text(self, content: bytes) -> str:
+        return b64encode(content).decode("ascii")
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The four files by name."""
+        return {HTML_FILE: self.html, PDF_FILE: self.pdf, POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+
+    def save(self, folder: Path | str) -> None:
+        """Write the four files into ``folder``. Raises :class:`InputError` where they cannot be written."""
+        for name, content in self.files.items():
+            with replacing(Path(folder) / name) as temporary:
+                temporary.write_bytes(content)
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the page in a frame."""
+        page = escape(self.html.decode("utf-8"))
+        return f'<iframe title="{escape(self.name)}" style="width:100%;height:40em" srcdoc="{page}"></iframe>'

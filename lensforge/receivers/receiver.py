@@ -1,0 +1,52 @@
+"""The protocol of every receiver: it knows where exit rays land, and no lens."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.tracing.exit_rays import ExitRays, Sensitivities
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Exit rays on a receiver, in their order.
+
+    ``hits``: position on the pixel grid (mm), also beside it; ``flux``: W; both 0 where a ray did not land. ``landed``:
+    rays that reach the surface in which the receiver lies. ``averted``: rays that left the lens and never reach it.
+    """
+
+    hits: Float[Tensor, "n 2"]
+    flux: Float[Tensor, " n"]
+    landed: Bool[Tensor, " n"]
+    averted: Bool[Tensor, " n"]
+
+
+@runtime_checkable
+class Receiver(Protocol):
+    """A pixel grid on some surface. ``pixel_measure``: the flux of a pixel over it is what the receiver shows."""
+
+    @property
+    def grid(self) -> PixelGrid:
+        """The pixels; positions of landings refer to them."""
+        ...
+
+    @property
+    def pixel_measure(self) -> float:
+        """Measure of a pixel, such as its area in m^2."""
+        ...
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
+        ...
+
+    def sensitivities(self, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """Sensitivities to exit rays from those to their hits, which are 0 for rays that did not land."""
+        ...
+
+    def land_in_torch(self, rays: ExitRays) -> Landings:
+        """The twin of ``land`` in plain torch, on any device and in any precision; differentiable."""
+        ...

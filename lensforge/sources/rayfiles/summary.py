@@ -1,0 +1,125 @@
+"""What is known of a ray file: its header alone, a summary of its rays, and what came of a conversion."""
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import PrivateAttr
+
+from lensforge.errors import InputError
+from lensforge.records import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
+from lensforge.sources.rayfiles.picture import Histograms, Panel, draw_panel
+from lensforge.sources.rayfiles.record import HeaderValue, RayFile, Unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class FileUnits(Record):
+    """Units of all that is told of a file; ``length_in_file_mm``: how many mm the file's own unit of length is."""
+
+    length: Literal["mm"] = "mm"
+    length_in_file_mm: Number
+    flux: Unit
+
+
+class HeaderFlux(Record):
+    """The totals that a header states; ``unit`` is that of the rays."""
+
+    unit: Unit
+    header_w: Number | None
+    header_lm: Number | None
+
+
+class FileFlux(HeaderFlux):
+    """The flux of the source, by header and by rays, in ``unit``; ``total_from``: which of the two ``total`` is."""
+
+    total: Number
+    total_from: Literal["header", "rays"]
+    ray_sum: Number
+    ray_sum_over_header: Number | None
+    backward_share: Share
+
+
+class WavelengthRange(Record):
+    """Wavelengths (nm); ``mean``: by flux, None where several spectral tables say nothing of their shares."""
+
+    min: Number
+    max: Number
+    mean: Number | None = None
+
+
+class Box(Record):
+    """Two corners of a box (mm)."""
+
+    min: Point
+    max: Point
+
+
+class RayFileHeader(Record):
+    """What a header says, without a look at the rays. ``header``: its fields by the names of its format."""
+
+    format: Text
+    title: Text | None
+    rays: Count
+    units: FileUnits
+    flux: HeaderFlux
+    wavelengths_nm: WavelengthRange | None
+    header: dict[Text, HeaderValue]
+    warnings: tuple[Text, ...]
+
+
+class RayFileSummary(StageResult):
+    """What is in a ray file: header, counts, and statistics of the usable rays; lengths in mm, wavelengths in nm.
+
+    ``effective_rays``: as many rays of equal weight would have the same noise.
+    """
+
+    stage: ClassVar[str] = "rays"
+
+    format: Text
+    title: Text | None
+    rays: Count
+    units: FileUnits
+    rays_used: Count
+    rays_dropped: dict[Text, Count]
+    effective_rays: NotNegative
+    flux: FileFlux
+    bounding_box_mm: Box
+    virtual_focus_mm: Point | None
+    mean_direction: Point
+    wavelengths_nm: WavelengthRange | None
+    header: dict[Text, HeaderValue]
+    warnings: tuple[Text, ...]
+    _rayfile: RayFile | None = PrivateAttr(None)
+
+    def holding(self, rayfile: RayFile) -> "RayFileSummary":
+        """This summary, with its rays at hand for :meth:`plot`; they are no part of what is compared or saved."""
+        self._rayfile = rayfile
+        return self
+
+    def plot(self, which: Panel = "front", axes: "Axes | None" = None) -> "Axes":
+        """Where rays start, seen from the front (x, y) or the side (x, z), their forward directions, or the intensity.
+
+        Raises :class:`InputError` for a summary that was read from a file: it has no rays.
+        """
+        from lensforge.figures.plots import new_axes
+
+        if self._rayfile is None:
+            raise InputError("this summary was read back and holds no rays; read the ray file itself again")
+        axes = new_axes(axes)
+        draw_panel(axes, Histograms.of(self._rayfile), which, self.units.flux)
+        return axes
+
+    def _repr_html_(self) -> str:
+        """For a notebook: where the rays start, and the row as a table."""
+        return Record._repr_html_(self) if self._rayfile is None else super()._repr_html_()
+
+
+class Conversion(Record):
+    """From which format to which a file was written, its size, and what the new format could not hold."""
+
+    from_format: Text
+    to_format: Text
+    rays: Count
+    bytes: Count
+    lost: tuple[Text, ...]
+    warnings: tuple[Text, ...]

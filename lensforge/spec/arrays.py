@@ -1,0 +1,60 @@
+"""Arrays in a spec: given as arrays or nested lists, written as text that keeps every bit."""
+
+import base64
+import binascii
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+_MOST_NUMBERS = 2**31
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Marks a field that is a float64 array of ``ndim`` axes, the last of size ``last`` if that is given.
+
+    In TOML and JSON it is a table ``{shape = [...], float64 = "..."}``, the bytes of the numbers (little-endian, row by
+    row) in base64; nested lists are read as well.
+    """
+
+    ndim: int
+    last: int | None = None
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Validate by :meth:`checked`, write by :func:`packed`."""
+        text = core_schema.plain_serializer_function_ser_schema(packed)
+        return core_schema.no_info_plain_validator_function(self.checked, serialization=text)
+
+    def checked(self, value: Any) -> np.ndarray:
+        """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
+        try:
+            array = _unpacked(value) if isinstance(value, Mapping) else np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError, binascii.Error) as error:
+            raise ValueError(f"no array of numbers ({error})") from None
+        if array.ndim != self.ndim or array.size == 0 or (self.last is not None and array.shape[-1] != self.last):
+            wanted = ", ".join([*("n" * (self.ndim - 1)), str(self.last or "n")])
+            raise ValueError(f"shape {array.shape}, must be ({wanted}), not empty")
+        if not np.isfinite(array).all():
+            raise ValueError("holds numbers that are not finite")
+        array.flags.writeable = False
+        return array
+
+
+def packed(array: np.ndarray) -> dict[str, Any]:
+    """The table that :class:`Numbers` reads."""
+    little = np.ascontiguousarray(array, dtype="<f8")
+    return {"shape": list(array.shape), "float64": base64.b64encode(little.tobytes()).decode("ascii")}
+
+
+def _unpacked(table: Mapping[str, Any]) -> np.ndarray:
+    if set(table) != {"shape", "float64"}:
+        raise ValueError("a table of shape and float64 is wanted")
+    shape = tuple(int(size) for size in table["shape"])
+    if any(size < 0 for size in shape) or np.prod(shape, dtype=float) > _MOST_NUMBERS:
+        raise ValueError(f"shape = {shape}")
+    numbers = np.frombuffer(base64.b64decode(table["float64"], validate=True), dtype="<f8")
+    return numbers.reshape(shape).astype(np.float64)

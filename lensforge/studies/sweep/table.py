@@ -1,0 +1,142 @@
+"""The result of a sweep: what came out of each design, and the field that was varied."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from lensforge.gates import Gate
+from lensforge.optimisation.design import Margins
+from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, StageResult, Text
+from lensforge.results import Results
+from lensforge.spec import Accuracy, Spec
+from lensforge.studies.sweep.vary import Variant, Variation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Judged = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
+
+
+class SweepRow(Record):
+    """One design: the value of the varied field, all fields that were ``changes``, its figures as in its own results.
+
+    ``folder``: the design's name, and that of its folder beside ``sweep.json``.
+    """
+
+    value: Number
+    folder: Text
+    changes: dict[Text, Number]
+    nmse: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    efficiency: Metric
+    share_in_target: Metric
+    max_radius_mm: Positive
+    height_mm: Positive
+    steps: Count
+    seconds: NotNegative
+    constraints: Margins
+    gates: tuple[Gate, ...]
+
+
+class Sweep(StageResult):
+    """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` kept their ratio to it.
+
+    ``spec``: the one that was varied. ``inputs``: the lenses, by folder.
+    """
+
+    stage: ClassVar[str] = "sweep"
+
+    spec: Spec
+    vary: Text
+    scale: tuple[Text, ...]
+    accuracy: Accuracy
+    seed: Count
+    designs: tuple[SweepRow, ...]
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Of the varied field, smallest first."""
+        return tuple(row.value for row in self.designs)
+
+    @property
+    def gates(self) -> tuple[Gate, ...]:
+        """The gates of all designs, each named by its design too."""
+        return tuple(
+            gate.model_copy(update={"name": f"{row.folder}: {gate.name}"}) for row in self.designs for gate in row.gates
+        )
+
+    def rows(self) -> list[dict[str, float | int | bool | str | None]]:
+        """One row for a table of each design."""
+        return [row.row() for row in self.designs]
+
+    def joined(self, other: "Sweep") -> "Sweep":
+        """This sweep and the designs of ``other``, which has the same head; where both have a value, those of this."""
+        rows = {row.value: row for row in (*other.designs, *self.designs)}
+        content = {name: getattr(self, name) for name in type(self).model_fields}
+        designs, lenses = tuple(rows[value] for value in sorted(rows)), other.inputs | self.inputs
+        content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
+        return type(self).model_validate(content)
+
+    def plot(self, metric: Judged = "nmse", axes: "Axes | None" = None) -> "Axes":
+        """``metric`` over the varied field, with its standard error."""
+        from lensforge.figures.plots import new_axes
+
+        axes, curve = new_axes(axes), Curve.of(self, metric)
+        axes.errorbar(curve.across, curve.up, curve.errors, marker="o")
+        axes.set(xlabel=self.vary, ylabel=metric)
+        return axes
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A metric of the designs that have it: values of the varied field, the metric's, and their standard errors."""
+
+    across: list[float]
+    up: list[float]
+    errors: list[float]
+
+    @staticmethod
+    def of(sweep: Sweep, metric: Judged) -> "Curve":
+        """Where no standard error is known it counts as 0."""
+        found = [(row.value, measured) for row in sweep.designs if (measured := getattr(row, metric)) is not None]
+        return Curve(
+            [value for value, _ in found],
+            [measured.value for _, measured in found],
+            [measured.standard_error or 0.0 for _, measured in found],
+        )
+
+
+def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
+    """The sweep of designs that are made: each variant of ``spec`` with its results, at least one of them."""
+    lens = found[0][1].lens
+    found = sorted(found, key=lambda pair: pair[0].value)
+    return Sweep(
+        inputs={variant.spec.name: results.lens.sha256 for variant, results in found},
+        spec=spec,
+        vary=variation.field,
+        scale=variation.scaled,
+        accuracy=lens.accuracy,
+        seed=lens.seed,
+        designs=tuple(_row(variant, results) for variant, results in found),
+    )
+
+
+def _row(variant: Variant, results: Results) -> SweepRow:
+    light, design = results.light, results.design
+    return SweepRow(
+        value=variant.value,
+        folder=variant.spec.name,
+        changes=variant.changes,
+        nmse=light.nmse,
+        uniformity=light.uniformity,
+        rsd=light.rsd,
+        efficiency=light.efficiency,
+        share_in_target=light.share_in_target,
+        max_radius_mm=design.max_radius_mm,
+        height_mm=design.height_mm,
+        steps=design.steps,
+        seconds=design.seconds,
+        constraints=design.constraints,
+        gates=tuple(gate for _, gate in results.gates()),
+    )

@@ -1,0 +1,45 @@
+"""The light behind the lens: every ray, in the order in which it left the source, with its fate."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int8
+from torch import Tensor
+
+from lensforge.tracing.fates import Fate
+
+
+@dataclass(frozen=True)
+class ExitRays:
+    """Rays as they leave the outer surface; what they do next is the business of a receiver.
+
+    ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
+    lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses. ``sin2_exit``: squared sine of
+    the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not reached. ``fates``:
+    values of :class:`~lensforge.tracing.fates.Fate`.
+    """
+
+    points: Float[Tensor, "n 3"]
+    directions: Float[Tensor, "n 3"]
+    flux: Float[Tensor, " n"]
+    sin2_exit: Float[Tensor, " n"]
+    fates: Int8[Tensor, " n"]
+
+    @property
+    def left_lens(self) -> Bool[Tensor, " n"]:
+        """The rays that left the lens, in any direction."""
+        return self.fates == Fate.LEFT_LENS
+
+
+class Sensitivities(NamedTuple):
+    """Derivatives of a number with respect to exit rays, which are lines in space: four for each.
+
+    ``by_crossings``: with respect to where (mm) a ray crosses the plane ``z = level_mm``, its direction kept; 0 for
+    rays that do not rise. ``by_directions``: with respect to its direction, that crossing kept; an empty array stands
+    for 0. A plane near the place where the light is caught keeps all digits.
+    """
+
+    level_mm: float
+    by_crossings: Float[np.ndarray, "n 2"]
+    by_directions: Float[np.ndarray, "k 3"]

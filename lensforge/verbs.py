@@ -1,0 +1,103 @@
+"""The verbs beyond the stages: what goes to the shop, studies of many designs, and what is in a ray file."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lensforge import stages
+from lensforge.errors import InputError
+from lensforge.lens import Lens
+from lensforge.optimisation.progress import Observer
+from lensforge.records import StageResult
+from lensforge.results import Results
+from lensforge.spec import Accuracy, Spec
+from lensforge.spec.design import require_spec
+
+if TYPE_CHECKING:
+    from lensforge.drawings.handover import Handover
+    from lensforge.sources.rayfiles.summary import RayFileSummary
+    from lensforge.studies.sweep.table import Sweep
+    from lensforge.studies.tradeoff.record import Tradeoff
+
+
+def handover(run: Results) -> "Handover":
+    """Make what goes to the shop with the STEP: drawing, verdicts, tables of points, hashes; ``save(folder)`` it."""
+    from lensforge.drawings.build import make_handover
+
+    if not isinstance(run, Results):
+        raise InputError(f"handover: {str(run)[:60]!r} is a {type(run).__name__}, must be a Run: run(...) or load(...)")
+    return make_handover(run)
+
+
+def sweep(
+    spec: Spec,
+    field: str,
+    values: Sequence[float],
+    *,
+    scale: Sequence[str] = (),
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Observer | None = None,
+) -> "Sweep":
+    """Go the whole way for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
+
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for what a spec cannot have.
+    """
+    from lensforge.studies.sweep.table import sweep_of
+    from lensforge.studies.sweep.vary import variation_of
+
+    require_spec(spec, "sweep")
+    variation = variation_of(field, values, tuple(scale))
+    found = [
+        (variant, whole_way(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress))
+        for variant in variation.variants(spec)
+    ]
+    return sweep_of(spec, variation, found)
+
+
+def whole_way(
+    spec: Spec,
+    *,
+    accuracy: Accuracy = "standard",
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Observer | None = None,
+) -> Results:
+    """Design, evaluate, build, check and verify, in memory: nothing is written."""
+    found = stages.design(spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
+    light, part = stages.evaluate(found.lens, threads=threads), stages.build(found.lens)
+    check, proof = stages.check(part), stages.verify(part, light, threads=threads)
+    results: tuple[StageResult, ...] = (found, light, part, check, proof)
+    return Results(found.lens, {result.stage: result for result in results})
+
+
+def tradeoff(
+    spec: Spec,
+    *,
+    lens: Lens | None = None,
+    most_rays: int = 2**20,
+    threads: int | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> "Tradeoff":
+    """Measure what accuracy costs in time for the scene of ``spec``, on ``lens`` or on a draft that is designed first.
+
+    ``most_rays``: the longest runs, 2^12 to 2^24. ``announce`` hears what is measured next.
+    """
+    from lensforge.studies.tradeoff.measure import Effort, measure
+
+    require_spec(spec, "tradeoff")
+    if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
+        raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
+    found = lens or stages.design(spec, accuracy="draft", threads=threads).lens
+    with stages.threads_of_torch(threads):
+        return measure(found, stages.source_of(found.spec), Effort.up_to(most_rays), announce or (lambda _: None))
+
+
+def rays(file: Path | str) -> "RayFileSummary":
+    """Say what is in a ray file: its header, and the statistics of its rays."""
+    from lensforge.sources.rayfiles import describe, read_rayfile
+
+    if not isinstance(file, Path | str):
+        raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")
+    return describe(read_rayfile(Path(file)))

@@ -1,0 +1,18 @@
+"""``lensforge photometry`` as a user meets it."""
+
+from click.testing import CliRunner
+from scenes import random_surface, small_spec
+
+from lensforge.cli import cli
+from lensforge.far_field.photometry import Photometry
+from lensforge.lens import Lens
+
+
+def test_the_command_writes_and_says_so(tmp_path):
+    lens = Lens(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
+    lens.save(tmp_path / "lens.json")
+    result = CliRunner().invoke(cli, ["photometry", str(tmp_path), "--rays", "4096", "--lumens", "90"])
+    assert result.exit_code == 0
+    assert "source_lm\t90.0" in result.output
+    assert (tmp_path / "lens.ldt").read_text(encoding="utf-8").splitlines()[28] == "90"
+    assert Photometry.read(tmp_path).ldt == (tmp_path / "lens.ldt").read_bytes()

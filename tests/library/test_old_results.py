@@ -1,0 +1,43 @@
+"""A folder of version 0.1.0: its lens loads, and each of its records says what to run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lensforge as lf
+
+OLD = Path(__file__).parent / "version_0_1_0"
+
+
+def test_the_lens_of_version_0_1_0_is_the_same_lens() -> None:
+    lens = lf.load_lens(OLD / "lens.json")
+    stored = json.loads((OLD / "lens.json").read_text(encoding="utf-8"))
+    assert lens.version == "0.1.0"
+    for side, surface in (("inner", lens.inner), ("outer", lens.outer)):
+        assert np.array_equal(surface.weights, stored[side]["weights_mm"])
+        assert surface.offset_mm == stored[side]["offset_mm"]
+    assert lens.spec.constraints.max_radius_mm == 7.0
+
+
+def test_a_folder_of_version_0_1_0_loads_and_says_what_to_run() -> None:
+    run = lf.load(OLD)
+    assert set(run.outdated) == {"design", "evaluate"}
+    assert "run `lensforge evaluate` again" in run.outdated["evaluate"]
+    with pytest.raises(lf.MissingResult, match="before version 0.2.0"):
+        _ = run.light
+    assert not hasattr(run, "light")
+    assert run.verdict.light == "undecided"
+
+
+def test_its_light_is_what_it_was() -> None:
+    """The evaluation of this version gives the figures that version 0.1.0 wrote."""
+    was = json.loads((OLD / "evaluate.json").read_text(encoding="utf-8"))
+    light = lf.evaluate(lf.load_lens(OLD / "lens.json"))
+    assert light.nmse.value == pytest.approx(was["nmse"], rel=1e-12)
+    assert light.efficiency.value == pytest.approx(was["efficiency"], rel=1e-12)
+    assert light.uniformity is not None and light.uniformity.value == pytest.approx(was["uniformity"], rel=1e-12)
+    with np.load(OLD / "evaluate.npz") as images:
+        assert np.allclose(light.map, images["irradiance"], rtol=1e-12, atol=0.0)
+    assert light.flux.model_dump() == pytest.approx(was["flux"], abs=1e-15)

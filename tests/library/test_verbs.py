@@ -1,0 +1,186 @@
+"""The library as a script meets it: verbs, results that show themselves, and a folder that comes back to the bit."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cadquery
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.records import StageResult
+
+ROOT = Path(__file__).parents[2]
+
+
+def results() -> dict[str, type[StageResult]]:
+    """Every class of a result, by its name."""
+    found, waiting = {}, [StageResult]
+    while waiting:
+        for kind in waiting.pop().__subclasses__():
+            found[kind.__name__] = kind
+            waiting.append(kind)
+    return found
+
+
+def test_a_run_comes_back_to_the_bit(whole_run: lf.Run, tmp_path: Path) -> None:
+    run = lf.run(small_spec(), tmp_path / "run", accuracy="draft")
+    again = lf.load(tmp_path / "run")
+    assert again == run
+    for stem, result in run.found.items():
+        for field in type(result).model_fields:
+            one, other = getattr(result, field), getattr(again.found[stem], field)
+            same = np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else one == other
+            assert same, f"{stem}.{field}"
+    assert again != whole_run
+
+
+def test_verbs_write_nothing_and_give_what_a_run_gives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spec = small_spec()
+    design = lf.design(spec, accuracy="draft")
+    light, part = lf.evaluate(design.lens), lf.build(design.lens)
+    check, proof = lf.check(part), lf.verify(part, light)
+    assert not list(tmp_path.iterdir()) and capfd.readouterr() == ("", "")
+    run = lf.run(spec, "out", accuracy="draft")
+    assert run.design.lens == design.lens
+    for one, other in ((light, run.light), (part, run.part), (check, run.check), (proof, run.proof)):
+        assert one.sha256 == other.sha256, type(one).__name__
+
+
+def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: lf.Run, tmp_path: Path) -> None:
+    seen = set()
+    for stem, result in whole_run.found.items():
+        seen.add(type(result).__name__)
+        assert isinstance(result.plot(), Axes), stem  # type: ignore[attr-defined]
+        html = result._repr_html_()
+        assert html.startswith("<img") and "<table>" in html
+        row = result.row()
+        assert row and all(value is None or isinstance(value, float | int | bool | str) for value in row.values())
+        result.save(tmp_path / f"{stem}.json")
+        result.save(tmp_path / f"{stem}.png")
+        assert (tmp_path / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
+        assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{stem}-2"
+        with pytest.raises(lf.InputError, match="saved as one of"):
+            result.save(tmp_path / "result.docx")
+    assert {"Design", "Light", "Part", "Check", "Proof", "StrayLight", "Sensitivity", "Photometry"} <= seen
+    assert all(hasattr(kind, "plot") for kind in results().values())
+
+
+def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
+    for stem, result in whole_run.found.items():
+        content = json.loads((whole_run.folder / f"{stem}.json").read_text(encoding="utf-8"))
+        assert content["schema"] == f"lensforge-{stem}-2"
+        assert content["version"] == lf.__version__
+        assert content["inputs"]["lens"] == whole_run.lens.sha256, stem
+        assert result.inputs == content["inputs"]
+    assert whole_run.proof.inputs["export"] == whole_run.part.sha256
+    record = json.loads((whole_run.folder / "run.json").read_text(encoding="utf-8"))
+    assert record["verdict"]["files"] in ("pass", "fail", "undecided")
+    assert record["results"]["evaluate"] == whole_run.light.sha256
+
+
+def test_results_of_another_lens_count_as_not_run(whole_run: lf.Run, tmp_path: Path) -> None:
+    run = lf.run(small_spec(), tmp_path / "run", accuracy="draft")
+    whole_run.lens.save(tmp_path / "run" / "lens.json")
+    mixed = lf.load(tmp_path / "run")
+    assert mixed.missing == ["design", "evaluate", "export", "check", "verify"]
+    assert "another lens" in mixed.outdated["evaluate"] and run.light is not None
+    with pytest.raises(lf.MissingResult, match="another lens"):
+        _ = mixed.light
+
+
+def test_the_solid_is_the_user_s_own(whole_run: lf.Run, tmp_path: Path) -> None:
+    part = whole_run.part
+    notch = cadquery.Workplane().box(4.0, 4.0, 4.0).translate((0.0, 8.0, -1.0)).val()
+    cut = part.solid.cut(notch)
+    assert cut.isValid() and cut.Volume() < part.solid.Volume()
+    assert part.solid.fuse(notch).Volume() > part.solid.Volume()
+    cadquery.exporters.export(cadquery.Workplane(cut), str(tmp_path / "cut.step"))
+    assert (tmp_path / "cut.step").stat().st_size > 1000
+    assert part.mesh.is_watertight
+    assert part.mesh.volume == pytest.approx(part.volume_mesh_mm3, rel=1e-6)
+    for suffix, content in ((".step", part.step), (".stl", part.stl), (".3mf", part.threemf)):
+        part.save(tmp_path / f"mine{suffix}")
+        assert (tmp_path / f"mine{suffix}").read_bytes() == content
+
+
+def test_a_search_reports_and_stops(tmp_path: Path) -> None:
+    seen: list[lf.Progress] = []
+    with pytest.raises(lf.Cancelled):
+        lf.design(
+            small_spec(),
+            accuracy="draft",
+            checkpoint=tmp_path / "search.pt",
+            progress=lambda step: seen.append(step) or len(seen) < 3,
+        )
+    assert [step.steps_done for step in seen] == [1, 2, 3] and seen[0].steps_total == 8
+    resumed = lf.design(small_spec(), accuracy="draft", checkpoint=tmp_path / "search.pt")
+    assert resumed.lens == lf.design(small_spec(), accuracy="draft").lens
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: lf.design("pi.toml"), "design: 'pi.toml' is a str, no Spec; read it with load_spec first"),
+        (lambda: lf.design({"source": 1}), "no Spec"),
+        (lambda: lf.run(Path("pi.toml"), "out"), "no Spec"),
+        (lambda: lf.run(small_spec(), 3), "give the path of a result folder"),
+        (lambda: lf.design(small_spec(), accuracy="best"), "accuracy = 'best': one of draft, standard, reference"),
+        (lambda: lf.design(small_spec(), seed=-1), "seed = -1"),
+        (lambda: lf.design(small_spec(), threads=0), "threads = 0"),
+        (lambda: lf.design(small_spec(), start="lens.json"), "must be a Lens"),
+        (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' is a str, must be a Lens"),
+        (lambda: lf.build(small_spec()), "must be a Lens"),
+        (lambda: lf.check("lens.step"), "must be a Part: build(lens)"),
+        (lambda: lf.load("nowhere"), "nowhere: no such folder; run `lensforge design` first"),
+        (lambda: lf.load(7), "give the path of a result folder"),
+        (lambda: lf.load_spec(7), "give the path of a TOML file"),
+        (lambda: lf.handover("cad_out/pi"), "must be a Run"),
+        (lambda: lf.rays(7), "give the path of a ray file"),
+        (lambda: lf.sweep(small_spec(), "constraints.max_radius", [7.0, 8.0]), "no such field"),
+        (lambda: lf.tradeoff(small_spec(), most_rays=3), "most_rays = 3"),
+        (lambda: lf.compare("a", on="b"), "compare: give a Light"),
+        (lambda: lf.SquareSource(side_mm=-1.0), "SquareSource: side_mm = -1.0"),
+        (lambda: lf.SquareSource(side=1.0), "SquareSource: side"),
+        (lambda: lf.Spec(), "Spec: source: Field required"),
+        (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
+    ],
+)
+def test_bad_input_is_one_line(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(lf.InputError) as refusal:
+        call()
+    assert message in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_folder_without_a_result_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(lf.InputError, match="lens.json: no such file; run `lensforge design` first"):
+        lf.load(tmp_path)
+
+
+def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run) -> None:
+    other = lf.evaluate(lf.design(small_spec(), accuracy="draft").lens)
+    with pytest.raises(lf.InputError, match="another lens"):
+        lf.verify(whole_run.part, other)
+
+
+def test_the_shortest_script_runs(tmp_path: Path) -> None:
+    """As shipped, and as the README shows it: ten lines, one import."""
+    script = ROOT / "examples" / "design_to_step.py"
+    lines = [line for line in script.read_text(encoding="utf-8").splitlines() if line and not line.startswith('"""')]
+    assert len(lines) <= 10 and sum("import" in line for line in lines) == 1
+    assert "\n".join(lines) in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n\n", "\n")
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, capture_output=True, encoding="utf-8", timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"spot.step", "spot.png"}
+    assert "every gate holds" in done.stdout

@@ -1,0 +1,40 @@
+"""A user's script under ``mypy --strict``: every verb and result has a real type (checked by ``make lint``)."""
+
+from pathlib import Path
+from typing import assert_type
+
+import numpy as np
+
+import lensforge as lf
+
+
+def script(folder: Path) -> None:
+    """Never run: its types are what is tested."""
+    spec = lf.load_spec(folder / "pi.toml")
+    assert_type(spec, lf.Spec)
+    assert_type(spec.replace(name="other"), lf.Spec)
+    assert_type(lf.SquareSource(side_mm=2.0), lf.SquareSource)
+    assert_type(lf.RaySource(np.zeros((3, 7))), lf.RaySource)
+    assert_type(lf.ArrayTarget(np.eye(4), width_mm=1.0, distance_mm=2.0, receiver_mm=3.0), lf.ArrayTarget)
+    design = lf.design(spec, accuracy="draft", progress=lambda step: step.steps_done < 10)
+    assert_type(design, lf.Design)
+    assert_type(design.lens, lf.Lens)
+    light = lf.evaluate(design.lens)
+    assert_type(light.nmse, lf.Metric)
+    assert_type(light.nmse.value, float)
+    assert_type(light.nmse.standard_error, float | None)
+    part = lf.build(design.lens)
+    assert_type(part, lf.Part)
+    assert_type(part.step, bytes)
+    assert_type(lf.check(part), lf.Check)
+    assert_type(lf.verify(part, light), lf.Proof)
+    assert_type(lf.stray_light(part), lf.StrayLight)
+    assert_type(lf.sensitivity(design.lens), lf.Sensitivity)
+    assert_type(lf.photometry(design.lens), lf.Photometry)
+    assert_type(lf.compare(light, on="on.png"), lf.PhotoComparison)
+    assert_type(lf.compare(design.lens, points="cloud.csv", surface="inner"), lf.SurfaceComparison)
+    run = lf.run(spec, folder)
+    assert_type(run, lf.Run)
+    assert_type(run.light.efficiency.value, float)
+    assert_type(run.verdict, lf.Verdict)
+    assert_type(lf.load(folder), lf.Run)

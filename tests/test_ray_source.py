@@ -1,0 +1,86 @@
+"""Rays given as arrays: the same light as the same rays from a file, to the bit; what is no ray source is one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.records.record import same
+from lensforge.sources.build import account_of, build_source
+from lensforge.sources.rayfiles import read_rayfile
+from lensforge.spec.source import RayfileSource, RaySource
+from lensforge.stages import design, evaluate
+
+LED = Path(__file__).parents[1] / "examples" / "led.tm25ray"
+
+
+@pytest.fixture(scope="module")
+def rays() -> np.ndarray:
+    rayfile = read_rayfile(LED)
+    return np.column_stack([rayfile.positions, rayfile.directions, rayfile.flux]).astype(np.float64)
+
+
+@pytest.mark.parametrize("placement", [{}, {"origin": "virtual_focus", "rotate_z_deg": 30.0, "scale": 0.5}])
+def test_given_rays_are_placed_as_those_of_a_file(rays, placement):
+    given = build_source(RaySource(rays, flux_w=2.0, **placement))
+    read = build_source(RayfileSource(file=LED, flux_w=2.0, **placement))
+    for name in ("origins", "directions", "weights"):
+        assert np.array_equal(getattr(given.rays, name), getattr(read.rays, name))
+    assert given.population == len(rays) and given.flux_w == 2.0
+
+
+def test_the_light_of_given_rays_is_that_of_the_file(rays):
+    spec = small_spec(source={"kind": "rayfile", "file": str(LED), "flux_w": 1.0, "origin": "virtual_focus"})
+    given = spec.replace(source=RaySource(rays, flux_w=1.0, origin="virtual_focus"))
+    short = {"optimise.steps_per_level": [2, 2], "optimise.rays": 512}
+    found, again = (design(each.replace(short), accuracy="draft") for each in (spec, given))
+    assert np.array_equal(found.lens.outer.weights, again.lens.outer.weights)
+    light, light_of_given = (evaluate(each.lens, rays=4096) for each in (found, again))
+    for name in ("map", "raw_map", "target_map", "nmse", "efficiency", "share_in_target", "flux", "missed_by_cause"):
+        assert same(getattr(light, name), getattr(light_of_given, name)), name
+    assert again.source.title == "20000 given rays" and again.source.files == ()
+    assert again.source.placement == found.source.placement
+
+
+def test_without_a_power_the_rays_add_up_to_it_and_without_their_flux_they_are_alike(rays):
+    assert build_source(RaySource(rays)).flux_w == pytest.approx(rays[:, 6].sum())
+    alike = build_source(RaySource(rays[:, :6], flux_w=3.0))
+    assert np.array_equal(alike.rays.weights, np.full(len(rays), 3.0 / len(rays)))
+
+
+def test_rays_without_flux_are_left_out_and_counted(rays):
+    few = rays[:10].copy()
+    few[3, 6] = 0.0
+    spec = RaySource(few)
+    source = build_source(spec)
+    account = account_of(source, spec)
+    assert source.population == 9 and account.rays == 10
+    assert account.warnings == ("1 of 10 rays dropped: 1 no flux",)
+
+
+def test_each_ray_has_the_index_at_its_own_wavelength(rays):
+    spec = small_spec(lens__material="PMMA")
+    waves = np.linspace(450.0, 650.0, 100)
+    given = RaySource(rays[:100], wavelengths_nm=waves)
+    source = build_source(given, spec.lens.dispersion)
+    assert np.array_equal(source.rays.refractive_indices, spec.lens.dispersion.index(waves))
+    account = account_of(source, given)
+    assert account.wavelengths_nm == (450.0, 650.0)
+    assert account.refractive_indices == tuple(spec.lens.dispersion.index(np.array([450.0, 650.0])))
+
+
+def test_parallel_rays_have_no_virtual_focus(rays):
+    beam = rays[:5].copy()
+    beam[:, 3:6] = [0.0, 0.0, 1.0]
+    with pytest.raises(InputError, match=r"source\.rays: its rays are parallel"):
+        build_source(RaySource(beam, origin="virtual_focus"))
+    assert account_of(build_source(RaySource(beam)), RaySource(beam)).virtual_focus_mm is None
+
+
+def test_rays_of_which_none_is_usable_are_one_line(rays):
+    far = rays[:4].copy()
+    far[:, 0] = 1e13
+    with pytest.raises(InputError, match="none of the 4 rays is usable"):
+        build_source(RaySource(far))
