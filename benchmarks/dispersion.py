@@ -17,7 +17,7 @@ from lensforge.lens import load_lens
 from lensforge.optics.materials import MATERIALS
 from lensforge.receivers.hits import Hits
 from lensforge.receivers.plane import PlaneReceiver
-from lensforge.sources.build import build_source
+from lensforge.sources.build import account_of, build_source
 from lensforge.surfaces.spline import grid_for, tabulate
 
 NODES_PER_SIGMA = 6.0  # only says where to look: a step on the exact surface follows
@@ -54,7 +54,7 @@ def main():
     inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
     report = {
         "rays": len(rays),
-        "wavelengths_nm": source.account["wavelengths_nm"],
+        "wavelengths_nm": account_of(source, lens.spec.source).wavelengths_nm,
         "index": {"design": lens.refractive_index, "mean": mean, "standard_deviation": float(each.std())},
         "colours": shift(landed["each"], landed["mean"], side),
         "mean_instead_of_design": shift(landed["mean"], landed["design"], side),

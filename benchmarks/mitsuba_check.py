@@ -23,8 +23,8 @@ from lensforge.lens import load_lens
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.verification.comparison import Expected
-from lensforge.verification.mitsuba_cast import judge_mitsuba
-from lensforge.verification.part import load_part
+from lensforge.verification.mitsuba_cast import judge_mitsuba, mitsuba_gates
+from lensforge.verification.part import read_part
 from lensforge.verification.picture import Receiver
 
 SEED = 2**42  # apart from the seeds of design, evaluation and verification
@@ -47,11 +47,11 @@ def main() -> int:
 
 
 def check(directory: Path, most: int) -> Iterator[dict[str, Any]]:
-    lens, part = load_lens(directory / "lens.json"), load_part(directory / "lens.stl")
+    lens, part = load_lens(directory / "lens.json"), read_part((directory / "lens.stl").read_bytes())
     target, source = lens.spec.target, build_source(lens.spec.source, lens.spec.lens.dispersion)
     rays = source.sample(min(most, source.population or most), SEED)
     with np.load(directory / "evaluate.npz") as images:
-        designed = images["irradiance"]
+        designed = images["map"]
     receiver = Receiver(target.receiver_mm, len(designed), lens.spec.evaluate.filter_variance)
     exit_rays = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma).trace(rays)
     landings = PlaneReceiver.of(target, len(designed)).land(exit_rays)
@@ -59,8 +59,9 @@ def check(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     expected = Expected(designed, hits, landings.flux.numpy())
     count = 2**12
     while count <= len(rays):
-        verdict = judge_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)
-        yield verdict.to_json() | {"gates": [gate.to_json() for gate in verdict.gates(target.distance_mm)]}
+        cast, _ = judge_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)
+        gates = mitsuba_gates(cast, target.distance_mm)
+        yield cast.model_dump(mode="json") | {"gates": [gate.model_dump(mode="json") for gate in gates]}
         count *= 4
 
 

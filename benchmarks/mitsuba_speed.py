@@ -24,12 +24,12 @@ import numpy as np
 import torch
 from gradient_step import Step, median_seconds
 
+from lensforge.optimisation.landing import landed_through
 from lensforge.sources.bundle import RayBundle
-from lensforge.surfaces import chart
-from lensforge.surfaces.surface import Surface
-from lensforge.tracing.fused import trace_tables
 from lensforge.studies.tradeoff.tables import table_normals
 from lensforge.studies.tradeoff.truth import directions
+from lensforge.surfaces import chart
+from lensforge.surfaces.surface import Surface
 
 LADDER = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
 
@@ -107,7 +107,7 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
 
 def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> None:
     light = step.objective.light
-    landings = light.receiver.land(trace_tables(*tables, light.scene, rays))
+    landings, _ = landed_through(*tables, light.scene, rays, light.receiver)
     (landings.flux * (landings.hits**2).sum(dim=1)).sum().backward()
 
 

@@ -25,10 +25,10 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
+from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.objective import Evaluated, Objective
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.errors import InputError
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec, load_spec

@@ -26,14 +26,14 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Objective
-from lensforge.optimisation.parameters import Parametrisation
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.pipeline import run_stray, run_verify
 from lensforge.receivers.losses import mirror_mean
 from lensforge.receivers.plane import PlaneReceiver
@@ -87,7 +87,7 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
     yield Feature(
         "an index for each ray", "trace", trace, partial(traced.trace, coloured), ("dispersed", "spectrum", "materials")
     )
-    measured = RayfileEmitter(bundle, 1.0, {})
+    measured = RayfileEmitter(bundle, 1.0)
     few = rays // 4
     yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("rayfile",))
     plain, mirrored = (_step(lens, name, source, bundle) for name in ("none", lens.spec.lens.symmetry))

@@ -11,21 +11,19 @@ import json
 from pathlib import Path
 
 from lensforge.accuracy import PRESETS
-from lensforge.optimisation.optimiser import design
 from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.optimisation.optimiser import search
 from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
 from lensforge.spec import load_spec
 
 
 def judged(lens, emitter, preset, pixels):
-    report = evaluate_lens(lens, emitter, preset, rays=len(emitter), pixels=pixels).report
+    light = evaluate_lens(lens, emitter, preset, rays=len(emitter), pixels=pixels)
     return {
-        "rays": report["rays"],
-        "nmse": report["nmse"],
-        "nmse_less_noise": report["nmse"] - report["nmse_of_noise"],
-        "nmse_standard_error": report["nmse_standard_error"],
-        "efficiency": report["efficiency"],
-        "efficiency_standard_error": report["efficiency_standard_error"],
+        "rays": light.rays,
+        "nmse": light.nmse.model_dump(),
+        "nmse_less_noise": light.nmse.value - light.nmse_of_noise,
+        "efficiency": light.efficiency.model_dump(),
     }
 
 
@@ -40,7 +38,7 @@ def main():
     spec = load_spec(given.spec)
     load = load_rayfile if spec.source.kind == "rayfile" else load_rayfiles
     training, holdout = load(spec.source, spec.lens.dispersion).split(given.fraction, given.seed)
-    result = design(spec, training, accuracy=given.accuracy, seed=given.seed)
+    result = search(spec, training, accuracy=given.accuracy, seed=given.seed)
     preset = PRESETS[given.accuracy]
     report = {
         "spec": spec.name,

@@ -6,9 +6,9 @@ python benchmarks/results.py cad_out/flat_top cad_out/pi cad_out/quickstart cad_
 
 import sys
 from pathlib import Path
-from typing import Any
 
-from lensforge.files import read_json
+from lensforge.pipeline import load
+from lensforge.records import Metric
 
 COLUMNS = (
     "design",
@@ -22,25 +22,26 @@ COLUMNS = (
 )
 
 
-def shown(value: float | None, error: float | None, digits: int) -> str:
-    if value is None:
+def shown(metric: Metric | None, digits: int) -> str:
+    if metric is None:
         return "–"
-    return f"{value:.{digits}f}" if error is None else f"{value:.{digits}f} ± {error:.0e}".replace("e-0", "e-")
+    error = metric.standard_error
+    return f"{metric.value:.{digits}f}" + ("" if error is None else f" ± {error:.0e}".replace("e-0", "e-"))
 
 
 def row(directory: Path) -> tuple[str, ...]:
-    """The figures of one result folder, as its JSON files state them."""
-    stages: dict[str, Any] = {name: read_json(directory / f"{name}.json") for name in ("design", "evaluate", "export")}
-    design, judged, part = stages["design"], stages["evaluate"], stages["export"]
+    """The figures of one result folder, as its records state them."""
+    run = load(directory)
+    design, light, part = run.design, run.light, run.part
     return (
         directory.name,
-        shown(judged["uniformity"], judged["uniformity_standard_error"], 3),
-        shown(judged["efficiency"], judged["efficiency_standard_error"], 4),
-        shown(judged["nmse"], judged["nmse_standard_error"], 4),
-        f"{design['max_radius_mm']:.3f} / {design['height_mm']:.3f}",
-        f"{design['steps']} × {design['rays_per_step']}",
-        f"{design['seconds']:.0f} s",
-        f"{part['form_error_nm']['max']:.2f} nm / {1e3 * part['normal_error_mrad']['max']:.1f} µrad",
+        shown(light.uniformity, 3),
+        shown(light.efficiency, 4),
+        shown(light.nmse, 4),
+        f"{design.max_radius_mm:.3f} / {design.height_mm:.3f}",
+        f"{design.steps} × {design.rays_per_step}",
+        f"{design.seconds:.0f} s",
+        f"{part.form_error_nm.max:.2f} nm / {1e3 * part.normal_error_mrad.max:.1f} µrad",
     )
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from lensforge.files import read_json, replacing
-from lensforge.lens import load_lens
+from lensforge.files import replacing
+from lensforge.pipeline import load
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.section_figures import lens_section
 from lensforge.report.solid_view import Rendering
@@ -32,24 +32,24 @@ def panel(source: Figure | bytes) -> Image.Image:
     picture = Image.open(BytesIO(source)).convert("RGBA")
     ground = Image.new("RGBA", picture.size, WHITE)
     ground.alpha_composite(picture)
-    return ground.convert("RGB").resize((round(picture.width * HEIGHT / picture.height), HEIGHT), Image.LANCZOS)
+    size = round(picture.width * HEIGHT / picture.height), HEIGHT
+    return ground.convert("RGB").resize(size, Image.Resampling.LANCZOS)
 
 
 def light_of(directory: Path) -> Figure:
     """The irradiance of one result."""
-    receiver_mm = load_lens(directory / "lens.json").spec.target.receiver_mm
-    with np.load(directory / "evaluate.npz") as images:
-        return irradiance_map(images["irradiance"], receiver_mm, float(images["irradiance"].max()))
+    light = load(directory).light
+    return irradiance_map(light.map, light.receiver_mm, float(light.map.max()))
 
 
 def panels_of(directory: Path) -> list[Figure | bytes]:
     """The lens, its section, its light."""
-    lens = load_lens(directory / "lens.json")
-    outline = np.array(read_json(directory / "design.json")["source_outline_mm"])
-    rendering = Rendering(directory / "lens.stl", lens.spec.constraints.max_radius_mm)
+    run = load(directory)
+    rendering = Rendering(run.part.stl, run.spec.constraints.max_radius_mm)
     views = rendering.result()
     rendering.close()
-    return [views.pictures["above"], lens_section(lens, 0.0, outline), light_of(directory)]
+    section = lens_section(run.lens, 0.0, np.array(run.design.source_outline_mm))
+    return [views.pictures["above"], section, light_of(directory)]
 
 
 def save(parts: Sequence[Figure | bytes], name: str) -> None:

@@ -17,8 +17,8 @@ EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are writ
 class Units(Record):
     """Of every number in the file."""
 
-    length: Literal["mm"] = "mm"
-    angle: Literal["rad"] = "rad"
+    length: Literal["mm"]
+    angle: Literal["rad"]
 
 
 class SrbfRecord(Record):
@@ -44,7 +44,7 @@ class AsphereRecord(Record):
     vertex_mm: Number
     radius_mm: Number
     conic: Number
-    coefficients: tuple[Number, ...] = ()
+    coefficients: tuple[Number, ...]
 
     def surface(self) -> Asphere:
         """The surface; raises :class:`InputError` where it is not star-shaped about the origin."""
@@ -60,7 +60,7 @@ class LensRecord(Record):
     version: Text
     seed: Count
     accuracy: Literal["draft", "standard", "reference"]
-    units: Units = Units()
+    units: Units
     inner: SurfaceRecord
     outer: SurfaceRecord
     spec: dict[str, object]

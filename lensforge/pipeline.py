@@ -17,6 +17,8 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.cut import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.photo_figure import photo_png
+from lensforge.measurement.surface_figure import surface_png
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
 from lensforge.records import Count, Record, Sha256, StageResult, Text
@@ -89,7 +91,7 @@ class RunRecord(Record):
     seed: Count
     verdict: Verdict
     results: dict[Text, Sha256]
-    outdated: dict[Text, Text] = {}
+    outdated: dict[Text, Text]
 
 
 def run(
@@ -230,7 +232,6 @@ def run_compare_photo(
     gamma: float = 1.0,
 ) -> PhotoComparison:
     """Compare a photograph with the simulation; also draws ``compare.png``."""
-    from lensforge.measurement.photo_figure import photo_png
 
     light = load(folder).light
     result = stages.compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
@@ -248,7 +249,6 @@ def run_compare_surface(
     rays: int | None = None,
 ) -> SurfaceComparison:
     """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
-    from lensforge.measurement.surface_figure import surface_png
 
     lens = load_lens(folder / LENS_FILE)
     result = stages.compare(lens, points=points, surface=surface, registration=registration, rays=rays)

@@ -3,7 +3,7 @@
 What a verb needs loads when it is called: torch and numba with the first light, the CAD kernel with the first solid.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar, overload
@@ -15,6 +15,7 @@ from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.cut import Check
+from lensforge.measurement.cloud import read_cloud
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
@@ -116,9 +117,8 @@ def evaluate(
     _require(lens, Lens, "evaluate")
     if source is not None:
         _require(source, Section, "source")
-    for name, value in (("rays", rays), ("pixels", pixels)):
-        if value is not None and not (isinstance(value, int) and value >= 1):
-            raise InputError(f"{name} = {value!r}: an integer, at least 1")
+    _require_count("rays", rays)
+    _require_count("pixels", pixels)
     preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, source)
     with threads_of_torch(threads):
         return evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
@@ -164,6 +164,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     from lensforge.verification.verify import verify_part
 
     lens, spec = _require(part, Part, "verify").lens, part.lens.spec
+    _require_count("rays", rays)
     if _require(light, Light, "verify").inputs.get("lens") != lens.sha256:
         raise InputError("verify: the light is that of another lens than the part; evaluate the part's lens")
     preset, source = preset_of(lens.accuracy), source_of(spec)
@@ -197,6 +198,7 @@ def stray_light(
     from lensforge.verification.stray import trace_stray
 
     lens, spec = _require(part, Part, "stray_light").lens, part.lens.spec
+    _require_count("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
     count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
     with threads_of_torch(threads):
@@ -218,6 +220,7 @@ def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = No
     from lensforge.tolerancing.sensitivity import measure_sensitivity
 
     _require(lens, Lens, "sensitivity")
+    _require_count("rays", rays)
     with threads_of_torch(threads):
         return measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays)
 
@@ -232,6 +235,7 @@ def photometry(
     from lensforge.far_field.export import measure_photometry
 
     _require(lens, Lens, "photometry")
+    _require_count("rays", rays)
     with threads_of_torch(threads):
         return measure_photometry(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays, lumens=lumens)
 
@@ -299,7 +303,7 @@ def _compare_photo(
 
     given = None if corners is None else np.array(corners, dtype=np.float64)
     if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners: shape {given.shape}, must be (4, 2): column, row of each; top left, and on clockwise")
+        raise InputError(f"corners: shape {given.shape}, must be (4, 2): column, row; top left, and on clockwise")
     shot = Shot(Path(on), None if off is None else Path(off), given, target_mm, gamma)
     found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
     return found.model_copy(update={"inputs": dict(light.inputs)})
@@ -312,7 +316,6 @@ def _compare_surface(
     registration: Literal["rigid", "shift", "none"],
     rays: int | None,
 ) -> SurfaceComparison:
-    from lensforge.measurement.cloud import read_cloud
     from lensforge.measurement.surface import compare_surface
 
     if surface not in ("inner", "outer"):
@@ -361,12 +364,17 @@ def threads_of_torch(threads: int | None) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def _require_count(name: str, value: object) -> None:
+    """Raise :class:`InputError` for what is neither None nor a whole number above 0."""
+    if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+        raise InputError(f"{name} = {value!r}: an integer, at least 1")
+
+
 def _require(value: object, kind: type[_Kind], verb: str) -> _Kind:
     if isinstance(value, kind):
         return value
-    makes: dict[str, str] = {"Lens": "design(spec).lens or load(folder)", "Part": "build(lens)", "Light": "evaluate(lens)"}
-    remedy = makes.get(kind.__name__, "one of the classes of lensforge")
+    remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")
     raise InputError(f"{verb}: {str(value)[:60]!r} is a {type(value).__name__}, must be a {kind.__name__}: {remedy}")
 
 
-Announce = Callable[[str], None]
+_MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}

@@ -44,6 +44,7 @@ def sweep(
 
     Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for what a spec cannot have.
     """
+
     from lensforge.studies.sweep.table import sweep_of
     from lensforge.studies.sweep.vary import variation_of
 
@@ -96,6 +97,7 @@ def tradeoff(
 
 def rays(file: Path | str) -> "RayFileSummary":
     """Say what is in a ray file: its header, and the statistics of its rays."""
+
     from lensforge.sources.rayfiles import describe, read_rayfile
 
     if not isinstance(file, Path | str):

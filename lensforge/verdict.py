@@ -86,22 +86,16 @@ def _failed(gates: Iterable[Gate]) -> Iterator[_Finding]:
 
 def _light(lens: Lens, light: Light) -> Iterator[_Finding]:
     yield from _failed(light.gates)
+    nmse, share = light.nmse.value - (light.nmse_of_noise or 0.0), light.share_in_target.value
+    words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
+    yield from _against("NMSE less its noise", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
     possible = normal_transmittance(lens.refractive_index) ** 2
-    nmse, share = light.nmse, light.share_in_target
-    yield from _against(
-        "NMSE less its noise",
-        nmse.value - (light.nmse_of_noise or 0.0) - LARGEST_NMSE,
-        nmse.standard_error,
-        f"{nmse.value - (light.nmse_of_noise or 0.0):.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or "
-        "a coarser pattern",
+    words = (
+        f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit: a larger lens, a "
+        "smaller source or a wider target"
     )
-    yield from _against(
-        "share of the light in the target",
-        LEAST_SHARE * possible - share.value,
-        share.standard_error,
-        f"{share.value:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit: a larger lens, a "
-        "smaller source or a wider target",
-    )
+    missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
+    yield from _against("share of the light in the target", missing, error, words)
 
 
 def _against(name: str, excess: float, error: float | None, words: str) -> Iterator[_Finding]:

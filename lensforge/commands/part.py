@@ -35,7 +35,8 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
 def handover(directory: Path) -> None:
     """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""
     result = pipeline.run_handover(directory)
-    print_table({"files": list(result.files), "points": result.points, "sha256": result.sha256, "refused": result.refused})
+    click.echo(f"files\t{', '.join(result.files)}")
+    print_table({"points": result.points, "sha256": result.sha256, "refused": [each.reason for each in result.refused]})
 
 
 class _Corner(click.ParamType[tuple[float, float]]):
@@ -43,9 +44,7 @@ class _Corner(click.ParamType[tuple[float, float]]):
 
     name = "x,y"
 
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float]:
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
         try:
             column, row = (float(part) for part in str(value).split(","))
         except ValueError:

@@ -9,6 +9,7 @@ from lensforge import pipeline
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import finish
 from lensforge.errors import InputError
+from lensforge.report.pdf import write_pdf
 from lensforge.stages import threads_of_torch
 
 
@@ -89,6 +90,4 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     if stale and not pdf:
         click.echo(f"{page.with_suffix('.pdf')} showed the page before and is removed; --pdf writes it anew", err=True)
     if pdf:
-        from lensforge.report.pdf import write_pdf
-
         click.echo(f"pdf\t{write_pdf(page)}")

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.light import Flux, Light, MissedByCause
+from lensforge.evaluation.light import Flux, Light, MissedByCause, TableErrors
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import AVERTED, Simulation, TracedLens, simulate
@@ -81,7 +81,7 @@ def evaluate_traced(
         distance_mm=spec.target.distance_mm,
         lumens_per_watt=spec.source.luminous_efficacy_lm_per_w,
         table_nodes=traced.scene.grid.nodes,
-        table_error_nm={"inner": traced.table_error_nm["inner"], "outer": traced.table_error_nm["outer"]},
+        table_error_nm=TableErrors.model_validate(traced.table_error_nm),
         preset_error=None,
         seconds=time.perf_counter() - started,
         gates=(_all_converged(simulation),),

@@ -12,7 +12,6 @@ from lensforge.records import (
     Count,
     Metric,
     NotNegative,
-    Number,
     Positive,
     Record,
     Share,
@@ -49,6 +48,13 @@ class MissedByCause(Record):
     base: Share
     averted: Share
     crossed: Share
+
+
+class TableErrors(Record):
+    """The largest distance (nm) of each table from its exact surface."""
+
+    inner: NotNegative
+    outer: NotNegative
 
 
 class TableError(Record):
@@ -103,7 +109,7 @@ class Light(StageResult):
     distance_mm: Positive
     lumens_per_watt: Positive | None
     table_nodes: Count
-    table_error_nm: dict[Literal["inner", "outer"], NotNegative]
+    table_error_nm: TableErrors
     preset_error: PresetError | None
     seconds: NotNegative
     gates: tuple[Gate, ...]
@@ -117,9 +123,7 @@ class Light(StageResult):
         figures = ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
         return f"light: {figures} ({self.rays} rays, {self.pixels} x {self.pixels} pixels, {self.filter})"
 
-    def plot(
-        self, which: Literal["map", "raw_map", "target_map"] = "map", axes: "Axes | None" = None
-    ) -> "Axes":
+    def plot(self, which: Literal["map", "raw_map", "target_map"] = "map", axes: "Axes | None" = None) -> "Axes":
         """The light on the receiver in false colour with its scale, in lux where the source's lumens are known."""
         from lensforge.figures.plots import plot_map
 

@@ -18,7 +18,15 @@ from lensforge.errors import InputError
 from lensforge.evaluation.simulate import AVERTED, TracedLens
 from lensforge.far_field.binning import AngularGrid
 from lensforge.far_field.exits import exit_rays
-from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, Photometry, WrittenFile
+from lensforge.far_field.photometry import (
+    IES_FILE,
+    LDT_FILE,
+    TM25_FILE,
+    LostFlux,
+    Photometry,
+    WrittenFile,
+    WrittenFiles,
+)
 from lensforge.gates import Gate, at_most
 from lensforge.lens import Lens
 from lensforge.records import Metric
@@ -136,10 +144,9 @@ def _bundles(source: Source, rays: int, seed: int) -> Iterator[RayBundle]:
         yield replace(dealt, weights=dealt.weights * (source.flux_w / dealt.weights.sum()))
 
 
-def _lost(by_fate_w: Float[np.ndarray, " f"]) -> dict[str, float]:
-    """Flux (W) that does not leave the lens upwards, by fate."""
+def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
     lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
-    return lost | {"averted": float(by_fate_w[AVERTED])}
+    return LostFlux.model_validate(lost | {"averted": float(by_fate_w[AVERTED])})
 
 
 def _ratio(flux: Metric, whole_w: float) -> Metric:
@@ -162,23 +169,23 @@ def _contents(photometric: PhotometricFile, rayfile: RayFile) -> dict[str, bytes
         return {name: (Path(folder) / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
 
 
-def _read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> dict[str, WrittenFile]:
+def _read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
     """The flux that each file holds for a reader, and how far it is from ``exit_w``, that of the rays."""
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, content in contents.items():
             (Path(folder) / name).write_bytes(content)
-        for name in (IES_FILE, LDT_FILE):
+        for key, name in (("ies", IES_FILE), ("ldt", LDT_FILE)):
             back = float(read_photometric(Path(folder) / name).intensity.flux())
-            found[name] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
+            found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
         rayfile = read_rayfile(Path(folder) / TM25_FILE)
         count, watts = len(rayfile), float(rayfile.ray_sum())
         del rayfile  # it maps the file, which is to go
-    found[TM25_FILE] = WrittenFile(rays=count, watts=watts, relative_error=abs(watts / exit_w - 1.0))
-    return found
+    tm25 = WrittenFile(rays=count, watts=watts, relative_error=abs(watts / exit_w - 1.0))
+    return WrittenFiles(**found, tm25ray=tm25)
 
 
-def _gates(files: dict[str, WrittenFile]) -> Iterator[Gate]:
+def _gates(files: WrittenFiles) -> Iterator[Gate]:
     remedy = "please report the lens.json"
-    for name, entry in files.items():
+    for name, entry in ((IES_FILE, files.ies), (LDT_FILE, files.ldt), (TM25_FILE, files.tm25ray)):
         yield at_most(f"flux of {name} as read back", entry.relative_error, _CONSERVED, "relative", remedy)

@@ -1,15 +1,12 @@
 """The result of the photometry: the light of the lens as IES, EULUMDAT and TM-25 files, and what they hold."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError
-from lensforge.files import replacing
 from lensforge.gates import Gate
-from lensforge.records import Array, Count, InFile, Metric, NotNegative, Positive, Record, StageResult, Text
+from lensforge.records import Array, Count, InFile, Metric, NotNegative, Positive, Record, StageResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +23,26 @@ class WrittenFile(Record):
     relative_error: NotNegative
 
 
+class WrittenFiles(Record):
+    """The three files as read back."""
+
+    ies: WrittenFile
+    ldt: WrittenFile
+    tm25ray: WrittenFile
+
+
+class LostFlux(Record):
+    """Flux (W) that does not leave the lens upwards, by fate."""
+
+    backward: NotNegative
+    outside_cavity: NotNegative
+    base: NotNegative
+    total_reflection: NotNegative
+    not_converged: NotNegative
+    crossed: NotNegative
+    averted: NotNegative
+
+
 class Photometry(StageResult):
     """The light that leaves the lens upwards. ``lost_w``: what did not, by fate.
 
@@ -39,12 +56,12 @@ class Photometry(StageResult):
     source_w: Positive
     exit_w: Metric
     light_output_ratio: Metric
-    lost_w: dict[Text, NotNegative]
+    lost_w: LostFlux
     absorbed_fresnel_w: NotNegative
     source_lm: Positive
     exit_lm: NotNegative
     peak_cd: NotNegative
-    files: dict[Text, WrittenFile]
+    files: WrittenFiles
     seconds: NotNegative
     gates: tuple[Gate, ...]
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
@@ -54,17 +71,9 @@ class Photometry(StageResult):
     ldt: Annotated[bytes, InFile(LDT_FILE)]
     tm25: Annotated[bytes, InFile(TM25_FILE)]
 
-    def save(self, path: Path | str) -> None:
-        """Write one of the files by the suffix of ``path``: .ies, .ldt, .tm25ray, or the record as .json."""
-        path = Path(path)
-        contents = {".ies": self.ies, ".ldt": self.ldt, ".tm25ray": self.tm25}
-        if path.suffix.lower() == ".json":
-            super().save(path)
-            return
-        if path.suffix.lower() not in contents:
-            raise InputError(f"{path}: photometry is saved as one of {', '.join(contents)} or .json; give such a name")
-        with replacing(path) as temporary:
-            temporary.write_bytes(contents[path.suffix.lower()])
+    def products(self) -> dict[str, bytes]:
+        """IES, EULUMDAT and TM-25."""
+        return {".ies": self.ies, ".ldt": self.ldt, ".tm25ray": self.tm25}
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Candela over the angle from the axis, in the planes C = 0 and C = 90 degrees."""

@@ -2,13 +2,10 @@
 
 import hashlib
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.errors import InputError
-from lensforge.files import replacing
 from lensforge.gates import Gate
 from lensforge.lens import Lens
 from lensforge.records import (
@@ -53,6 +50,13 @@ class Faces(Record):
     names: tuple[Text, ...]
 
 
+class SplineNodes(Record):
+    """Spline nodes across each optical face."""
+
+    inner: Count
+    outer: Count
+
+
 class Triangulation(Record):
     """The mesh, and how far its facets are from the optical surfaces."""
 
@@ -88,7 +92,7 @@ class Part(StageResult):
     watertight: Flag
     genus: Annotated[int, Field(strict=True)]
     faces: Faces
-    nodes: dict[Literal["inner", "outer"], Count]
+    nodes: SplineNodes
     step_schema: Literal["AP214", "AP242"]
     untrimmed_surfaces: UntrimmedSurfaces | None
     triangulation: Triangulation
@@ -130,17 +134,9 @@ class Part(StageResult):
 
         return trimesh.Trimesh(*parse_stl(self.stl), process=False)
 
-    def save(self, path: Path | str) -> None:
-        """Write the part's own bytes as STEP, STL or 3MF, by the suffix of ``path``, or its record as JSON."""
-        path = Path(path)
-        contents = {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
-        if path.suffix.lower() == ".json":
-            super().save(path)
-            return
-        if path.suffix.lower() not in contents:
-            raise InputError(f"{path}: a part is saved as one of {', '.join(contents)} or .json; give such a name")
-        with replacing(path) as temporary:
-            temporary.write_bytes(contents[path.suffix.lower()])
+    def products(self) -> dict[str, bytes]:
+        """STEP, STL and 3MF: the very bytes that were proven."""
+        return {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
 
     def plot(self, azimuth_deg: float = 0.0, axes: "Axes | None" = None) -> "Axes":
         """The section through the axis at ``azimuth_deg``, to scale."""

@@ -10,7 +10,6 @@ from lensforge.gates import Gate
 from lensforge.records import (
     Array,
     Count,
-    Metric,
     NotNegative,
     Number,
     Positive,

@@ -52,9 +52,7 @@ class Constraint:
     @property
     def name(self) -> str:
         """As the gate calls it."""
-        return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace(
-            "_", " "
-        )
+        return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+from pydantic import model_validator
+
 from lensforge.gates import Gate
 from lensforge.lens import Lens
 from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult
@@ -38,6 +40,13 @@ class Level(Record):
     efficiency: tuple[Number, ...]
     constraints: dict[str, tuple[Number, ...]]
 
+    @model_validator(mode="after")
+    def _one_value_for_each_step(self) -> "Level":
+        for name, values in {"loss": self.loss, "efficiency": self.efficiency, **self.constraints}.items():
+            if len(values) != len(self.nmse):
+                raise ValueError(f"{name}: {len(values)} values, nmse has {len(self.nmse)}; one for each step")
+        return self
+
 
 class Design(StageResult):
     """A finished search.
@@ -61,9 +70,15 @@ class Design(StageResult):
     history: tuple[Level, ...]
     gates: tuple[Gate, ...]
 
-    def plot(
-        self, quantity: Literal["nmse", "loss", "efficiency"] = "nmse", axes: "Axes | None" = None
-    ) -> "Axes":
+    @model_validator(mode="after")
+    def _every_constraint_has_its_history(self) -> "Design":
+        names = set(self.constraints.model_dump(exclude_none=True))
+        for level in self.history:
+            if set(level.constraints) != names:
+                raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
+        return self
+
+    def plot(self, quantity: Literal["nmse", "loss", "efficiency"] = "nmse", axes: "Axes | None" = None) -> "Axes":
         """``quantity`` at every step of the search, one line for each level."""
         from lensforge.figures.plots import plot_curves
 

@@ -5,11 +5,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.gates import Gate, at_least
+from lensforge.lens import Lens
 from lensforge.optimisation.constraints import Constraint, constraints_of
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.watch import ChartPoints, RadiusJet, Watch, watched_points
-from lensforge.gates import Gate, at_least
-from lensforge.lens import Lens
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate

@@ -1,6 +1,7 @@
 """From two tables to landings on a receiver, by the compiled kernels, as one torch operation.
 
-It is one and not two because the way back meets the same exit ray, to the last bit, at the lens and at the receiver.
+One and not two: the way back finds each exit ray anew from its path lengths, a few last bits away from the ray that
+landed, and lens and receiver have to be differentiated at the same one.
 """
 
 from typing import Any
@@ -36,12 +37,13 @@ class _Landing(torch.autograd.Function):
     def forward(ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receiver: Receiver) -> Any:
         traced = TracedBundle.of(inner, outer, scene, rays)
         landings = receiver.land(traced.exits)
-        ctx.traced, ctx.receiver, ctx.landed = traced, receiver, landings.landed
+        ctx.traced, ctx.receiver, ctx.averted = traced, receiver, landings.averted
         ctx.mark_non_differentiable(landings.landed, landings.averted)
         return landings.hits, landings.flux, landings.landed, landings.averted, traced.exits.sin2_exit
 
     @staticmethod
     def backward(ctx: Any, by_hits: Tensor, by_flux: Tensor, _: Any, __: Any, by_sin2: Tensor) -> Any:
-        by_hits, by_flux = by_hits * ctx.landed[:, None], by_flux * ctx.landed
-        by_exits = ctx.receiver.sensitivities(by_hits.numpy())
-        return *ctx.traced.gradients(by_exits, by_flux.numpy(), by_sin2.contiguous().numpy()), None, None, None
+        if ctx.averted.any():  # their hit and flux are constants; those of rays lost in the lens never count
+            by_hits, by_flux = by_hits.masked_fill(ctx.averted[:, None], 0.0), by_flux.masked_fill(ctx.averted, 0.0)
+        hits, flux, sin2 = (by.contiguous().numpy() for by in (by_hits, by_flux, by_sin2))
+        return *ctx.traced.gradients(ctx.receiver.sensitivities(hits), flux, sin2), None, None, None

@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from lensforge.optics.transmittance import normal_transmittance
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.light import LightPath
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.optics.transmittance import normal_transmittance
 from lensforge.receivers.collect import Collected
 from lensforge.receivers.losses import mirror_mean, nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.receivers.plane import PlaneReceiver

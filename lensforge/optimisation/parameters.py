@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optimisation.sparse import SparseMatrix
 from lensforge.lens import Lens
+from lensforge.optimisation.sparse import SparseMatrix
 from lensforge.receivers.losses import mirror_mean
 from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate

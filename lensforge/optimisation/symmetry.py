@@ -4,7 +4,7 @@ import torch
 
 from lensforge.errors import InputError
 from lensforge.receivers.losses import mirror_mean
-from lensforge.receivers.plane import Receiver
+from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
@@ -28,5 +28,5 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
 
 
 def _in_target(spec: Spec, name: str) -> bool:
-    wanted = torch.from_numpy(target_irradiance(spec.target, Receiver(spec.target.receiver_mm, spec.optimise.pixels)))
+    wanted = torch.from_numpy(target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.optimise.pixels)))
     return torch.allclose(mirror_mean(wanted, name), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max()))

@@ -55,6 +55,3 @@ class PlaneReceiver:
         reached = points + ((self.distance_mm - points[:, 2]) / directions[:, 2])[:, None] * directions
         hits = torch.zeros_like(rays.points[:, :2]).index_put((rows,), reached[:, :2])
         return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
-
-
-Receiver = PixelGrid  # for importers that have not yet moved to receivers.pixels

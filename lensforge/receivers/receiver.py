@@ -44,7 +44,7 @@ class Receiver(Protocol):
         ...
 
     def sensitivities(self, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
-        """Sensitivities to exit rays from those to their hits, which are 0 for rays that did not land."""
+        """Sensitivities to exit rays from those to their hits, which are 0 for averted rays."""
         ...
 
     def land_in_torch(self, rays: ExitRays) -> Landings:

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
+from lensforge.spec import ArrayTarget, CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
 _LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: few pixels see small patterns, many fit the memory
@@ -36,6 +36,8 @@ def target_irradiance(target: Target, grid: PixelGrid) -> Float[np.ndarray, "p p
             image = _place(_draw_text(target), target.width_mm, fine)
         case ImageTarget():
             image = _place(_read_image(target), target.width_mm, fine)
+        case ArrayTarget():
+            image = _place(target.values, target.width_mm, fine)
     if not isinstance(target, FlatTopTarget) and target.edge_mm > 0.0:
         image = gaussian_filter(image, target.edge_mm / fine.pitch_mm, mode="constant")
     coarse: Float[np.ndarray, "p p"] = image.reshape(n, k, n, k).mean(axis=(1, 3))

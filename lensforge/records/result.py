@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from lensforge.errors import InputError, OutdatedResult
 from lensforge.files import read_json, replacing
@@ -47,9 +47,10 @@ class StageResult(Record):
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # what makes it anew, where that is not the stage's name
+    made_from: ClassVar[tuple[str, ...]] = ("lens",)  # whose hashes a record must name
 
     version: Text = __version__
-    inputs: dict[Text, Sha256] = {}
+    inputs: dict[Text, Sha256] = Field(default_factory=dict)
 
     @classmethod
     def schema_name(cls) -> str:
@@ -136,18 +137,29 @@ class StageResult(Record):
             if own is not None and own.name not in files:
                 (Path(folder) / own.name).unlink(missing_ok=True)  # an earlier result's, which this one has not
 
+    def products(self) -> dict[str, bytes]:
+        """Files of its own that a result is also saved as, by suffix; of most there are none."""
+        return {}
+
     def save(self, path: Path | str) -> None:
-        """Write the record as .json to ``path``, its arrays beside it as npz; or its plot as .png, .svg or .pdf."""
+        """Write the result by the suffix of ``path``.
+
+        ``.json``: the record, its arrays beside it as npz. ``.png``, ``.svg``, ``.pdf``: its plot. Others: products.
+        """
         path = Path(path)
-        draw = getattr(self, "plot", None)
-        if path.suffix == ".json":
+        products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
+        if suffix == ".json":
             self.write(path.parent, path.stem)
-        elif path.suffix in _PICTURES and draw is not None:
-            with replacing(path) as temporary:
-                temporary.write_bytes(_drawn(draw, path.suffix[1:]))
+            return
+        if suffix in products:
+            content = products[suffix]
+        elif suffix in _PICTURES and draw is not None:
+            content = _drawn(draw, suffix[1:])
         else:
-            kinds = ", ".join([".json", *(_PICTURES if draw is not None else ())])
+            kinds = ", ".join([*products, ".json", *(_PICTURES if draw is not None else ())])
             raise InputError(f"{path}: a {type(self).__name__} is saved as one of {kinds}; give such a name")
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
 
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
@@ -171,6 +183,7 @@ class StageResult(Record):
         except ValidationError as error:
             raise refused(error, str(path), cls.again()) from None
         missing = lacking(result.model_dump(mode="json", exclude={*cls.stored_elsewhere()}), content)
+        missing = missing or next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
         return result
@@ -221,12 +234,16 @@ def type_fields(cls: type[Record]) -> Mapping[str, Any]:
 def reject_outdated(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
     """Raise :class:`InputError` unless ``content`` states ``schema``; :class:`OutdatedResult` for an earlier one."""
     found = content.get("schema")
-    if found is None or (isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)):
-        what = "written before version 0.2.0" if found is None else f"schema = {found!r}"
-        if found != schema:
-            raise OutdatedResult(f"{path}: {what}, must be {schema!r}; {remedy}")
-    elif found != schema:
-        raise InputError(f"{path}: schema = {json.dumps(found)[:60]}, must be {schema!r}; {remedy}")
+    if found == schema:
+        return
+    what = "written before version 0.2.0" if found is None else f"schema = {json.dumps(found)[:60]}"
+    of_this_kind = isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)
+    kind = OutdatedResult if found is None or of_this_kind else InputError
+    raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
+
+
+# What NumPy's reader raises for a file that is no archive, or a truncated one.
+_BROKEN = (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error)
 
 
 def _bytes(path: Path, required: bool, remedy: str) -> bytes | None:
@@ -249,7 +266,7 @@ def _arrays(cls: type[StageResult], path: Path) -> dict[str, np.ndarray]:
             return {name: np.asarray(archive[name], dtype=np.float64) for name in names if name in archive}
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; {cls.again()}") from None
-    except (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except _BROKEN as error:
         raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {cls.again()}") from None
 
 

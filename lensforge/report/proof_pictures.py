@@ -83,7 +83,7 @@ def stray_pictures(results: Results) -> list[Picture]:
 
 
 def _kept(stray: StrayLight) -> list[tuple[str, float]]:
-    by_cause = stray.detected_stray_by_cause.items()
+    by_cause = stray.detected_stray_by_cause.model_dump().items()
     causes = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in by_cause if share > 0.0]
     return [("detected as designed", stray.flux.detected_direct), *causes]
 

@@ -2,14 +2,18 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import OutdatedResult
+from lensforge.figures.light_unit import WATTS
 from lensforge.lens import Lens
 from lensforge.records import Array, Count, NotNegative, Number, Positive, StageResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FOLDER = "snapshots"
 
@@ -21,6 +25,7 @@ class Snapshot(StageResult):
     """
 
     stage: ClassVar[str] = "level"
+    made_from: ClassVar[tuple[str, ...]] = ()
     command: ClassVar[str] = "design --snapshots"
 
     level: Count
@@ -32,6 +37,12 @@ class Snapshot(StageResult):
     irradiance: Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
     surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3)]
     slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j")]
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """The light after this level, in false colour."""
+        from lensforge.figures.plots import plot_map
+
+        return plot_map(self.irradiance, self.receiver_mm, WATTS, axes)
 
 
 def load_snapshots(directory: Path, lens: Lens) -> list[Snapshot]:

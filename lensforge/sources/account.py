@@ -7,6 +7,14 @@ from lensforge.records import Count, NotNegative, Number, Point, Positive, Recor
 Range = tuple[Positive, Positive]
 
 
+class RaysDropped(Record):
+    """Rows of a file that are no rays, by cause."""
+
+    not_finite: Count
+    zero_direction: Count
+    no_flux: Count
+
+
 class FileAccount(Record):
     """One ray file: what it holds, what was left out of it, and the power that it was given.
 
@@ -17,7 +25,7 @@ class FileAccount(Record):
     file: Text
     format: Text
     rays: Count
-    rays_dropped: dict[Text, Count]
+    rays_dropped: RaysDropped
     effective_rays: NotNegative
     file_flux: Number | None
     file_ray_sum: Number

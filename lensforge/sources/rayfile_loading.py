@@ -5,7 +5,7 @@ from pathlib import Path
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import Material
-from lensforge.sources.account import FileAccount, Range
+from lensforge.sources.account import FileAccount, Range, RaysDropped
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.dispersed import colours
 from lensforge.sources.measured import effective_rays, focus_of, measured_emitter
@@ -103,7 +103,7 @@ def _load(part: RayfilePart, light: _Colours) -> _Part:
         file=Path(part.file).name,
         format=rayfile.format,
         rays=len(rayfile),
-        rays_dropped=rays.dropped,
+        rays_dropped=RaysDropped.model_validate(rays.dropped),
         effective_rays=effective_rays(bundle),
         file_flux=rayfile.total_flux(),
         file_ray_sum=ray_sum,

@@ -29,10 +29,10 @@ class Spec(Section):
     lens: LensSection
     constraints: ConstraintsSection
     target: Target
-    optimise: OptimiseSection = OptimiseSection()
-    evaluate: EvaluateSection = EvaluateSection()
-    base: BaseSection = BaseSection()
-    manufacture: ManufactureSection = ManufactureSection()
+    optimise: OptimiseSection = Field(default_factory=OptimiseSection)
+    evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
+    base: BaseSection = Field(default_factory=BaseSection)
+    manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.

@@ -19,7 +19,7 @@ class _Checked(ModelMetaclass):
     A class that names its field ``positional`` takes that one without its name.
     """
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805  a class is what a metaclass makes
         name: str | None = getattr(cls, "positional", None)
         if args and (name is None or len(args) > 1):
             raise InputError(f"{cls.__name__}: {len(args)} values without names; give its fields by name")

@@ -197,7 +197,7 @@ Intensity = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, F
 class _PlanarSource(_Emitter):
     """An emitting area in the plane z = 0, the same intensity profile at each of its points."""
 
-    intensity: Intensity = CosineIntensity()
+    intensity: Intensity = Field(default_factory=CosineIntensity)
 
 
 class RectangleSource(_PlanarSource):

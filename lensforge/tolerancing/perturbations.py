@@ -7,24 +7,12 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.lens import Lens
+from lensforge.tolerancing.amounts import Amounts
 from lensforge.tolerancing.perturbed_surfaces import Displaced, with_form_error
 
 Radius = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 
 LOW_ORDER = 9  # functions over the hemisphere: errors as wide as astigmatism and coma
-
-
-@dataclass(frozen=True)
-class Amounts:
-    """How much of each error; lengths in mm, angles in rad."""
-
-    low_order_rms_mm: float = 1e-3
-    fine_rms_mm: float = 1e-4
-    decentre_mm: float = 0.02
-    tilt_rad: float = 1e-3
-    gap_mm: float = 0.02
-    source_mm: float = 0.05
-    index: float = 1e-3
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import torch
 
@@ -13,7 +13,8 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
-from lensforge.tolerancing.perturbations import Amounts, Perturbation, Radius, perturbations
+from lensforge.tolerancing.amounts import Amounts
+from lensforge.tolerancing.perturbations import Perturbation, Radius, perturbations
 from lensforge.tolerancing.sensitivity_table import Change, ErrorRow, Sensitivity
 from lensforge.tolerancing.shifted_source import ShiftedSource
 
@@ -52,7 +53,7 @@ def measure_sensitivity(
         inputs={"lens": lens.sha256},
         nominal=designed,
         rows=tuple(rows),
-        amounts=asdict(amounts),
+        amounts=amounts,
         rays=count,
         seconds=time.perf_counter() - started,
     )

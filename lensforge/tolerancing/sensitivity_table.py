@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from lensforge.evaluation.light import Judged
-from lensforge.records import Count, Metric, NotNegative, Number, Record, StageResult, Text
+from lensforge.records import Count, NotNegative, Number, Record, StageResult, Text
+from lensforge.tolerancing.amounts import Amounts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,14 +34,14 @@ class ErrorRow(Record):
 class Sensitivity(StageResult):
     """Small errors of making and mounting, and how they change the light.
 
-    ``amounts``: how much of each kind of error, by name; the unit stands in the name (mm, rad; ``index`` has none).
+    ``amounts``: how much of each kind of error.
     """
 
     stage: ClassVar[str] = "sensitivity"
 
     nominal: Judged
     rows: tuple[ErrorRow, ...]
-    amounts: dict[Text, Number]
+    amounts: Amounts
     rays: Count
     seconds: NotNegative
 

@@ -58,8 +58,9 @@ class TracedBundle:
         bounds = checked_bounds(inner, outer, scene)
         tables = inner.detach().numpy(), outer.detach().numpy()
         count, indices = len(rays), scene.indices(rays)
+        points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
-        points, directions, flux, sin2_exit = (np.empty(shape) for shape in ((count, 3), (count, 3), count, count))
+        flux, sin2_exit = np.empty(count), np.empty(count)
 
         def work(_: int, part: slice) -> None:
             trace(

@@ -29,8 +29,8 @@ class TableSurface:
         """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
         r = torch.linalg.norm(points, dim=1)
         shift = (r + points[:, 2]).clamp(min=torch.finfo(points.dtype).tiny)
-        rho: Tensor = self.table.value_and_slope(points[:, 0] / shift, points[:, 1] / shift)[0]
-        return rho - r
+        gap: Tensor = self.table.value_and_slope(points[:, 0] / shift, points[:, 1] / shift)[0] - r
+        return gap
 
     def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
         """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""

@@ -65,15 +65,15 @@ def trace(
     origins, directions, weights, indices, inner, outer, inner_bounds, outer_bounds, scene,
     lengths, exit_points, exit_directions, flux, sin2_exit, fates,
 ):  # fmt: skip
-    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``."""
+    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
+
+    Points and directions come as zeros, and stay so where a ray does not leave the lens.
+    """
     fresnel, table_origin, inverse_step = scene
     for k in range(len(weights)):
         index = indices[min(k, len(indices) - 1)]
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
-        for axis in range(3):
-            exit_points[k, axis] = 0.0
-            exit_directions[k, axis] = 0.0
         lengths[k, 0] = 0.0
         lengths[k, 1] = 0.0
         sin2_exit[k] = 0.0

@@ -110,6 +110,7 @@ class Proof(StageResult):
     """
 
     stage: ClassVar[str] = "verify"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "export", "evaluate")
 
     rays: Count
     seconds: NotNegative
@@ -170,6 +171,16 @@ class StrayFlux(Record):
     leaked: Share
 
 
+class StrayByCause(Record):
+    """Stray light that is detected, by what first took it off the way that the sequential design knows."""
+
+    inner_reflection: Share
+    outer_reflection: Share
+    total_reflection: Share
+    base: Share
+    met_again: Share
+
+
 class StraySpread(Record):
     """Where on the receiver the stray light lands (mm), and how bright it is there; None where there is none."""
 
@@ -187,6 +198,7 @@ class StrayLight(StageResult):
 
     stage: ClassVar[str] = "stray"
     command: ClassVar[str] = "verify --stray"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
 
     rays: Count
     base: Literal["polished", "black"]
@@ -195,7 +207,7 @@ class StrayLight(StageResult):
     depth: Count
     flux: StrayFlux
     balance_error: NotNegative
-    detected_stray_by_cause: dict[Text, Share]
+    detected_stray_by_cause: StrayByCause
     misjudged_flux: NotNegative
     nmse_vs_sequential: NotNegative | None
     spread: StraySpread

@@ -20,7 +20,7 @@ from lensforge.verification.nonsequential import Account, Base, Body, Cause, Lan
 from lensforge.verification.part import read_part
 from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.picture import Receiver, nmse, within
-from lensforge.verification.proof import StrayFlux, StrayLight, StraySpread
+from lensforge.verification.proof import StrayByCause, StrayFlux, StrayLight, StraySpread
 
 BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn by lot
 LEAK_SHARE = 1e-3  # light that slips through the mesh at an edge
@@ -115,12 +115,12 @@ def _shares(account: Account, landed: Landings, window_mm: float, emitted: float
     )
 
 
-def _by_cause(landed: Landings, window_mm: float, emitted: float) -> dict[str, float]:
+def _by_cause(landed: Landings, window_mm: float, emitted: float) -> StrayByCause:
     inside = within(landed.points, window_mm)
     stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
-    return {
-        cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray
-    }
+    return StrayByCause.model_validate(
+        {cause.name.lower(): float(landed.flux[inside & (landed.causes == cause)].sum()) / emitted for cause in stray}
+    )
 
 
 def _against_sequential(images: _Images, receiver: Receiver, emitted: float) -> tuple[float, float | None]:

@@ -70,10 +70,8 @@ def test_no_field_of_a_record_is_taken_as_it_comes(folder: Path, name: str, chan
             if change == "missing" and (isinstance(place[-1], int) or (name, place[0]) in FREE):
                 continue  # a shorter list is another result, not a broken one
             path.write_text(json.dumps(changed(content, place, change)).replace("Infinity", "1e999"))
-            with pytest.raises(lf.InputError) as refusal:
-                load_as_it_is(folder)
-                pytest.fail(f"{name}.json: {change} {place} was taken")
-            message = str(refusal.value)
+            message = refusal(folder)
+            assert message is not None, f"{name}.json: {change} {place} was taken"
             assert len(message.splitlines()) == 1 and f"{name}.json" in message, (place, message)
             tried += 1
     finally:
@@ -82,11 +80,12 @@ def test_no_field_of_a_record_is_taken_as_it_comes(folder: Path, name: str, chan
     assert lf.load(folder) is not None
 
 
-def load_as_it_is(folder: Path) -> None:
-    """Load, and take what is said to be of another version or another lens for the refusal that it is."""
-    run = lf.load(folder)
-    if run.outdated:
-        raise lf.InputError("; ".join(run.outdated.values()).replace("made from", f"{next(iter(run.outdated))}.json"))
+def refusal(folder: Path) -> str | None:
+    """Why the folder does not load; of what is said to be of another version, that. None where all of it is taken."""
+    try:
+        return next(iter(lf.load(folder).outdated.values()), None)
+    except lf.InputError as error:
+        return str(error)
 
 
 def records_in(value: object) -> Iterator[Record]:

@@ -25,7 +25,7 @@ def test_a_folder_of_version_0_1_0_loads_and_says_what_to_run() -> None:
     run = lf.load(OLD)
     assert set(run.outdated) == {"design", "evaluate"}
     assert "run `lensforge evaluate` again" in run.outdated["evaluate"]
-    with pytest.raises(lf.MissingResult, match="before version 0.2.0"):
+    with pytest.raises(lf.MissingResult, match=r"before version 0\.2\.0"):
         _ = run.light
     assert not hasattr(run, "light")
     assert run.verdict.light == "undecided"

@@ -162,7 +162,7 @@ def test_bad_input_is_one_line(call: Callable[[], object], message: str) -> None
 
 
 def test_a_folder_without_a_result_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(lf.InputError, match="lens.json: no such file; run `lensforge design` first"):
+    with pytest.raises(lf.InputError, match=r"lens\.json: no such file; run `lensforge design` first"):
         lf.load(tmp_path)
 
 

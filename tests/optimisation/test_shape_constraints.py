@@ -8,12 +8,6 @@ import pytest
 import torch
 from scenes import random_surface, small_spec, sphere, table_of
 
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.constraints import constraints_of
-from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
-from lensforge.optimisation.optimiser import search
-from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
-from lensforge.optimisation.watch import RadiusJet, Watch, watched_points
 from lensforge.lens import Lens
 from lensforge.manufacturing.check import check_lens
 from lensforge.manufacturing.curvature import smallest_curvature
@@ -21,6 +15,12 @@ from lensforge.manufacturing.draft import draft_rad
 from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
 from lensforge.manufacturing.face_check import SAMPLE_NODES
 from lensforge.manufacturing.sampling import sample_face
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.constraints import constraints_of
+from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
+from lensforge.optimisation.optimiser import search
+from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
+from lensforge.optimisation.watch import RadiusJet, Watch, watched_points
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
@@ -165,10 +165,21 @@ def test_the_derivative_is_finite_at_umbilics_and_at_the_apex() -> None:
 
 def test_what_is_not_asked_for_is_not_computed() -> None:
     plain = AugmentedLagrangian.of(small_spec(), TableGrid(24))
-    assert [constraint.key for constraint in plain.constraints] == ["cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"]
+    assert [constraint.key for constraint in plain.constraints] == [
+        "cavity_clearance_mm",
+        "wall_margin_mm",
+        "radius_margin_mm",
+    ]
     assert plain.watch.operator.rows.shape[0] == len(plain.watch.points.x), "no row but the radius"
     keys = [constraint.key for constraint in constraints_of(shop_spec(constraints__outer_draft_deg=None))]
-    assert keys == ["cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm", "inner_curvature_margin_per_mm", "outer_curvature_margin_per_mm", "inner_draft_margin_deg"]
+    assert keys == [
+        "cavity_clearance_mm",
+        "wall_margin_mm",
+        "radius_margin_mm",
+        "inner_curvature_margin_per_mm",
+        "outer_curvature_margin_per_mm",
+        "inner_draft_margin_deg",
+    ]
 
 
 @pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
@@ -197,7 +208,9 @@ def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -
         sharpest = samples.chart[np.argmin(samples.curvatures.minimum)]
         kappa = smallest_curvature(samples.face, sharpest, samples.grid.step)
         assert getattr(found, f"{name}_curvature_margin_per_mm") - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
-        assert getattr(found, f"{name}_draft_margin_deg") + draft == pytest.approx(np.degrees(draft_rad(samples).min()), abs=0.02)
+        assert getattr(found, f"{name}_draft_margin_deg") + draft == pytest.approx(
+            np.degrees(draft_rad(samples).min()), abs=0.02
+        )
 
 
 def test_a_cavity_tighter_than_the_cutter_fails_its_gate() -> None:

@@ -33,5 +33,5 @@ def test_auto_is_the_largest_that_source_and_target_share(target: dict, source, 
 
 
 def test_a_lens_records_the_symmetry_that_was_found() -> None:
-    lens = design(small_spec(lens__symmetry="auto"), SquareEmitter(1.0), accuracy="draft").lens
+    lens = search(small_spec(lens__symmetry="auto"), SquareEmitter(1.0), accuracy="draft").lens
     assert lens.spec.lens.symmetry == "square" == lens.outer.basis.symmetry

@@ -34,7 +34,8 @@ def make_stray(lens, **changes):
             absorbed=0.03, base=0.01, too_dim=0.0, leaked=0.0,
         ),
         "balance_error": 0.0,
-        "detected_stray_by_cause": {"inner_reflection": 0.0025, "outer_reflection": 0.01, "met_again": 0.0},
+        "detected_stray_by_cause": dict.fromkeys(("total_reflection", "base", "met_again"), 0.0)
+        | {"inner_reflection": 0.0025, "outer_reflection": 0.01},
         "misjudged_flux": 0.0135,
         "nmse_vs_sequential": 0.00325,
         "spread": StraySpread(centroid_mm=(1.0, -2.0), rms_radius_mm=62.5, peak_w_m2=3.5, peak_of_mean=0.085),

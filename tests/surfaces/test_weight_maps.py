@@ -5,8 +5,8 @@ import pytest
 import torch
 from scenes import small_spec, weight_matrix
 
-from lensforge.optimisation.parameters import Parametrisation
 from lensforge.errors import InputError
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.weight_maps import weight_maps

@@ -10,7 +10,8 @@ from lensforge.lens import Lens
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.tolerancing.perturbations import Amounts, perturbations
+from lensforge.tolerancing.amounts import Amounts
+from lensforge.tolerancing.perturbations import perturbations
 from lensforge.tolerancing.perturbed_surfaces import Displaced, with_form_error
 from lensforge.tolerancing.sensitivity import measure_sensitivity, perturbed
 from lensforge.tolerancing.sensitivity_table import Sensitivity
@@ -90,7 +91,7 @@ def test_the_table_names_every_error_and_nothing_changes_without_one():
     for row in found.rows:
         assert row.change.nmse == pytest.approx(row.metrics.nmse.value - found.nominal.nmse.value)
     assert any(abs(row.change.nmse) > 1e-6 for row in found.rows)
-    none = Amounts(*([1e-12] * 7))
+    none = Amounts(**dict.fromkeys(Amounts.model_fields, 1e-12))
     still = measure_sensitivity(lens, source, PRESETS["draft"], rays=4096, amounts=none)
     assert max(abs(row.change.nmse) for row in still.rows) < 1e-4
 
@@ -108,7 +109,7 @@ def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
     )
     found.write(tmp_path)
     assert Sensitivity.read(tmp_path) == found
-    assert found.amounts == {
+    assert found.amounts.model_dump() == {
         "low_order_rms_mm": 1e-3, "fine_rms_mm": 1e-4, "decentre_mm": 0.02, "tilt_rad": 2e-3, "gap_mm": 0.02,
         "source_mm": 0.05, "index": 1e-3,
     }  # fmt: skip

@@ -42,7 +42,7 @@ def test_pictures_hold_the_flux_of_the_account_and_are_read_back(tmp_path):
     assert StrayLight.read(tmp_path) == found
     assert len(found.gates) == 3 and all(gate.passed for gate in found.gates)
     assert found.balance_error < 1e-9
-    assert sum(found.detected_stray_by_cause.values()) == pytest.approx(found.flux.detected_stray)
+    assert sum(found.detected_stray_by_cause.model_dump().values()) == pytest.approx(found.flux.detected_stray)
     assert found.misjudged_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.records import Point
+from lensforge.sources.account import RaysDropped
 from lensforge.sources.rayfiles.cleaning import ValidRays, causes, no_usable_ray, valid_chunks
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.photopic import luminous_efficacy
@@ -99,7 +100,7 @@ def describe(rayfile: RayFile) -> RayFileSummary:
         rays=len(rayfile),
         units=_units(rayfile),
         rays_used=sums.rays,
-        rays_dropped=sums.dropped,
+        rays_dropped=RaysDropped.model_validate(sums.dropped),
         effective_rays=sums.flux**2 / sums.flux_squared,
         flux=_flux(rayfile, sums),
         bounding_box_mm=Box(min=_point(sums.low), max=_point(sums.high)),

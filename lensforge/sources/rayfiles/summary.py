@@ -6,6 +6,7 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.records import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
+from lensforge.sources.account import RaysDropped
 from lensforge.sources.rayfiles.picture import Histograms, Panel, draw_panel
 from lensforge.sources.rayfiles.record import HeaderValue, RayFile, Unit
 
@@ -74,13 +75,14 @@ class RayFileSummary(StageResult):
     """
 
     stage: ClassVar[str] = "rays"
+    made_from: ClassVar[tuple[str, ...]] = ()
 
     format: Text
     title: Text | None
     rays: Count
     units: FileUnits
     rays_used: Count
-    rays_dropped: dict[Text, Count]
+    rays_dropped: RaysDropped
     effective_rays: NotNegative
     flux: FileFlux
     bounding_box_mm: Box

@@ -46,6 +46,7 @@ class Sweep(StageResult):
     """
 
     stage: ClassVar[str] = "sweep"
+    made_from: ClassVar[tuple[str, ...]] = ()
 
     spec: Spec
     vary: Text
