@@ -197,8 +197,10 @@ def run_export(
 
 
 def run_check(folder: Path) -> Check:
-    """Say whether the part can be cut."""
-    return _kept(stages.check(load(folder).part), folder)
+    """Say whether the part can be cut; its files need not be there yet."""
+    from lensforge.manufacturing.check import check_lens
+
+    return _kept(check_lens(load_lens(folder / LENS_FILE)), folder)
 
 
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:

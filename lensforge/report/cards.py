@@ -100,7 +100,7 @@ def _size_cards(results: Results) -> Iterator[Card]:
     record, asked = results.find(Design), results.spec.constraints
     if record is None:
         return
-    within, clear = (_state(results, f"constraint {name}") for name in ("radius margin", "cavity clearance"))
+    within, clear = (_state(results, name) for name in ("radius margin", "cavity clearance"))
     limit = f"the largest; asked: at most {asked.max_radius_mm:g} mm"
     yield Card("Lens radius", number(record.max_radius_mm, 4), "mm", limit, within)
     yield Card("Lens height", number(record.height_mm, 4), "mm", "above the source plane, without the base")

@@ -4,7 +4,6 @@ from lensforge.optics.materials import Material
 from lensforge.sources.account import SourceAccount
 from lensforge.sources.bundle import Source
 from lensforge.sources.dispersed import DispersedSource
-from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec.source import (
@@ -71,12 +70,11 @@ def _computed(spec: _Computed) -> Source:
 
 def account_of(source: Source, spec: SourceSpec) -> SourceAccount:
     """What ``source``, built from ``spec``, is; of a measured one also its files and all that was done to them."""
-    match source:
-        case RayfileEmitter(account=SourceAccount() as known):
-            return known
-        case DispersedSource():
-            waves, indices = source.colours
-            found = {"wavelengths_nm": waves, "refractive_indices": indices}
-            return account_of(source.source, spec).model_copy(update=found)
-        case _:
-            return SourceAccount(title=spec.title, flux_w=source.flux_w, symmetry=source.symmetry)
+    if isinstance(source, DispersedSource):
+        waves, indices = source.colours
+        found = {"wavelengths_nm": waves, "refractive_indices": indices}
+        return account_of(source.source, spec).model_copy(update=found)
+    known = getattr(source, "account", None)  # measured rays have one; their module loads with them alone
+    if isinstance(known, SourceAccount):
+        return known
+    return SourceAccount(title=spec.title, flux_w=source.flux_w, symmetry=source.symmetry)

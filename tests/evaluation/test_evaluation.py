@@ -41,36 +41,44 @@ def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> 
     x, y = np.meshgrid(fine, fine)
     irradiance = normal_transmittance(1.4936) ** 2 / np.pi * 100.0**2 / (100.0**2 + x**2 + y**2) ** 2 * 1e6
     expected = irradiance.reshape(16, 25, 16, 25).mean(axis=(1, 3))
-    difference = result.raw / expected - 1.0
+    difference = result.raw_map / expected - 1.0
     assert np.abs(difference).max() < 0.04  # some 2,000 rays a pixel
     assert np.abs(difference).mean() < 0.01
     window = irradiance.mean() * 0.2**2
-    assert result.report["efficiency"] == pytest.approx(
-        window, abs=5 * result.report["efficiency_standard_error"] + 1e-5
-    )
+    efficiency = result.efficiency
+    assert efficiency.standard_error is not None
+    assert efficiency.value == pytest.approx(window, abs=5 * efficiency.standard_error + 1e-5)
 
 
 def test_flux_adds_up_to_one_and_every_cause_is_there() -> None:
     lens = Lens(random_surface(1, 3.0, 0.1), random_surface(2, 6.0, 0.1), small_spec(), 0, "draft")
-    report = _evaluate(lens).report
-    assert set(report["flux"]) == {
-        "detected", "outside", "missed", "total_reflection", "not_converged", "absorbed_fresnel",
-    }  # fmt: skip
-    assert sum(report["flux"].values()) == pytest.approx(1.0, abs=1e-13)
-    assert sum(report["missed_by_cause"].values()) == pytest.approx(report["flux"]["missed"], abs=1e-15)
-    assert report["flux"]["total_reflection"] > 0.0
-    assert report["flux"]["not_converged"] == 0.0
-    assert report["efficiency"] == report["flux"]["detected"]
+    light = _evaluate(lens)
+    assert sum(light.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-13)
+    assert sum(light.missed_by_cause.model_dump().values()) == pytest.approx(light.flux.missed, abs=1e-15)
+    assert light.flux.total_reflection > 0.0
+    assert light.flux.not_converged == 0.0
+    assert light.efficiency.value == light.flux.detected
+
+
+def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
+    """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, "draft")
+    light = _evaluate(lens)
+    side_m = 1e-3 * light.receiver_mm / light.pixels
+    x = np.abs(light.axis_mm) / 80.0
+    bright = np.exp(-(x[:, None] ** 18) - x[None, :] ** 18) > 0.1
+    assert light.share_in_target.value == pytest.approx(light.raw_map[bright].sum() * side_m**2, rel=0.02)
+    assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9
 
 
 def test_standard_errors_tell_the_truth() -> None:
     """Thirty evaluations with other seeds scatter as the standard error of one says."""
     spec = small_spec()
     lenses = [Lens(sphere(3.0), sphere(6.0), spec, seed, "draft") for seed in range(30)]
-    reports = [_evaluate(lens, rays=4096).report for lens in lenses]
-    for metric in ("efficiency", "nmse"):
-        scatter = np.std([report[metric] for report in reports], ddof=1)
-        stated = np.mean([report[f"{metric}_standard_error"] for report in reports])
+    lights = [_evaluate(lens, rays=4096) for lens in lenses]
+    for metric in ("efficiency", "nmse", "share_in_target"):
+        scatter = np.std([getattr(light, metric).value for light in lights], ddof=1)
+        stated = np.mean([getattr(light, metric).standard_error for light in lights])
         assert 0.5 < stated / scatter < 2.0, metric
 
 
@@ -78,8 +86,8 @@ def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
     """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
     spec = small_spec()
     lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
-    errors = [_evaluate(lens, rays=rays).report["efficiency_standard_error"] for rays in (2**10, 2**18)]
-    share = _evaluate(lens, rays=2**18).report["efficiency"]
+    few, many = (_evaluate(lens, rays=rays).efficiency for rays in (2**10, 2**18))
+    errors, share = [few.standard_error, many.standard_error], many.value
     plain = np.sqrt(share * (1.0 - share) / 2**18)
     assert errors[1] < 0.3 * plain
     assert np.log2(errors[0] / errors[1]) / 8 > 0.55
@@ -89,5 +97,5 @@ def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
 def test_the_smallest_evaluations_are_finite(rays: int, pixels: int) -> None:
     lens = Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
     result = _evaluate(lens, rays=rays, pixels=pixels)
-    assert np.isfinite(result.irradiance).all()
-    assert sum(result.report["flux"].values()) == pytest.approx(1.0)
+    assert np.isfinite(result.map).all()
+    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0)

@@ -127,7 +127,7 @@ def test_nothing_is_written_unless_it_is_saved(tmp_path, monkeypatch):
     for suffix, content in ((".ies", found.ies), (".ldt", found.ldt), (".tm25ray", found.tm25)):
         found.save(tmp_path / f"other{suffix}")
         assert (tmp_path / f"other{suffix}").read_bytes() == content
-    with pytest.raises(InputError, match="photometry is saved as one of"):
+    with pytest.raises(InputError, match="a Photometry is saved as one of"):
         found.save(tmp_path / "other.xyz")
 
 

@@ -67,6 +67,11 @@ def make_results(stages=STAGES, lens=None, outdated=None, **records):
     for stem in dict.fromkeys((*stages, *records)):
         given = records.get(stem, {})
         found[stem] = MAKERS[stem](lens, **given) if isinstance(given, dict) else given
+    for stem in ("verify", "stray"):
+        if stem in found:
+            made_from = {name: found[name].sha256 for name in ("export", "evaluate") if name in found}
+            inputs = dict.fromkeys(("export", "evaluate"), "0" * 64) | {"lens": lens.sha256} | made_from
+            found[stem] = found[stem].model_copy(update={"inputs": inputs})
     return Results(lens, found, outdated or {})
 
 
@@ -142,7 +147,7 @@ def make_design(lens, **changes):
     )
     content = {
         "lens": lens,
-        "inputs": {"spec": "ef" * 32},
+        "inputs": {"lens": lens.sha256},
         "steps": 7,
         "forward_evaluations": 7,
         "rays_per_step": 4096,

@@ -72,7 +72,7 @@ def test_a_file_is_saved_by_its_suffix_with_exactly_its_bytes(part, tmp_path, na
 
 
 def test_a_suffix_that_is_none_of_a_part_is_refused_in_one_line(part, tmp_path):
-    with pytest.raises(InputError, match=r"a\.iges: a part is saved as one of \.step, .*; give such a name") as caught:
+    with pytest.raises(InputError, match=r"a\.iges: a Part is saved as one of \.step, .*; give such a name") as caught:
         part.save(str(tmp_path / "a.iges"))
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
@@ -113,7 +113,7 @@ def test_a_folder_with_a_missing_or_another_file_is_one_line(part, tmp_path, nam
     (tmp_path / name).unlink()
     if damage == "other":
         (tmp_path / name).write_bytes(b"other")
-    with pytest.raises(InputError, match=r"export\.json: .*run `lensforge export` again") as caught:
+    with pytest.raises(InputError, match=r"(export\.json|lens\.\w+): .*run `lensforge export` again") as caught:
         Part.read(tmp_path, lens=part.lens)
     assert "\n" not in str(caught.value)
 
