@@ -2,7 +2,7 @@
 
     python benchmarks/optional_features.py DIR [--rays 262144] [--repeat 5]
 
-DIR is a finished result folder (lens.json, lens.step, lens.stl, evaluate.npz) of a spec with a symmetric lens, such as
+DIR is a finished result folder of a spec with a symmetric lens, such as
 cad_out/quickstart. On: processor time of the stage with the feature over that without it, the least of the repeats on
 one thread. Off: the share of the profiled time of the same stage that is spent in the feature's own modules.
 """
@@ -15,7 +15,6 @@ import cProfile
 import pstats
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.simulate import TracedLens
+from lensforge.evaluation.simulate import TracedLens, design_landings
 from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
@@ -34,7 +33,7 @@ from lensforge.lens import Lens, load_lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.objective import Objective
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.pipeline import run_stray, run_verify
+from lensforge.pipeline import Run, load
 from lensforge.receivers.losses import mirror_mean
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.splat import splat_flux
@@ -42,6 +41,8 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.rayfile_source import RayfileEmitter
 from lensforge.spec import BaseSection
+from lensforge.stages import stray_light
+from lensforge.verification.verify import verify_part
 
 Work = Callable[[], object]
 
@@ -113,25 +114,35 @@ def part_features(lens: Lens, directory: Path) -> Iterator[Feature]:
     yield Feature(
         "base", "mesh", partial(mesh, BaseSection(kind="none")), partial(mesh, lens.spec.base), ("geometry/base",)
     )
-    with tempfile.TemporaryDirectory() as folder:
-        bare = Path(folder)
-        for name in ("lens.json", "lens.stl", "evaluate.npz"):
-            (bare / name).symlink_to((directory / name).resolve())
-        verify = partial(run_verify, bare, rays=2**13)
+    run = load(directory)
+    verify = partial(_verify, run, 2**13)
 
-        def with_step() -> None:
-            (bare / "lens.step").symlink_to((directory / "lens.step").resolve())
-            try:
-                verify()
-            finally:
-                (bare / "lens.step").unlink()
+    def with_stray() -> None:
+        verify()
+        stray_light(run.part, rays=2**11)
 
-        def with_stray() -> None:
-            verify()
-            run_stray(bare, rays=2**11)
+    yield Feature("B-rep referee", "verify", verify, partial(verify, run.part.step), ("brep", "step_body"))
+    yield Feature("stray light, 2048 rays", "verify", verify, with_stray, ("stray", "nonsequential"))
 
-        yield Feature("B-rep referee", "verify", verify, with_step, ("brep", "step_body"))
-        yield Feature("stray light, 2048 rays", "verify", verify, with_stray, ("stray", "nonsequential"))
+
+def _verify(run: Run, count: int, step: bytes | None = None) -> None:
+    """The verification of ``count`` rays, through the STEP as well where there is one."""
+    lens, light = run.lens, run.light
+    rays = build_source(lens.spec.source, lens.spec.lens.dispersion).sample(count, 1)
+    hits, flux = design_landings(TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma), lens.spec, rays)
+    verify_part(
+        run.part.stl,
+        rays=rays,
+        refractive_index=lens.refractive_index,
+        distance_mm=light.distance_mm,
+        receiver_mm=light.receiver_mm,
+        window_mm=light.window_mm,
+        pixels=light.pixels,
+        design_irradiance=light.map,
+        design_hits=hits,
+        design_weights=flux,
+        step=step,
+    )
 
 
 def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """Array shapes and dtypes in signatures are checked while the tests run."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -29,14 +30,21 @@ def examples() -> Path:
 
 
 @pytest.fixture(scope="session")
-def whole_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
-    """A small lens, the whole way and all that can be asked for besides, as its folder holds it."""
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
+    """A small lens, the whole way: what ``run`` returned, and its folder as it left it."""
     from scenes import small_spec  # not before the import hook is there
 
+    folder = tmp_path_factory.mktemp("small_run") / "small"
+    return lensforge.run(small_spec(optimise__steps_per_level=[40, 40]), folder, accuracy="draft")
+
+
+@pytest.fixture(scope="session")
+def whole_run(small_run: lensforge.Run, tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
+    """The same in a folder of its own, with all that can be asked for besides."""
     from lensforge.pipeline import run_photometry, run_sensitivity, run_stray
 
     folder = tmp_path_factory.mktemp("whole_run") / "small"
-    lensforge.run(small_spec(optimise__steps_per_level=[40, 40]), folder, accuracy="draft")
+    shutil.copytree(small_run.folder, folder)
     run_stray(folder, rays=512)
     run_sensitivity(folder, rays=512)
     run_photometry(folder, rays=4096)

@@ -1,6 +1,7 @@
 """The library as a script meets it: verbs, results that show themselves, and a folder that comes back to the bit."""
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -28,28 +29,26 @@ def results() -> dict[str, type[StageResult]]:
     return found
 
 
-def test_a_run_comes_back_to_the_bit(whole_run: lf.Run, tmp_path: Path) -> None:
-    run = lf.run(small_spec(), tmp_path / "run", accuracy="draft")
-    again = lf.load(tmp_path / "run")
-    assert again == run
-    for stem, result in run.found.items():
+def test_a_run_comes_back_to_the_bit(small_run: lf.Run, whole_run: lf.Run) -> None:
+    again = lf.load(small_run.folder)
+    assert again == small_run
+    for stem, result in small_run.found.items():
         for field in type(result).model_fields:
             one, other = getattr(result, field), getattr(again.found[stem], field)
             same = np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else one == other
             assert same, f"{stem}.{field}"
-    assert again != whole_run
+    assert again != whole_run, "another folder, and more in it"
 
 
 def test_verbs_write_nothing_and_give_what_a_run_gives(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    spec = small_spec()
-    design = lf.design(spec, accuracy="draft")
+    design = lf.design(small_spec(optimise__steps_per_level=[40, 40]), accuracy="draft")
     light, part = lf.evaluate(design.lens), lf.build(design.lens)
     check, proof = lf.check(part), lf.verify(part, light)
     assert not list(tmp_path.iterdir()) and capfd.readouterr() == ("", "")
-    run = lf.run(spec, "out", accuracy="draft")
+    run = small_run
     assert run.design.lens == design.lens
     for one, other in ((light, run.light), (part, run.part), (check, run.check), (proof, run.proof)):
         assert one.sha256 == other.sha256, type(one).__name__
@@ -87,12 +86,12 @@ def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
     assert record["results"]["evaluate"] == whole_run.light.sha256
 
 
-def test_results_of_another_lens_count_as_not_run(whole_run: lf.Run, tmp_path: Path) -> None:
-    run = lf.run(small_spec(), tmp_path / "run", accuracy="draft")
-    whole_run.lens.save(tmp_path / "run" / "lens.json")
+def test_results_of_another_lens_count_as_not_run(small_run: lf.Run, tmp_path: Path) -> None:
+    shutil.copytree(small_run.folder, tmp_path / "run")
+    lf.design(small_spec(), accuracy="draft").lens.save(tmp_path / "run" / "lens.json")
     mixed = lf.load(tmp_path / "run")
     assert mixed.missing == ["design", "evaluate", "export", "check", "verify"]
-    assert "another lens" in mixed.outdated["evaluate"] and run.light is not None
+    assert "another lens" in mixed.outdated["evaluate"] and small_run.light is not None
     with pytest.raises(lf.MissingResult, match="another lens"):
         _ = mixed.light
 
