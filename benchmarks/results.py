@@ -7,8 +7,8 @@ python benchmarks/results.py cad_out/flat_top cad_out/pi cad_out/quickstart cad_
 import sys
 from pathlib import Path
 
-from lensforge.pipeline import load
 from lensforge.records import Metric
+from lensforge.run_folder import load
 
 COLUMNS = (
     "design",

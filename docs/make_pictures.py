@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lensforge.files import replacing
-from lensforge.pipeline import load
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.section_figures import lens_section
 from lensforge.report.solid_view import Rendering
+from lensforge.run_folder import load
 
 HEIGHT = 420
 WHITE = (255, 255, 255)

@@ -18,12 +18,14 @@ from lensforge.gates import Gate
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.cut import Check
+from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Progress
-from lensforge.pipeline import Run, load, run
+from lensforge.pipeline import run
 from lensforge.records import Metric
 from lensforge.results import Results
+from lensforge.run_folder import Run, load
 from lensforge.spec import (
     ArrayTarget,
     BaseSection,
@@ -59,7 +61,7 @@ from lensforge.spec.source import (
     TableIntensity,
 )
 from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
-from lensforge.stages import build, check, compare, design, evaluate, photometry, sensitivity, stray_light, verify
+from lensforge.stages import build, check, design, evaluate, photometry, sensitivity, stray_light, verify
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verbs import handover, rays, sweep, tradeoff
 from lensforge.verdict import Verdict

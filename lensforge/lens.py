@@ -17,7 +17,7 @@ from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
 from lensforge.lens_file import EARLIER_FORMAT, SCHEMA, LensRecord, record_of
 from lensforge.records.record import refused
-from lensforge.records.result import reject_outdated
+from lensforge.records.stored import reject_outdated
 from lensforge.spec import Accuracy, Spec, parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface

@@ -4,26 +4,26 @@ A stage that fails a gate still leaves its files; ``run.json`` holds the verdict
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from lensforge import stages
-from lensforge.errors import GateFailed, InputError
+from lensforge.arguments import threads_of_torch
+from lensforge.errors import GateFailed
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
-from lensforge.files import replacing, write_json
+from lensforge.files import replacing
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.cut import Check
+from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.measurement.photo_figure import photo_png
 from lensforge.measurement.surface_figure import surface_png
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
-from lensforge.records import Count, Record, Sha256, StageResult, Text
-from lensforge.records.result import SCHEMA_VERSION
-from lensforge.results import Results, load_results
+from lensforge.records import StageResult
+from lensforge.run_folder import Run, folder_of, load, renew
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import RayfileSource
@@ -31,67 +31,16 @@ from lensforge.spec.source import Source as SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict
 from lensforge.verification.proof import Proof, StrayLight
-from lensforge.version import __version__
 
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
 CHECKPOINT = "checkpoint.pt"
-LENS_FILE, RUN_FILE, REPORT_FILE = "lens.json", "run.json", "report.html"
+LENS_FILE, REPORT_FILE = "lens.json", "report.html"
 OTHER = "evaluate_other"  # the light under other conditions than the lens's own: never over evaluate.json
 
 Announce = Callable[[str], None]
 _Result = TypeVar("_Result", bound=StageResult)
-
-
-@dataclass(frozen=True, eq=False)
-class Run(Results):
-    """The results of a whole run, as ``folder`` holds them."""
-
-    folder: Path = Path()
-
-    def report(self, path: Path | str) -> Path:
-        """Write the report as one page of HTML to ``path``, and return it."""
-        from lensforge.report.build import render_report
-
-        path = Path(path)
-        page = render_report(self, self.folder)
-        with replacing(path) as temporary:
-            temporary.write_text(page, encoding="utf-8")
-        return path
-
-    def row(self) -> dict[str, float | int | bool | str | None]:
-        """Name, verdict and the metrics of all stages: one row for a table."""
-        row: dict[str, float | int | bool | str | None] = {"name": self.spec.name, "seed": self.lens.seed}
-        row |= {f"verdict.{key}": value for key, value in self.verdict.row().items()}
-        for stem, result in self.found.items():
-            row |= {f"{stem}.{key}": value for key, value in result.row().items()}
-        return row
-
-    def __eq__(self, other: object) -> bool:
-        """Whether folder, lens and all results are the same, to the bit."""
-        same_folder = isinstance(other, Run) and self.folder.resolve() == other.folder.resolve()
-        return same_folder and super().__eq__(other)
-
-    __hash__ = None
-
-    def _repr_html_(self) -> str:
-        """For a notebook: verdict, headline numbers, the light and a section."""
-        from lensforge.report.notebook import results_html
-
-        return results_html(self)
-
-
-class RunRecord(Record):
-    """``run.json``: the verdict, and the hashes of the results that it judges. ``outdated``: why a stage counts not."""
-
-    version: Text = __version__
-    name: Text
-    accuracy: Text
-    seed: Count
-    verdict: Verdict
-    results: dict[Text, Sha256]
-    outdated: dict[Text, Text]
 
 
 def run(
@@ -117,7 +66,7 @@ def run(
     folder, told = folder_of(folder), announce or (lambda _: None)
     kept = folder / CHECKPOINT if checkpoint is None else Path(checkpoint)
     resume = checkpoint is not None and kept.exists()
-    with stages.threads_of_torch(threads):
+    with threads_of_torch(threads):
         found = stages.search_lens(spec, accuracy, seed, None, start, kept, resume, progress, device)
         _keep_design(found, folder)
         for name, stage in _LATER.items():
@@ -127,25 +76,6 @@ def run(
         run_report(folder)
     kept.unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
     return load(folder)
-
-
-def load(folder: Path | str) -> Run:
-    """Read a result folder: the same object that :func:`run` returned. Raises :class:`InputError` for none."""
-    folder = folder_of(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; run `lensforge design` first")
-    results = load_results(folder)
-    return Run(results.lens, results.found, results.outdated, folder)
-
-
-def folder_of(folder: object) -> Path:
-    """``folder`` as a path. Raises :class:`InputError` for what cannot be one."""
-    if not isinstance(folder, Path | str):
-        raise InputError(f"{str(folder)[:60]!r} is a {type(folder).__name__}; give the path of a result folder")
-    path = Path(folder)
-    if path.is_file():
-        raise InputError(f"{path}: a file, must be a result folder")
-    return path
 
 
 def run_design(spec: Spec, folder: Path, *, accuracy: Accuracy = "standard", seed: int = 0) -> Design:
@@ -236,7 +166,7 @@ def run_compare_photo(
     """Compare a photograph with the simulation; also draws ``compare.png``."""
 
     light = load(folder).light
-    result = stages.compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
+    result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
     with replacing(folder / "compare.png") as temporary:
         temporary.write_bytes(photo_png(result))
     return _kept(result, folder)
@@ -253,7 +183,7 @@ def run_compare_surface(
     """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
 
     lens = load_lens(folder / LENS_FILE)
-    result = stages.compare(lens, points=points, surface=surface, registration=registration, rays=rays)
+    result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
     with replacing(folder / f"compare_{surface}.png") as temporary:
         temporary.write_bytes(surface_png(result))
     return _kept(result, folder, f"compare_{surface}")
@@ -302,21 +232,6 @@ def _kept(result: _Result, folder: Path, stem: str | None = None) -> _Result:
     result.write(folder, stem)
     renew(folder)
     return result
-
-
-def renew(folder: Path) -> Verdict:
-    """Write ``run.json`` with the verdict on what is in ``folder``, and return it."""
-    found = load_results(folder)
-    record = RunRecord(
-        name=found.spec.name,
-        accuracy=found.lens.accuracy,
-        seed=found.lens.seed,
-        verdict=found.verdict,
-        results={stem: result.sha256 for stem, result in found.found.items()},
-        outdated=dict(found.outdated),
-    )
-    write_json(folder / RUN_FILE, {"schema": f"lensforge-run-{SCHEMA_VERSION}", **record.model_dump(mode="json")})
-    return found.verdict
 
 
 _LATER: dict[str, Callable[[Path], StageResult]] = {

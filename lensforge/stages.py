@@ -3,20 +3,16 @@
 What a verb needs loads when it is called: torch and numba with the first light, the CAD kernel with the first solid.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar, overload
+from typing import Literal
 
-from lensforge.accuracy import PRESETS, Preset
+from lensforge.arguments import preset_of, require, require_count, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.cut import Check
-from lensforge.measurement.cloud import read_cloud
-from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
 from lensforge.spec import Accuracy, Spec
@@ -26,13 +22,8 @@ from lensforge.spec.source import Source as SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
 
-if TYPE_CHECKING:
-    from lensforge.sources.bundle import Source
-
 _VERIFY_SEED = 2**41  # apart from the seeds of the design and of its evaluation
 _STRAY_RAYS = 2**15  # every one of them becomes some ten: more would not be waited for
-
-_Kind = TypeVar("_Kind")
 
 
 def design(
@@ -79,7 +70,7 @@ def search_lens(
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"seed = {seed!r}: an integer, 0 or above")
     if start is not None:
-        _require(start, Lens, "start")
+        require(start, Lens, "start")
     if spec.base.file is not None:  # a file that is no base is better known before the search than after it
         from lensforge.geometry.step_base import read_base
 
@@ -114,11 +105,11 @@ def evaluate(
     """
     from lensforge.evaluation.evaluate import evaluate_lens
 
-    _require(lens, Lens, "evaluate")
+    require(lens, Lens, "evaluate")
     if source is not None:
-        _require(source, Section, "source")
-    _require_count("rays", rays)
-    _require_count("pixels", pixels)
+        require(source, Section, "source")
+    require_count("rays", rays)
+    require_count("pixels", pixels)
     preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, source)
     with threads_of_torch(threads):
         return evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
@@ -140,7 +131,7 @@ def build(
     """
     from lensforge.geometry.export import build_part
 
-    _require(lens, Lens, "build")
+    require(lens, Lens, "build")
     return build_part(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings)
 
 
@@ -148,7 +139,7 @@ def check(part: Part) -> Check:
     """Say whether ``part`` can be made, and with what: spheres, curvature, cutter, wall, draft, tools."""
     from lensforge.manufacturing.check import check_part
 
-    return check_part(_require(part, Part, "check"))
+    return check_part(require(part, Part, "check"))
 
 
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
@@ -163,9 +154,9 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     from lensforge.verification.mitsuba_cast import installed as mitsuba_installed
     from lensforge.verification.verify import verify_part
 
-    lens, spec = _require(part, Part, "verify").lens, part.lens.spec
-    _require_count("rays", rays)
-    if _require(light, Light, "verify").inputs.get("lens") != lens.sha256:
+    lens, spec = require(part, Part, "verify").lens, part.lens.spec
+    require_count("rays", rays)
+    if require(light, Light, "verify").inputs.get("lens") != lens.sha256:
         raise InputError("verify: the light is that of another lens than the part; evaluate the part's lens")
     preset, source = preset_of(lens.accuracy), source_of(spec)
     with threads_of_torch(threads):
@@ -197,8 +188,8 @@ def stray_light(
     from lensforge.verification.picture import Receiver
     from lensforge.verification.stray import trace_stray
 
-    lens, spec = _require(part, Part, "stray_light").lens, part.lens.spec
-    _require_count("rays", rays)
+    lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
+    require_count("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
     count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
     with threads_of_torch(threads):
@@ -219,8 +210,8 @@ def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = No
     """Say what small errors of form, position, source and index do to the light of ``lens``."""
     from lensforge.tolerancing.sensitivity import measure_sensitivity
 
-    _require(lens, Lens, "sensitivity")
-    _require_count("rays", rays)
+    require(lens, Lens, "sensitivity")
+    require_count("rays", rays)
     with threads_of_torch(threads):
         return measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays)
 
@@ -234,147 +225,7 @@ def photometry(
     """
     from lensforge.far_field.export import measure_photometry
 
-    _require(lens, Lens, "photometry")
-    _require_count("rays", rays)
+    require(lens, Lens, "photometry")
+    require_count("rays", rays)
     with threads_of_torch(threads):
         return measure_photometry(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays, lumens=lumens)
-
-
-@overload
-def compare(
-    measured: Light,
-    *,
-    on: Path | str,
-    off: Path | str | None = None,
-    corners: Sequence[tuple[float, float]] | None = None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-) -> PhotoComparison: ...
-
-
-@overload
-def compare(
-    measured: Lens,
-    *,
-    points: Path | str,
-    surface: Literal["inner", "outer"],
-    registration: Literal["rigid", "shift", "none"] = "rigid",
-    rays: int | None = None,
-) -> SurfaceComparison: ...
-
-
-def compare(
-    measured: Light | Lens,
-    *,
-    on: Path | str | None = None,
-    off: Path | str | None = None,
-    corners: Sequence[tuple[float, float]] | None = None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-    points: Path | str | None = None,
-    surface: Literal["inner", "outer"] | None = None,
-    registration: Literal["rigid", "shift", "none"] = "rigid",
-    rays: int | None = None,
-) -> PhotoComparison | SurfaceComparison:
-    """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
-
-    A photograph with the LED ``on``, and one with it ``off``; ``corners``: pixels (column, row) of the target in it,
-    found if None; ``target_mm``: side of the square that they span. ``points``: a file of x, y, z (mm) on one
-    ``surface``; ``registration``: how they may be moved onto the design.
-    """
-    if isinstance(measured, Light) and on is not None and points is None:
-        return _compare_photo(measured, on, off, corners, target_mm, gamma)
-    if isinstance(measured, Lens) and points is not None and on is None:
-        return _compare_surface(measured, points, surface, registration, rays)
-    raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
-
-
-def _compare_photo(
-    light: Light,
-    on: Path | str,
-    off: Path | str | None,
-    corners: Sequence[tuple[float, float]] | None,
-    target_mm: float | None,
-    gamma: float,
-) -> PhotoComparison:
-    import numpy as np
-
-    from lensforge.measurement.photo import Shot, compare_photo
-
-    given = None if corners is None else np.array(corners, dtype=np.float64)
-    if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners: shape {given.shape}, must be (4, 2): column, row; top left, and on clockwise")
-    shot = Shot(Path(on), None if off is None else Path(off), given, target_mm, gamma)
-    found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
-    return found.model_copy(update={"inputs": dict(light.inputs)})
-
-
-def _compare_surface(
-    lens: Lens,
-    points: Path | str,
-    surface: Literal["inner", "outer"] | None,
-    registration: Literal["rigid", "shift", "none"],
-    rays: int | None,
-) -> SurfaceComparison:
-    from lensforge.measurement.surface import compare_surface
-
-    if surface not in ("inner", "outer"):
-        raise InputError(f"surface = {surface!r}: 'inner' or 'outer', the one on which the points were measured")
-    return compare_surface(
-        read_cloud(Path(points)),
-        lens=lens,
-        side=surface,
-        source=source_of(lens.spec),
-        preset=preset_of(lens.accuracy),
-        rays=rays,
-        freedom=registration,
-    )
-
-
-def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
-    """The emitter of ``spec``, or ``instead`` of it, in the material of its lens."""
-    from lensforge.sources.build import build_source
-
-    return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
-
-
-def preset_of(accuracy: str) -> Preset:
-    """The knobs of an accuracy preset. Raises :class:`InputError` for a name that is none."""
-    for name, preset in PRESETS.items():
-        if name == accuracy:
-            return preset
-    raise InputError(f"accuracy = {accuracy!r}: one of {', '.join(PRESETS)}")
-
-
-@contextmanager
-def threads_of_torch(threads: int | None) -> Iterator[None]:
-    """Let torch and the tracer use ``threads`` threads inside of the block; None leaves the number as it is."""
-    if threads is None:
-        yield
-        return
-    if not (isinstance(threads, int) and threads >= 1):
-        raise InputError(f"threads = {threads!r}: an integer, at least 1")
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
-def _require_count(name: str, value: object) -> None:
-    """Raise :class:`InputError` for what is neither None nor a whole number above 0."""
-    if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
-        raise InputError(f"{name} = {value!r}: an integer, at least 1")
-
-
-def _require(value: object, kind: type[_Kind], verb: str) -> _Kind:
-    if isinstance(value, kind):
-        return value
-    remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")
-    raise InputError(f"{verb}: {str(value)[:60]!r} is a {type(value).__name__}, must be a {kind.__name__}: {remedy}")
-
-
-_MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lensforge import stages
+from lensforge.arguments import source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.progress import Observer
@@ -91,8 +92,8 @@ def tradeoff(
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
         raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
     found = lens or stages.design(spec, accuracy="draft", threads=threads).lens
-    with stages.threads_of_torch(threads):
-        return measure(found, stages.source_of(found.spec), Effort.up_to(most_rays), announce or (lambda _: None))
+    with threads_of_torch(threads):
+        return measure(found, source_of(found.spec), Effort.up_to(most_rays), announce or (lambda _: None))
 
 
 def rays(file: Path | str) -> "RayFileSummary":

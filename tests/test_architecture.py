@@ -16,8 +16,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 ORDER = [
     "version", "errors", "files", "records", "gates", "surfaces", "optics", "spec", "accuracy", "lens_file", "lens",
     "figures", "sources", "tracing", "receivers", "optimisation", "evaluation", "tolerancing", "far_field", "geometry",
-    "manufacturing", "verification", "measurement", "verdict", "results", "report", "drawings", "progress", "stages",
-    "pipeline", "studies", "verbs", "commands", "cli", "__main__",
+    "manufacturing", "verification", "measurement", "verdict", "results", "report", "drawings", "progress",
+    "arguments", "stages", "measured_part", "run_folder", "pipeline", "studies", "verbs", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {

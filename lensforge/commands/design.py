@@ -10,6 +10,7 @@ from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, wi
 from lensforge.commands.printing import judge, print_headline
 from lensforge.errors import InputError
 from lensforge.optimisation.progress import Progress
+from lensforge.run_folder import Run
 from lensforge.spec import Accuracy, Spec, load_spec
 
 
@@ -62,7 +63,7 @@ def whole_way(
     device: Literal["cpu", "cuda"] = "cpu",
     resume: bool = False,
     snapshots: bool = False,
-) -> pipeline.Run:
+) -> Run:
     """``pipeline.run`` with its progress on stderr; with ``resume`` from the checkpoint that must be there."""
     from lensforge.progress import Reporter
     from lensforge.report.snapshots import Snapshots

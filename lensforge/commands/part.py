@@ -6,10 +6,10 @@ from typing import Literal
 import click
 
 from lensforge import pipeline
+from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import finish, print_table
 from lensforge.errors import InputError
-from lensforge.stages import threads_of_torch
 
 
 @click.command()

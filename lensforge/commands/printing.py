@@ -8,8 +8,9 @@ import click
 
 from lensforge.errors import GateFailed
 from lensforge.gates import require
-from lensforge.pipeline import REPORT_FILE, Run, load, require_verdict, run_report
+from lensforge.pipeline import REPORT_FILE, require_verdict, run_report
 from lensforge.records import StageResult
+from lensforge.run_folder import Run, load
 
 _METRIC = {"value", "unit", "standard_error"}
 _NO_FIGURES = ("gates", "version", "inputs")

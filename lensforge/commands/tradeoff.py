@@ -4,10 +4,10 @@ from pathlib import Path
 
 import click
 
+from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import THREADS
 from lensforge.commands.printing import print_table
 from lensforge.spec import load_spec
-from lensforge.stages import threads_of_torch
 
 
 @click.command()

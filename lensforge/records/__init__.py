@@ -14,7 +14,7 @@ from lensforge.records.fields import (
 )
 from lensforge.records.metric import Extent, Metric, State
 from lensforge.records.record import Record, Scalar
-from lensforge.records.result import Given, InFile, StageResult, reject_outdated
+from lensforge.records.result import Given, InFile, StageResult
 
 __all__ = [
     "Array",
@@ -35,5 +35,4 @@ __all__ = [
     "StageResult",
     "State",
     "Text",
-    "reject_outdated",
 ]

@@ -4,14 +4,10 @@ What is an array goes into the stage's npz file, what is marked :class:`InFile` 
 its JSON file. What is marked :class:`Given` belongs to another stage: the reader hands it in.
 """
 
-import base64
 import hashlib
 import io
 import json
-import re
-import zipfile
-import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,11 +16,13 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import Field, ValidationError
 
-from lensforge.errors import InputError, OutdatedResult
+from lensforge.errors import InputError
 from lensforge.files import read_json, replacing
 from lensforge.records.arrays import Array
 from lensforge.records.fields import Sha256, Text
+from lensforge.records.pictures import PICTURES, drawn, picture_html
 from lensforge.records.record import Record, Scalar, marker, refused
+from lensforge.records.stored import lacking, read_arrays, read_bytes, reject_outdated
 from lensforge.version import __version__
 
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
@@ -101,7 +99,7 @@ class StageResult(Record):
     def _repr_html_(self) -> str:
         """For a notebook: the plot, and the row as a table."""
         draw = getattr(self, "plot", None)
-        return (_picture(draw, type(self).__name__) if draw else "") + super()._repr_html_()
+        return (picture_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Every file of the result by name: JSON, npz, and what stands in files of its own."""
@@ -153,10 +151,10 @@ class StageResult(Record):
             return
         if suffix in products:
             content = products[suffix]
-        elif suffix in _PICTURES and draw is not None:
-            content = _drawn(draw, suffix[1:])
+        elif suffix in PICTURES and draw is not None:
+            content = drawn(draw, suffix[1:])
         else:
-            kinds = ", ".join([*products, ".json", *(_PICTURES if draw is not None else ())])
+            kinds = ", ".join([*products, ".json", *(PICTURES if draw is not None else ())])
             raise InputError(f"{path}: a {type(self).__name__} is saved as one of {kinds}; give such a name")
         with replacing(path) as temporary:
             temporary.write_bytes(content)
@@ -173,11 +171,12 @@ class StageResult(Record):
         content = {key: value for key, value in content.items() if key != "schema"}
         content |= given
         fields = type_fields(cls)
-        if any(marker(info, Array) is not None for info in fields.values()):
-            content |= _arrays(cls, folder / f"{name}.npz")
+        arrays = [field for field, info in fields.items() if marker(info, Array) is not None]
+        if arrays:
+            content |= read_arrays(folder / f"{name}.npz", arrays, cls.again())
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
-                content[field] = _bytes(folder / own.name, info.is_required(), cls.again())
+                content[field] = read_bytes(folder / own.name, info.is_required(), cls.again())
         try:
             result = cls.model_validate(content)
         except ValidationError as error:
@@ -189,41 +188,10 @@ class StageResult(Record):
         return result
 
 
-def _picture(draw: Callable[..., Any], description: str) -> str:
-    """What ``draw`` draws on axes of its own, as HTML."""
-    encoded = base64.b64encode(_drawn(draw, "png")).decode()
-    return f'<img alt="{description}" style="max-width:30em" src="data:image/png;base64,{encoded}">'
-
-
-def _drawn(draw: Callable[..., Any], kind: str) -> bytes:
-    """What ``draw`` draws on axes of its own, as a file of that kind; the same result gives the same bytes."""
-    from matplotlib.figure import Figure
-
-    figure, file = Figure(figsize=(5.0, 4.0), layout="constrained"), io.BytesIO()
-    draw(axes=figure.add_subplot())
-    figure.savefig(file, format=kind, dpi=150, metadata={_DATE[kind]: None})
-    return file.getvalue()
-
-
 def _without_times(content: object) -> object:
     if isinstance(content, dict):
         return {key: _without_times(value) for key, value in content.items() if key not in _NOT_OF_THE_RESULT}
     return [_without_times(value) for value in content] if isinstance(content, list) else content
-
-
-def lacking(whole: object, content: object) -> str:
-    """The dotted name of the first field of ``whole`` that ``content`` has not; empty where it has all."""
-    if isinstance(whole, dict) and isinstance(content, dict):
-        for name, value in whole.items():
-            if name not in content:
-                return str(name)
-            if deeper := lacking(value, content[name]):
-                return f"{name}.{deeper}"
-    elif isinstance(whole, list) and isinstance(content, list | tuple):
-        for index, (value, given) in enumerate(zip(whole, content, strict=False)):
-            if deeper := lacking(value, given):
-                return f"{index}.{deeper}"
-    return ""
 
 
 def type_fields(cls: type[Record]) -> Mapping[str, Any]:
@@ -231,45 +199,4 @@ def type_fields(cls: type[Record]) -> Mapping[str, Any]:
     return cls.model_fields
 
 
-def reject_outdated(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
-    """Raise :class:`InputError` unless ``content`` states ``schema``; :class:`OutdatedResult` for an earlier one."""
-    found = content.get("schema")
-    if found == schema:
-        return
-    what = "written before version 0.2.0" if found is None else f"schema = {json.dumps(found)[:60]}"
-    of_this_kind = isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)
-    kind = OutdatedResult if found is None or of_this_kind else InputError
-    raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
-
-
-# What NumPy's reader raises for a file that is no archive, or a truncated one.
-_BROKEN = (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error)
-
-
-def _bytes(path: Path, required: bool, remedy: str) -> bytes | None:
-    """What a file of its own holds; None for one that need not be there."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        if required:
-            raise InputError(f"{path}: no such file; {remedy}") from None
-        return None
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror}); {remedy}") from None
-
-
-def _arrays(cls: type[StageResult], path: Path) -> dict[str, np.ndarray]:
-    """The arrays of ``cls`` in an npz file; absent ones are for the validation to name."""
-    names = [name for name, info in type_fields(cls).items() if marker(info, Array) is not None]
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: np.asarray(archive[name], dtype=np.float64) for name in names if name in archive}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {cls.again()}") from None
-    except _BROKEN as error:
-        raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {cls.again()}") from None
-
-
-_PICTURES = (".png", ".svg", ".pdf")
-_DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # what would change from one file to the next
 _NOT_OF_THE_RESULT = ("seconds", "cast_seconds", "rate", "version")  # the same result may take another time

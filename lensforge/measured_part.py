@@ -1,0 +1,103 @@
+"""The machined part against the design, as a verb: a photograph of its light, or points on a surface."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, overload
+
+from lensforge.arguments import preset_of, source_of
+from lensforge.errors import InputError
+from lensforge.evaluation.light import Light
+from lensforge.lens import Lens
+from lensforge.measurement.cloud import read_cloud
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+
+
+@overload
+def compare(
+    measured: Light,
+    *,
+    on: Path | str,
+    off: Path | str | None = None,
+    corners: Sequence[tuple[float, float]] | None = None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+) -> PhotoComparison: ...
+
+
+@overload
+def compare(
+    measured: Lens,
+    *,
+    points: Path | str,
+    surface: Literal["inner", "outer"],
+    registration: Literal["rigid", "shift", "none"] = "rigid",
+    rays: int | None = None,
+) -> SurfaceComparison: ...
+
+
+def compare(
+    measured: Light | Lens,
+    *,
+    on: Path | str | None = None,
+    off: Path | str | None = None,
+    corners: Sequence[tuple[float, float]] | None = None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+    points: Path | str | None = None,
+    surface: Literal["inner", "outer"] | None = None,
+    registration: Literal["rigid", "shift", "none"] = "rigid",
+    rays: int | None = None,
+) -> PhotoComparison | SurfaceComparison:
+    """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
+
+    A photograph with the LED ``on``, and one with it ``off``; ``corners``: pixels (column, row) of the target in it,
+    found if None; ``target_mm``: side of the square that they span. ``points``: a file of x, y, z (mm) on one
+    ``surface``; ``registration``: how they may be moved onto the design.
+    """
+    if isinstance(measured, Light) and on is not None and points is None:
+        return _compare_photo(measured, on, off, corners, target_mm, gamma)
+    if isinstance(measured, Lens) and points is not None and on is None:
+        return _compare_surface(measured, points, surface, registration, rays)
+    raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
+
+
+def _compare_photo(
+    light: Light,
+    on: Path | str,
+    off: Path | str | None,
+    corners: Sequence[tuple[float, float]] | None,
+    target_mm: float | None,
+    gamma: float,
+) -> PhotoComparison:
+    import numpy as np
+
+    from lensforge.measurement.photo import Shot, compare_photo
+
+    given = None if corners is None else np.array(corners, dtype=np.float64)
+    if given is not None and given.shape != (4, 2):
+        raise InputError(f"corners: shape {given.shape}, must be (4, 2): column, row; top left, and on clockwise")
+    shot = Shot(Path(on), None if off is None else Path(off), given, target_mm, gamma)
+    found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
+    return found.model_copy(update={"inputs": dict(light.inputs)})
+
+
+def _compare_surface(
+    lens: Lens,
+    points: Path | str,
+    surface: Literal["inner", "outer"] | None,
+    registration: Literal["rigid", "shift", "none"],
+    rays: int | None,
+) -> SurfaceComparison:
+    from lensforge.measurement.surface import compare_surface
+
+    if surface not in ("inner", "outer"):
+        raise InputError(f"surface = {surface!r}: 'inner' or 'outer', the one on which the points were measured")
+    return compare_surface(
+        read_cloud(Path(points)),
+        lens=lens,
+        side=surface,
+        source=source_of(lens.spec),
+        preset=preset_of(lens.accuracy),
+        rays=rays,
+        freedom=registration,
+    )

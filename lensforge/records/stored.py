@@ -1,0 +1,65 @@
+"""What is read of a result's files before it is a record: each thing that can be wrong with them is one line."""
+
+import json
+import re
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lensforge.errors import InputError, OutdatedResult
+
+
+def reject_outdated(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
+    """Raise :class:`InputError` unless ``content`` states ``schema``; :class:`OutdatedResult` for an earlier one."""
+    found = content.get("schema")
+    if found == schema:
+        return
+    what = "written before version 0.2.0" if found is None else f"schema = {json.dumps(found)[:60]}"
+    of_this_kind = isinstance(found, str) and re.fullmatch(re.escape(schema.rstrip("0123456789")) + r"\d+", found)
+    kind = OutdatedResult if found is None or of_this_kind else InputError
+    raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
+
+
+def lacking(whole: object, content: object) -> str:
+    """The dotted name of the first field of ``whole`` that ``content`` has not; empty where it has all."""
+    if isinstance(whole, dict) and isinstance(content, dict):
+        for name, value in whole.items():
+            if name not in content:
+                return str(name)
+            if deeper := lacking(value, content[name]):
+                return f"{name}.{deeper}"
+    elif isinstance(whole, list) and isinstance(content, list | tuple):
+        for index, (value, given) in enumerate(zip(whole, content, strict=False)):
+            if deeper := lacking(value, given):
+                return f"{index}.{deeper}"
+    return ""
+
+
+# What NumPy's reader raises for a file that is no archive, or a truncated one.
+_BROKEN = (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error)
+
+
+def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
+    """What a file of its own holds; None for one that need not be there."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        if required:
+            raise InputError(f"{path}: no such file; {remedy}") from None
+        return None
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror}); {remedy}") from None
+
+
+def read_arrays(path: Path, names: Sequence[str], remedy: str) -> dict[str, np.ndarray]:
+    """The arrays ``names`` of an npz file; absent ones are for the validation to name."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: np.asarray(archive[name], dtype=np.float64) for name in names if name in archive}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {remedy}") from None
+    except _BROKEN as error:
+        raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {remedy}") from None

@@ -1,0 +1,98 @@
+"""A result folder: what it holds as one object, and its ``run.json`` with the verdict."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lensforge.errors import InputError
+from lensforge.files import replacing, write_json
+from lensforge.records import Count, Record, Sha256, Text
+from lensforge.records.result import SCHEMA_VERSION
+from lensforge.results import Results, load_results
+from lensforge.verdict import Verdict
+from lensforge.version import __version__
+
+RUN_FILE = "run.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Run(Results):
+    """The results of a whole run, as ``folder`` holds them."""
+
+    folder: Path = Path()
+
+    def report(self, path: Path | str) -> Path:
+        """Write the report as one page of HTML to ``path``, and return it."""
+        from lensforge.report.build import render_report
+
+        path = Path(path)
+        page = render_report(self, self.folder)
+        with replacing(path) as temporary:
+            temporary.write_text(page, encoding="utf-8")
+        return path
+
+    def row(self) -> dict[str, float | int | bool | str | None]:
+        """Name, verdict and the metrics of all stages: one row for a table."""
+        row: dict[str, float | int | bool | str | None] = {"name": self.spec.name, "seed": self.lens.seed}
+        row |= {f"verdict.{key}": value for key, value in self.verdict.row().items()}
+        for stem, result in self.found.items():
+            row |= {f"{stem}.{key}": value for key, value in result.row().items()}
+        return row
+
+    def __eq__(self, other: object) -> bool:
+        """Whether folder, lens and all results are the same, to the bit."""
+        same_folder = isinstance(other, Run) and self.folder.resolve() == other.folder.resolve()
+        return same_folder and super().__eq__(other)
+
+    __hash__ = None
+
+    def _repr_html_(self) -> str:
+        """For a notebook: verdict, headline numbers, the light and a section."""
+        from lensforge.report.notebook import results_html
+
+        return results_html(self)
+
+
+class RunRecord(Record):
+    """``run.json``: the verdict, and the hashes of the results that it judges. ``outdated``: why a stage counts not."""
+
+    version: Text = __version__
+    name: Text
+    accuracy: Text
+    seed: Count
+    verdict: Verdict
+    results: dict[Text, Sha256]
+    outdated: dict[Text, Text]
+
+
+def load(folder: Path | str) -> Run:
+    """Read a result folder: the same object that :func:`run` returned. Raises :class:`InputError` for none."""
+    folder = folder_of(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; run `lensforge design` first")
+    results = load_results(folder)
+    return Run(results.lens, results.found, results.outdated, folder)
+
+
+def folder_of(folder: object) -> Path:
+    """``folder`` as a path. Raises :class:`InputError` for what cannot be one."""
+    if not isinstance(folder, Path | str):
+        raise InputError(f"{str(folder)[:60]!r} is a {type(folder).__name__}; give the path of a result folder")
+    path = Path(folder)
+    if path.is_file():
+        raise InputError(f"{path}: a file, must be a result folder")
+    return path
+
+
+def renew(folder: Path) -> Verdict:
+    """Write ``run.json`` with the verdict on what is in ``folder``, and return it."""
+    found = load_results(folder)
+    record = RunRecord(
+        name=found.spec.name,
+        accuracy=found.lens.accuracy,
+        seed=found.lens.seed,
+        verdict=found.verdict,
+        results={stem: result.sha256 for stem, result in found.found.items()},
+        outdated=dict(found.outdated),
+    )
+    write_json(folder / RUN_FILE, {"schema": f"lensforge-run-{SCHEMA_VERSION}", **record.model_dump(mode="json")})
+    return found.verdict
