@@ -7,6 +7,7 @@ Import it before torch: the wait policy counts only if it is set before torch lo
 """
 
 import os
+from typing import TYPE_CHECKING
 
 # Threads of torch that wait for work sleep: by default they spin, on the cores that trace the rays at that moment.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -68,6 +69,26 @@ from lensforge.verdict import Verdict
 from lensforge.verification.proof import Proof, StrayLight
 from lensforge.version import __version__
 
+if TYPE_CHECKING:
+    from lensforge.drawings.handover import Handover
+    from lensforge.sources.rayfiles.summary import RayFileSummary
+    from lensforge.studies.sweep.table import Sweep
+    from lensforge.studies.tradeoff.record import Tradeoff
+else:
+
+    def __getattr__(name: str) -> object:
+        """Load the classes of the seldom verbs when they are asked for."""
+        from lensforge.drawings.handover import Handover
+        from lensforge.sources.rayfiles.summary import RayFileSummary
+        from lensforge.studies.sweep.table import Sweep
+        from lensforge.studies.tradeoff.record import Tradeoff
+
+        for kind in (Handover, RayFileSummary, Sweep, Tradeoff):
+            if kind.__name__ == name:
+                return kind
+        raise AttributeError(f"module 'lensforge' has no attribute {name!r}")
+
+
 __all__ = [
     "ArrayTarget",
     "BaseSection",
@@ -88,6 +109,7 @@ __all__ = [
     "FlatTopTarget",
     "Gate",
     "GateFailed",
+    "Handover",
     "ImageTarget",
     "InputError",
     "Lens",
@@ -107,6 +129,7 @@ __all__ = [
     "Progress",
     "Proof",
     "RadianceSource",
+    "RayFileSummary",
     "RaySource",
     "RayfilePart",
     "RayfileSource",
@@ -119,10 +142,12 @@ __all__ = [
     "SquareSource",
     "StrayLight",
     "SurfaceComparison",
+    "Sweep",
     "TableIntensity",
     "TableSpectrum",
     "TextTarget",
     "Tool",
+    "Tradeoff",
     "Verdict",
     "__version__",
     "build",

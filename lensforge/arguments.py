@@ -2,11 +2,16 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from math import isfinite
+from operator import index
+from pathlib import Path
+from typing import TYPE_CHECKING, SupportsFloat, SupportsIndex, TypeVar, cast
 
 from lensforge.accuracy import PRESETS, Preset
 from lensforge.errors import InputError
+from lensforge.lens import Lens
 from lensforge.spec import Spec
+from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.spec.source import Source as SourceSpec
 
 if TYPE_CHECKING:
@@ -20,6 +25,11 @@ def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
     from lensforge.sources.build import build_source
 
     return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
+
+
+def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:
+    """Hashes of what light is made from: the lens, the source, and every file that the source names."""
+    return {"lens": lens.sha256, "source": section_sha256(source), **input_hashes(source)}
 
 
 def preset_of(accuracy: str) -> Preset:
@@ -36,22 +46,47 @@ def threads_of_torch(threads: int | None) -> Iterator[None]:
     if threads is None:
         yield
         return
-    if not (isinstance(threads, int) and threads >= 1):
-        raise InputError(f"threads = {threads!r}: an integer, at least 1")
+    wanted = count_of("threads", threads)
+    assert wanted is not None
     import torch
 
     before = torch.get_num_threads()
-    torch.set_num_threads(threads)
+    torch.set_num_threads(wanted)
     try:
         yield
     finally:
         torch.set_num_threads(before)
 
 
-def require_count(name: str, value: object) -> None:
-    """Raise :class:`InputError` for what is neither None nor a whole number above 0."""
-    if value is not None and not (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
-        raise InputError(f"{name} = {value!r}: an integer, at least 1")
+def count_of(name: str, value: object, least: int = 1) -> int | None:
+    """``value`` as a whole number, NumPy's too; None stays None. Raises :class:`InputError` for anything else."""
+    if value is None:
+        return None
+    try:
+        count = index(cast(SupportsIndex, value))
+    except TypeError:
+        count = least - 1
+    if isinstance(value, bool) or count < least:
+        raise InputError(f"{name} = {value!r}: an integer, at least {least}")
+    return count
+
+
+def number_of(name: str, value: object) -> float | None:
+    """``value`` as a finite number; None stays None. Raises :class:`InputError` for anything else."""
+    if value is None:
+        return None
+    if isinstance(value, bool | str) or not isinstance(value, SupportsFloat) or not isfinite(float(value)):
+        raise InputError(f"{name} = {value!r}: a finite number")
+    return float(value)
+
+
+def path_of(name: str, value: object) -> Path | None:
+    """``value`` as a path; None stays None. Raises :class:`InputError` for anything else."""
+    if value is None:
+        return None
+    if not isinstance(value, Path | str):
+        raise InputError(f"{name} = {value!r}: give the path of a file")
+    return Path(value)
 
 
 def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
@@ -59,7 +94,9 @@ def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
     if isinstance(value, kind):
         return value
     remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")
-    raise InputError(f"{verb}: {str(value)[:60]!r} is a {type(value).__name__}, must be a {kind.__name__}: {remedy}")
+    raise InputError(
+        f"{verb}: {str(value)[:60]!r} has type {type(value).__name__}, must be a {kind.__name__}: {remedy}"
+    )
 
 
 _MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, overload
 
-from lensforge.arguments import preset_of, source_of
+from lensforge.arguments import count_of, number_of, path_of, preset_of, source_of
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
@@ -54,6 +54,7 @@ def compare(
     found if None; ``target_mm``: side of the square that they span. ``points``: a file of x, y, z (mm) on one
     ``surface``; ``registration``: how they may be moved onto the design.
     """
+    on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     if isinstance(measured, Light) and on is not None and points is None:
         return _compare_photo(measured, on, off, corners, target_mm, gamma)
     if isinstance(measured, Lens) and points is not None and on is None:
@@ -73,12 +74,16 @@ def _compare_photo(
 
     from lensforge.measurement.photo import Shot, compare_photo
 
-    given = None if corners is None else np.array(corners, dtype=np.float64)
+    try:
+        given = None if corners is None else np.array(corners, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
     if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners: shape {given.shape}, must be (4, 2): column, row; top left, and on clockwise")
-    shot = Shot(Path(on), None if off is None else Path(off), given, target_mm, gamma)
+        raise InputError(f"corners = {corners!r}: four of column, row; top left, and on clockwise")
+    side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
+    shot = Shot(Path(on), None if off is None else Path(off), given, side, 1.0 if camera is None else camera)
     found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
-    return found.model_copy(update={"inputs": dict(light.inputs)})
+    return found.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
 
 
 def _compare_surface(
@@ -98,6 +103,6 @@ def _compare_surface(
         side=surface,
         source=source_of(lens.spec),
         preset=preset_of(lens.accuracy),
-        rays=rays,
+        rays=count_of("rays", rays),
         freedom=registration,
     )

@@ -1,4 +1,4 @@
-"""The whole way and its stages on a result folder: the only place that writes one.
+"""The whole way and its stages on a result folder.
 
 A stage that fails a gate still leaves its files; ``run.json`` holds the verdict, renewed by every stage.
 """
@@ -23,7 +23,7 @@ from lensforge.measurement.surface_figure import surface_png
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
 from lensforge.records import StageResult
-from lensforge.run_folder import Run, folder_of, load, renew
+from lensforge.run_folder import Run, folder_of, open_run, renew
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import RayfileSource
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint.pt"
 LENS_FILE, REPORT_FILE = "lens.json", "report.html"
-OTHER = "evaluate_other"  # the light under other conditions than the lens's own: never over evaluate.json
+# Light and proof under other conditions than the lens's own: never over its own records.
+OTHER, VERIFY_OTHER = "evaluate_other", "verify_other"
 
 Announce = Callable[[str], None]
 _Result = TypeVar("_Result", bound=StageResult)
@@ -59,8 +60,8 @@ def run(
     """Go the whole way and write ``folder``: design, evaluate, export, check, verify, report.
 
     Arguments as those of :func:`lensforge.design`; without ``checkpoint`` the search starts anew and keeps one in the
-    folder until the run has ended. ``announce`` hears the name of every later stage as it begins. The run's
-    ``verdict`` says how it went; a failed gate raises nothing.
+    folder until the run has ended; one of your own is kept. ``announce`` hears the name of every later stage as it
+    begins. The run's ``verdict`` says how it went; a failed gate raises nothing.
     """
     require_spec(spec, "run")
     folder, told = folder_of(folder), announce or (lambda _: None)
@@ -74,8 +75,8 @@ def run(
             stage(folder)
         told("report")
         run_report(folder)
-    kept.unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
-    return load(folder)
+    (folder / CHECKPOINT).unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
+    return open_run(folder)
 
 
 def run_design(spec: Spec, folder: Path, *, accuracy: Accuracy = "standard", seed: int = 0) -> Design:
@@ -110,7 +111,12 @@ def _other_source(spec: Spec, file: Path | None) -> SourceSpec | None:
         return None
     if isinstance(spec.source, RayfileSource):
         return spec.source.model_copy(update={"file": file.absolute()})
-    return RayfileSource(file=file, origin="virtual_focus", flux_w=spec.source.flux_w)
+    return RayfileSource(
+        file=file,
+        origin="virtual_focus",
+        flux_w=spec.source.flux_w,
+        luminous_efficacy_lm_per_w=spec.source.luminous_efficacy_lm_per_w,
+    )
 
 
 def run_export(
@@ -134,14 +140,21 @@ def run_check(folder: Path) -> Check:
 
 
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
-    """Cast rays through the exported part, and compare with where the design sends them."""
-    found = load(folder)
-    return _kept(stages.verify(found.part, found.light, rays=rays), folder)
+    """Cast rays through the exported part, and compare with where the design sends them.
+
+    Another number of rays than the preset's goes into ``verify_other.json``.
+    """
+    found = open_run(folder)
+    proof = stages.verify(found.part, found.light, rays=rays)
+    if rays is None:
+        return _kept(proof, folder)
+    proof.write(folder, VERIFY_OTHER)
+    return proof
 
 
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
-    return _kept(stages.stray_light(load(folder).part, rays=rays, base=base), folder)
+    return _kept(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
 
 
 def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
@@ -165,7 +178,7 @@ def run_compare_photo(
 ) -> PhotoComparison:
     """Compare a photograph with the simulation; also draws ``compare.png``."""
 
-    light = load(folder).light
+    light = open_run(folder).light
     result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
     with replacing(folder / "compare.png") as temporary:
         temporary.write_bytes(photo_png(result))
@@ -193,7 +206,7 @@ def run_handover(folder: Path) -> "Handover":
     """Write what goes to the shop with the STEP file."""
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(load(folder))
+    handover = make_handover(open_run(folder))
     handover.save(folder)
     return handover
 
@@ -204,7 +217,7 @@ def run_report(folder: Path) -> Path:
     from lensforge.report.page import write_page
 
     renew(folder)  # not after: the page states the hash of every file
-    write_page(render_report(load(folder), folder), folder / REPORT_FILE)
+    write_page(render_report(open_run(folder), folder), folder / REPORT_FILE)
     return folder / REPORT_FILE
 
 
@@ -214,14 +227,17 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     from lensforge.report.page import write_page
 
     names = folder_names(folders)
-    write_page(render_comparison([load(folder) for folder in folders], names), page)
+    write_page(render_comparison([open_run(folder) for folder in folders], names), page)
     return page
 
 
-def require_verdict(verdict: Verdict, spec: Spec) -> None:
-    """Raise :class:`GateFailed` where light or files fail, or the cutting where the spec requires it."""
-    asked = ["light", "files", *(["cutting"] if spec.manufacture.required else [])]
-    failed = [name for name in asked if getattr(verdict, name) == "fail"]
+def require_verdict(verdict: Verdict, spec: Spec, parts: Sequence[str] = ()) -> None:
+    """Raise :class:`GateFailed` where light or files fail, or the cutting where the spec requires it.
+
+    ``parts``: those of the three that are asked for; all, if none is named.
+    """
+    counted = ["light", "files", *(["cutting"] if spec.manufacture.required else [])]
+    failed = [name for name in parts or counted if getattr(verdict, name) == "fail"]
     if failed:
         reasons = "; ".join(reason for name in failed for reason in verdict.reasons_of(name))
         raise GateFailed(f"{', '.join(failed)}: {reasons}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from lensforge.errors import MissingResult, OutdatedResult
+from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.gates import Gate
@@ -125,8 +125,11 @@ class Results:
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
 
 
-def load_results(folder: Path) -> Results:
-    """Read all that is in ``folder``; only lens.json must be there. Raises :class:`InputError` for a damaged file."""
+def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
+    """Read all that is in ``folder``; only lens.json must be there. Raises :class:`InputError` for a damaged file.
+
+    With ``damaged_too`` a damaged record counts as not run, as an outdated one does: its stage writes it anew.
+    """
     folder = Path(folder)
     lens = load_lens(folder / "lens.json")
     found: dict[str, StageResult] = {}
@@ -137,7 +140,9 @@ def load_results(folder: Path) -> Results:
         given = {"lens": lens} if kind in _HOLD_LENS else {}
         try:
             result = kind.read(folder, stem, **given)
-        except OutdatedResult as error:
+        except InputError as error:
+            if not (damaged_too or isinstance(error, OutdatedResult)):
+                raise
             outdated[stem] = str(error)
             continue
         why = _foreign(result, lens, found)
@@ -151,7 +156,9 @@ def load_results(folder: Path) -> Results:
 def _foreign(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
     """Why ``result`` does not belong to what is there; empty where it does."""
     known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
-    for name, digest in result.inputs.items():
-        if name in known and known[name] != digest:
+    for name in result.made_from:
+        if name in ("export", "evaluate") and name not in known:
+            return f"the {name} that it was made from is not there"
+        if name in known and known[name] != result.inputs[name]:
             return f"it was made from another {name}"
     return ""

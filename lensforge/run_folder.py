@@ -3,15 +3,21 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from lensforge.errors import InputError
-from lensforge.files import replacing, write_json
+from lensforge.files import read_json, replacing, write_json
 from lensforge.records import Count, Record, Sha256, Text
+from lensforge.records.record import refused
 from lensforge.records.result import SCHEMA_VERSION
+from lensforge.records.stored import lacking, reject_outdated
 from lensforge.results import Results, load_results
+from lensforge.spec import Accuracy
 from lensforge.verdict import Verdict
 from lensforge.version import __version__
 
-RUN_FILE = "run.json"
+RUN_FILE, RUN_SCHEMA = "run.json", f"lensforge-run-{SCHEMA_VERSION}"
+_RENEW = "run `lensforge report` again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +63,7 @@ class RunRecord(Record):
 
     version: Text = __version__
     name: Text
-    accuracy: Text
+    accuracy: Accuracy
     seed: Count
     verdict: Verdict
     results: dict[Text, Sha256]
@@ -69,8 +75,32 @@ def load(folder: Path | str) -> Run:
     folder = folder_of(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; run `lensforge design` first")
+    _require_verdict_file(folder / RUN_FILE)
     results = load_results(folder)
     return Run(results.lens, results.found, results.outdated, folder)
+
+
+def open_run(folder: Path) -> Run:
+    """What is there of a run: a damaged record counts as not run, so that its stage can make it anew."""
+    results = load_results(folder, damaged_too=True)
+    return Run(results.lens, results.found, results.outdated, folder)
+
+
+def _require_verdict_file(path: Path) -> None:
+    """Raise :class:`InputError` for a ``run.json`` that is none; it need not be there."""
+    if not path.exists():
+        return
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds no object; {_RENEW}")
+    reject_outdated(content, RUN_SCHEMA, path, _RENEW)
+    try:
+        record = RunRecord.model_validate({key: value for key, value in content.items() if key != "schema"})
+    except ValidationError as error:
+        raise refused(error, str(path), _RENEW) from None
+    missing = lacking(record.model_dump(mode="json"), content)
+    if missing:
+        raise InputError(f"{path}: {missing}: missing; {_RENEW}")
 
 
 def folder_of(folder: object) -> Path:
@@ -85,7 +115,7 @@ def folder_of(folder: object) -> Path:
 
 def renew(folder: Path) -> Verdict:
     """Write ``run.json`` with the verdict on what is in ``folder``, and return it."""
-    found = load_results(folder)
+    found = load_results(folder, damaged_too=True)
     record = RunRecord(
         name=found.spec.name,
         accuracy=found.lens.accuracy,
@@ -94,5 +124,5 @@ def renew(folder: Path) -> Verdict:
         results={stem: result.sha256 for stem, result in found.found.items()},
         outdated=dict(found.outdated),
     )
-    write_json(folder / RUN_FILE, {"schema": f"lensforge-run-{SCHEMA_VERSION}", **record.model_dump(mode="json")})
+    write_json(folder / RUN_FILE, {"schema": RUN_SCHEMA, **record.model_dump(mode="json")})
     return found.verdict

@@ -4,9 +4,9 @@ What a verb needs loads when it is called: torch and numba with the first light,
 """
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
-from lensforge.arguments import preset_of, require, require_count, source_of, threads_of_torch
+from lensforge.arguments import count_of, inputs_of, number_of, path_of, preset_of, require, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
@@ -17,7 +17,6 @@ from lensforge.optimisation.design import Design
 from lensforge.optimisation.progress import Observer
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
-from lensforge.spec.section import Section
 from lensforge.spec.source import Source as SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
@@ -45,7 +44,7 @@ def design(
     step; where it returns False, the search stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where
     the search traces its rays (``cuda`` is experimental). Raises :class:`InputError` for what cannot be used.
     """
-    path = None if checkpoint is None else Path(checkpoint)
+    path = path_of("checkpoint", checkpoint)
     resume = path is not None and path.exists()
     return search_lens(spec, accuracy, seed, threads, start, path, resume, progress, device)
 
@@ -67,8 +66,9 @@ def search_lens(
 
     require_spec(spec, "design")
     preset_of(accuracy)
-    if not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed = {seed!r}: an integer, 0 or above")
+    seed = count_of("seed", seed, 0) or 0
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress = {progress!r}: a function that takes a Progress")
     if start is not None:
         require(start, Lens, "start")
     if spec.base.file is not None:  # a file that is no base is better known before the search than after it
@@ -106,13 +106,15 @@ def evaluate(
     from lensforge.evaluation.evaluate import evaluate_lens
 
     require(lens, Lens, "evaluate")
-    if source is not None:
-        require(source, Section, "source")
-    require_count("rays", rays)
-    require_count("pixels", pixels)
-    preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, source)
+    shining = lens.spec.source if source is None else source
+    if not isinstance(shining, get_args(get_args(SourceSpec)[0])):
+        raise InputError(f"source: {type(shining).__name__} given; give one of the sources, such as SquareSource(...)")
+    rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels), count_of("seed", seed, 0)
+    preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, shining)
     with threads_of_torch(threads):
-        return evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
+        light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
+    efficacy = shining.luminous_efficacy_lm_per_w
+    return light.model_copy(update={"inputs": inputs_of(lens, shining), "lumens_per_watt": efficacy})
 
 
 def build(
@@ -132,7 +134,10 @@ def build(
     from lensforge.geometry.export import build_part
 
     require(lens, Lens, "build")
-    return build_part(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings)
+    runout_deg = number_of("runout_deg", runout_deg)
+    return build_part(
+        lens, schema=schema, runout_deg=runout_deg, nodes=count_of("nodes", nodes), rings=count_of("rings", rings)
+    )
 
 
 def check(part: Part) -> Check:
@@ -155,9 +160,11 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     from lensforge.verification.verify import verify_part
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
-    require_count("rays", rays)
-    if require(light, Light, "verify").inputs.get("lens") != lens.sha256:
-        raise InputError("verify: the light is that of another lens than the part; evaluate the part's lens")
+    rays = count_of("rays", rays)
+    known, wanted = require(light, Light, "verify").inputs, inputs_of(lens, spec.source)
+    for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
+        if known.get(name) != wanted[name]:
+            raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
     preset, source = preset_of(lens.accuracy), source_of(spec)
     with threads_of_torch(threads):
         bundle = source.sample(min(rays or preset.verify_rays, source.population or 2**40), _VERIFY_SEED + lens.seed)
@@ -189,7 +196,7 @@ def stray_light(
     from lensforge.verification.stray import trace_stray
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
-    require_count("rays", rays)
+    rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
     count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
     with threads_of_torch(threads):
@@ -211,7 +218,7 @@ def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = No
     from lensforge.tolerancing.sensitivity import measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    require_count("rays", rays)
+    rays = count_of("rays", rays)
     with threads_of_torch(threads):
         return measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays)
 
@@ -226,6 +233,7 @@ def photometry(
     from lensforge.far_field.export import measure_photometry
 
     require(lens, Lens, "photometry")
-    require_count("rays", rays)
+    rays = count_of("rays", rays)
+    lumens = number_of("lumens", lumens)
     with threads_of_torch(threads):
         return measure_photometry(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays, lumens=lumens)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lensforge import stages
-from lensforge.arguments import source_of, threads_of_torch
+from lensforge.arguments import require, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.progress import Observer
@@ -52,13 +52,13 @@ def sweep(
     require_spec(spec, "sweep")
     variation = variation_of(field, values, tuple(scale))
     found = [
-        (variant, whole_way(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress))
+        (variant, results_of(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress))
         for variant in variation.variants(spec)
     ]
     return sweep_of(spec, variation, found)
 
 
-def whole_way(
+def results_of(
     spec: Spec,
     *,
     accuracy: Accuracy = "standard",
@@ -86,14 +86,18 @@ def tradeoff(
 
     ``most_rays``: the longest runs, 2^12 to 2^24. ``announce`` hears what is measured next.
     """
-    from lensforge.studies.tradeoff.measure import Effort, measure
+    from lensforge.studies.tradeoff.measure import Effort, measure, require_same_scene
 
     require_spec(spec, "tradeoff")
     if not (isinstance(most_rays, int) and 2**12 <= most_rays <= 2**24):
         raise InputError(f"most_rays = {most_rays!r}: an integer from {2**12} to {2**24}")
-    found = lens or stages.design(spec, accuracy="draft", threads=threads).lens
+    source = source_of(spec)
+    if lens is None:
+        lens = stages.design(spec, accuracy="draft", threads=threads).lens
+    else:
+        require_same_scene(require(lens, Lens, "tradeoff"), spec, source, "tradeoff")
     with threads_of_torch(threads):
-        return measure(found, source_of(found.spec), Effort.up_to(most_rays), announce or (lambda _: None))
+        return measure(lens, source, Effort.up_to(most_rays), announce or (lambda _: None))
 
 
 def rays(file: Path | str) -> "RayFileSummary":

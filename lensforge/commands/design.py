@@ -9,7 +9,6 @@ from lensforge import pipeline
 from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, with_rays
 from lensforge.commands.printing import judge, print_headline
 from lensforge.errors import InputError
-from lensforge.optimisation.progress import Progress
 from lensforge.run_folder import Run
 from lensforge.spec import Accuracy, Spec, load_spec
 
@@ -38,7 +37,7 @@ def design(
     """Go the whole way: design, evaluate, export, check, verify, report."""
     content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / content.name
-    run = whole_way(
+    run = run_with_progress(
         content,
         directory,
         accuracy=accuracy,
@@ -53,7 +52,7 @@ def design(
     judge(directory)
 
 
-def whole_way(
+def run_with_progress(
     spec: Spec,
     directory: Path,
     *,
@@ -73,10 +72,6 @@ def whole_way(
         raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
     observers = [Snapshots(spec, directory, resume=resume).on_step] if snapshots else []
     with Reporter(spec, *observers) as reporter:
-
-        def told(step: Progress) -> None:
-            reporter.on_step(step)
-
         return pipeline.run(
             spec,
             directory,
@@ -84,7 +79,7 @@ def whole_way(
             seed=seed,
             threads=threads,
             checkpoint=checkpoint if resume else None,
-            progress=told,
+            progress=reporter.on_step,
             device=device,
             announce=reporter.on_stage,
         )

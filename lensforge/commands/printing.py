@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -10,20 +11,27 @@ from lensforge.errors import GateFailed
 from lensforge.gates import require
 from lensforge.pipeline import REPORT_FILE, require_verdict, run_report
 from lensforge.records import StageResult
-from lensforge.run_folder import Run, load
+from lensforge.run_folder import Run, open_run
 
 _METRIC = {"value", "unit", "standard_error"}
 _NO_FIGURES = ("gates", "version", "inputs")
 
 
-def finish(directory: Path, result: StageResult, **besides: StageResult) -> None:
-    """Print one stage's numbers, and ``besides`` under their names; refresh the report if there is one, judge gates."""
+def finish(
+    directory: Path, result: StageResult, decides: Literal["light", "files", ""] = "", **besides: StageResult
+) -> None:
+    """Print one stage's numbers, and ``besides`` under their names; refresh the report if there is one.
+
+    Then judge: the gates of all, and the part of the verdict that the stage ``decides``.
+    """
     results = (result, *besides.values())
     for prefix, each in zip(("", *(f"{name}." for name in besides)), results, strict=True):
         print_table(each.model_dump(mode="json", exclude=_not_printed(each)), prefix)
     if (directory / REPORT_FILE).exists():
         run_report(directory)
-    require(gate for result in results for gate in getattr(result, "gates", ()))
+    require(gate for each in results for gate in getattr(each, "gates", ()))
+    if decides:
+        judge(directory, decides)
 
 
 def _not_printed(result: StageResult) -> set[str]:
@@ -64,10 +72,10 @@ def print_headline(run: Run) -> None:
         click.echo(f"verdict.{name}\t{getattr(verdict, name)}")
 
 
-def judge(directory: Path) -> None:
-    """Raise :class:`GateFailed` where the verdict on ``directory`` fails."""
-    run = load(directory)
+def judge(directory: Path, *parts: str) -> None:
+    """Raise :class:`GateFailed` where the verdict on ``directory`` fails, or one of its ``parts`` if any are named."""
+    run = open_run(directory)
     try:
-        require_verdict(run.verdict, run.spec)
+        require_verdict(run.verdict, run.spec, parts)
     except GateFailed as error:
         raise GateFailed(f"{directory}: {error}") from None

@@ -25,7 +25,9 @@ def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int
     With --rays, --pixels or --source the light goes into evaluate_other.json, beside the lens's own.
     """
     with threads_of_torch(threads):
-        finish(directory, pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source))
+        light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source)
+    own = rays is None and pixels is None and source is None
+    finish(directory, light, decides="light" if own else "")
 
 
 @click.command()
@@ -40,7 +42,9 @@ def export(
     directory: Path, schema: Literal["AP214", "AP242"], runout: float | None, nodes: int | None, rings: int | None
 ) -> None:
     """Write STEP, STL and 3MF of the lens in DIR, and prove them by reading them back."""
-    finish(directory, pipeline.run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings))
+    finish(
+        directory, pipeline.run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings), "files"
+    )
 
 
 @click.command()
@@ -69,7 +73,7 @@ def verify(
     with threads_of_torch(threads):
         proof = pipeline.run_verify(directory, rays=rays)
         followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
-    finish(directory, proof, **({} if followed is None else {"stray_light": followed}))
+    finish(directory, proof, "files" if rays is None else "", **({} if followed is None else {"stray_light": followed}))
 
 
 @click.command()

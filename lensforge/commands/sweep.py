@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from lensforge.commands.design import whole_way
+from lensforge.commands.design import run_with_progress
 from lensforge.commands.options import ACCURACY, RAYS, SEED, THREADS, with_rays
 from lensforge.commands.printing import print_table
 from lensforge.gates import require
@@ -48,7 +48,7 @@ def sweep(
     directory = out or Path("cad_out") / f"{content.name}_sweep"
 
     def go(spec: Spec, folder: Path, resume: bool) -> object:
-        return whole_way(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
+        return run_with_progress(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
 
     result = run_sweep(
         content,

@@ -44,8 +44,8 @@ def evaluate_lens(
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     light = evaluate_traced(traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels)
     design = TracedLens.of(lens, preset.nodes_per_sigma)
-    found = {"preset_error": measure_preset(lens, source, design, traced), "inputs": {"lens": lens.sha256}}
-    return light.model_copy(update=found)
+    left = measure_preset(lens, source, design, traced)
+    return light.model_copy(update={"preset_error": left, "inputs": {"lens": lens.sha256}})
 
 
 def evaluate_traced(
@@ -83,6 +83,7 @@ def evaluate_traced(
         table_nodes=traced.scene.grid.nodes,
         table_error_nm=TableErrors.model_validate(traced.table_error_nm),
         preset_error=None,
+        seed=seed,
         seconds=time.perf_counter() - started,
         gates=(_all_converged(simulation),),
         map=mean / area,

@@ -1,9 +1,10 @@
 """The result of the evaluation: the light on the receiver, its metrics with their standard errors, and the flux."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field, model_validator
 
 from lensforge.figures.light_unit import light_unit
 from lensforge.gates import Gate
@@ -22,7 +23,9 @@ from lensforge.records import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_FLUX_ADDS_UP = 1e-9
 Map = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+Picture = Literal["map", "raw_map", "target_map"]
 
 
 class Flux(Record):
@@ -90,6 +93,7 @@ class Light(StageResult):
     """
 
     stage: ClassVar[str] = "evaluate"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
 
     nmse: Metric
     efficiency: Metric
@@ -99,9 +103,9 @@ class Light(StageResult):
     nmse_of_noise: NotNegative | None
     flux: Flux
     missed_by_cause: MissedByCause
-    rays: Count
-    replicates: Count
-    pixels: Count
+    rays: Annotated[Count, Field(ge=1)]
+    replicates: Annotated[Count, Field(ge=1)]
+    pixels: Annotated[Count, Field(ge=1)]
     filter: Text
     receiver_mm: Positive
     window_mm: Positive
@@ -111,6 +115,7 @@ class Light(StageResult):
     table_nodes: Count
     table_error_nm: TableErrors
     preset_error: PresetError | None
+    seed: Count
     seconds: NotNegative
     gates: tuple[Gate, ...]
     map: Map
@@ -118,15 +123,28 @@ class Light(StageResult):
     target_map: Map
     axis_mm: Annotated[Float[np.ndarray, " p"], Array("p")]
 
+    @model_validator(mode="after")
+    def _is_of_one_piece(self) -> "Light":
+        if len(self.axis_mm) != self.pixels:
+            raise ValueError(f"pixels = {self.pixels}, but its pictures have {len(self.axis_mm)} a side")
+        total = sum(self.flux.model_dump().values())
+        if abs(total - 1.0) > _FLUX_ADDS_UP:
+            raise ValueError(f"flux: its shares add up to {total:.9g}, must be 1")
+        return self
+
     def __str__(self) -> str:
         named = {"NMSE": self.nmse, "uniformity": self.uniformity, "efficiency": self.efficiency}
         figures = ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
         return f"light: {figures} ({self.rays} rays, {self.pixels} x {self.pixels} pixels, {self.filter})"
 
-    def plot(self, which: Literal["map", "raw_map", "target_map"] = "map", axes: "Axes | None" = None) -> "Axes":
-        """The light on the receiver in false colour with its scale, in lux where the source's lumens are known."""
-        from lensforge.figures.plots import plot_map
+    def plot(self, axes: "Axes | None" = None, *, which: Picture = "map") -> "Axes":
+        """The light on the receiver in false colour with its scale, in lux where the source's lumens are known.
 
+        Raises :class:`InputError` for an unknown map.
+        """
+        from lensforge.figures.plots import plot_map, require_choice
+
+        require_choice("which", which, get_args(Picture))
         return plot_map(getattr(self, which), self.receiver_mm, light_unit(self.lumens_per_watt), axes)
 
 

@@ -1,11 +1,12 @@
 """Plots of arrays, on axes of the caller's or on new ones; each returns its axes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
+from lensforge.errors import InputError
 from lensforge.figures.light_unit import WATTS, LightUnit
 
 Map = Float[np.ndarray, "p p"]
@@ -71,10 +72,23 @@ def plot_bars(values: Mapping[str, float], label: str, axes: Axes | None = None)
     return axes
 
 
+def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
+    """Raise :class:`InputError` unless the argument ``name`` of a plot is one of those ``allowed``."""
+    choices = tuple(allowed)
+    if not (isinstance(value, str) and value in choices):
+        raise InputError(f"{name} = {value!r}: must be one of {', '.join(choices)}")
+
+
 def new_axes(axes: Axes | None) -> Axes:
-    """The caller's axes, or new ones that a notebook shows by itself."""
-    if axes is not None:
+    """The caller's axes, or new ones that a notebook shows by itself.
+
+    Raises :class:`InputError` for anything else: a choice of what to plot is given by its name.
+    """
+    if isinstance(axes, Axes):
         return axes
+    if axes is not None:
+        kind = type(axes).__name__
+        raise InputError(f"axes: is of type {kind}, must be a matplotlib Axes; say what to plot by name, as in which=")
     import matplotlib.pyplot as plt
 
     created: Axes = plt.subplots(layout="constrained")[1]

@@ -1,11 +1,14 @@
 """The result of the geometry stage: the part as the bytes of its files, and what reading them back has proven."""
 
 import hashlib
+import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from numbers import Real
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from lensforge.errors import InputError
 from lensforge.gates import Gate
 from lensforge.lens import Lens
 from lensforge.records import (
@@ -24,6 +27,8 @@ from lensforge.records import (
 )
 
 if TYPE_CHECKING:
+    import cadquery
+    import pyvista
     import trimesh
     from matplotlib.axes import Axes
 
@@ -119,7 +124,7 @@ class Part(StageResult):
         return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
 
     @cached_property
-    def solid(self) -> Any:
+    def solid(self) -> "cadquery.Solid":
         """The part as a ``cadquery.Solid`` (mm), read from the STEP: cut it, fuse it, save it with cadquery."""
         from lensforge.geometry.step import solid_of_step
 
@@ -138,14 +143,16 @@ class Part(StageResult):
         """STEP, STL and 3MF: the very bytes that were proven."""
         return {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
 
-    def plot(self, azimuth_deg: float = 0.0, axes: "Axes | None" = None) -> "Axes":
-        """The section through the axis at ``azimuth_deg``, to scale."""
+    def plot(self, axes: "Axes | None" = None, *, azimuth_deg: float = 0.0) -> "Axes":
+        """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` for no number."""
         from lensforge.figures.plots import plot_outlines
         from lensforge.geometry.section import body_outlines
 
+        if not isinstance(azimuth_deg, Real) or not math.isfinite(azimuth_deg):
+            raise InputError(f"azimuth_deg = {azimuth_deg!r}: must be a finite number of degrees")
         return plot_outlines(body_outlines(self.lens, azimuth_deg), f"across the axis at {azimuth_deg:g}°", axes)
 
-    def show(self, *, cut: bool = False, off_screen: bool | None = None) -> Any:
+    def show(self, *, cut: bool = False, off_screen: bool | None = None) -> "pyvista.Plotter":
         """The mesh in three dimensions, ``cut`` open at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
         import pyvista
 
@@ -154,7 +161,7 @@ class Part(StageResult):
             mesh = mesh.clip_closed_surface(normal="-y", origin=(0.0, 0.0, 0.0))  # open towards the camera
         plotter = pyvista.Plotter(off_screen=off_screen)
         plotter.add_mesh(mesh, color="#a3bfd8", smooth_shading=True, split_sharp_edges=True, feature_angle=35.0)
-        plotter.add_axes()
+        plotter.renderer.add_axes()
         if not off_screen:
             plotter.show()
         return plotter

@@ -5,12 +5,15 @@ The same shapes give the same bytes: the header carries no time, so that a hash 
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from lensforge.errors import InputError
 from lensforge.geometry.scratch import as_file, written
 from lensforge.geometry.solid import Solid
 from lensforge.version import __version__
+
+if TYPE_CHECKING:
+    import cadquery
 
 Schema = Literal["AP214", "AP242"]
 
@@ -83,9 +86,10 @@ def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
     return Solid(solids[0], parts[0].faces)
 
 
-def solid_of_step(content: bytes) -> Any:
-    """The one solid (``cadquery.Solid``, mm) of a STEP file's bytes. Raises :class:`InputError`."""
-    return parse_step(content).shape
+def solid_of_step(content: bytes) -> "cadquery.Solid":
+    """The one solid (mm) of a STEP file's bytes. Raises :class:`InputError`."""
+    solid: cadquery.Solid = parse_step(content).shape
+    return solid
 
 
 def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[str, Any]:

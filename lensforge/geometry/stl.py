@@ -13,7 +13,9 @@ def stl_bytes(mesh: BodyMesh) -> bytes:
     """An STL file of ``mesh``; rims that share vertices have equal ones in the file, too."""
     import trimesh
 
-    return bytes(trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl"))
+    content = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl")
+    assert isinstance(content, bytes)
+    return content
 
 
 def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:

@@ -205,12 +205,13 @@ class Check(StageResult):
 
     def plot(
         self,
+        axes: "Axes | None" = None,
+        *,
         surface: Literal["inner", "outer"] = "outer",
         quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
-        axes: "Axes | None" = None,
     ) -> "Axes":
-        """``quantity`` of one face over its chart."""
-        from lensforge.figures.plots import plot_face
+        """``quantity`` of one face over its chart. Raises :class:`InputError` for an unknown face or quantity."""
+        from lensforge.figures.plots import plot_face, require_choice
 
         labels = {
             "sag_mm": "departure from the best-fit sphere (mm)",
@@ -218,5 +219,7 @@ class Check(StageResult):
             "kappa_max": "larger curvature (1/mm)",
             "residual_mm": "left uncut (mm)",
         }
+        require_choice("surface", surface, ("inner", "outer"))
+        require_choice("quantity", quantity, labels)
         values, half_width = getattr(self, f"{surface}_{quantity}"), float(self.chart_axis[-1])
         return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

@@ -1,6 +1,6 @@
 """The results of measuring the part: a photograph of its light, and points on one of its surfaces."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -26,6 +26,7 @@ Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
 Line = Annotated[Float[np.ndarray, " p"], Array("p")]
 Pixel = tuple[Number, Number]  # column, row
 Side = Literal["inner", "outer"]
+AxisName = Literal["x", "y"]
 
 
 class Located(Record):
@@ -64,6 +65,7 @@ class PhotoComparison(StageResult):
 
     stage: ClassVar[str] = "compare"
     command: ClassVar[str] = "compare --on"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "evaluate")
 
     on: Text
     off: Text | None
@@ -89,10 +91,11 @@ class PhotoComparison(StageResult):
     section_y_measured: Line
     section_y_simulated: Line
 
-    def plot(self, axis: Literal["x", "y"] = "x", axes: "Axes | None" = None) -> "Axes":
-        """Photograph and simulation along a line through the centre."""
-        from lensforge.figures.plots import plot_curves
+    def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
+        """Photograph and simulation along a line through the centre. Raises :class:`InputError` for another axis."""
+        from lensforge.figures.plots import plot_curves, require_choice
 
+        require_choice("axis", axis, get_args(AxisName))
         curves = {name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
 

@@ -12,15 +12,16 @@ from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.lens import Lens
 from lensforge.spec import Spec
+from lensforge.spec.files import input_hashes
 
-FILE_NAME = "checkpoint.pt"
 _ANEW = "delete it, or run without --resume"
 
 
 def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device: torch.device | None) -> str:
     """What a checkpoint belongs to: another spec, seed, preset, start or device must not resume from it."""
     searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
-    text = f"{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
+    files = input_hashes(spec)
+    text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

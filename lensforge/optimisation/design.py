@@ -1,6 +1,6 @@
 """The result of the design stage: the lens, how it was found, and by how much it keeps its constraints."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import model_validator
 
@@ -11,6 +11,8 @@ from lensforge.sources.account import SourceAccount
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Quantity = Literal["nmse", "loss", "efficiency"]
 
 
 class Margins(Record):
@@ -56,6 +58,7 @@ class Design(StageResult):
     """
 
     stage: ClassVar[str] = "design"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "spec")
 
     lens: Annotated[Lens, Given()]
     steps: Count
@@ -78,10 +81,14 @@ class Design(StageResult):
                 raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
         return self
 
-    def plot(self, quantity: Literal["nmse", "loss", "efficiency"] = "nmse", axes: "Axes | None" = None) -> "Axes":
-        """``quantity`` at every step of the search, one line for each level."""
-        from lensforge.figures.plots import plot_curves
+    def plot(self, axes: "Axes | None" = None, *, quantity: Quantity = "nmse") -> "Axes":
+        """``quantity`` at every step of the search, one line for each level.
 
+        Raises :class:`InputError` for an unknown one.
+        """
+        from lensforge.figures.plots import plot_curves, require_choice
+
+        require_choice("quantity", quantity, get_args(Quantity))
         curves, start = {}, 1
         for level in self.history:
             values = getattr(level, quantity)

@@ -28,6 +28,7 @@ from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import account_of
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _ROUND = 10  # steps between multiplier updates
@@ -95,7 +96,7 @@ def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> De
     radius, margins = lens.outer.radius(directions), measure_constraints(lens)
     steps = sum(len(level["nmse"]) for level in state.history)
     return Design(
-        inputs={"lens": lens.sha256},
+        inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,
         steps=steps,
         forward_evaluations=steps,

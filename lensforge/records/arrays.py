@@ -31,7 +31,10 @@ class Array:
     def checked(self, value: Any) -> np.ndarray:
         """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
         try:
-            array = np.array(value, dtype=np.float64)
+            given = np.asarray(value)
+            if given.dtype.kind not in "fiu":
+                raise TypeError(f"{given.dtype} is no real number")
+            array = np.array(given, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise ValueError(f"no array of numbers ({error})") from None
         if array.ndim != len(self.axes):

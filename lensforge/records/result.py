@@ -25,6 +25,7 @@ from lensforge.records.record import Record, Scalar, marker, refused
 from lensforge.records.stored import lacking, read_arrays, read_bytes, reject_outdated
 from lensforge.version import __version__
 
+_ARRAYS = "arrays_sha256"  # of the npz file beside the JSON, which alone vouches for it
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
 
 
@@ -86,9 +87,10 @@ class StageResult(Record):
         return digest.hexdigest()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with the fields of ``update``; it has a hash of its own."""
+        """A copy with the fields of ``update``, and nothing that was derived from the others before."""
         copy = super().model_copy(update=update, deep=deep)
-        copy.__dict__.pop("sha256", None)
+        for name in set(copy.__dict__) - set(type(copy).model_fields):
+            del copy.__dict__[name]  # what was cached belongs to the one before
         return copy
 
     def row(self) -> dict[str, Scalar]:
@@ -116,24 +118,30 @@ class StageResult(Record):
                 elsewhere.add(field)
                 if value is not None:
                     files[own.name] = value
-        content = {"schema": self.schema_name(), **self.model_dump(mode="json", exclude=elsewhere)}
-        files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
+        head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
             np.savez_compressed(archive, allow_pickle=False, **arrays)
             files[f"{name}.npz"] = archive.getvalue()
+            head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
+        content = {**head, **self.model_dump(mode="json", exclude=elsewhere)}
+        files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
         return files
 
     def write(self, folder: Path, stem: str | None = None) -> None:
-        """Write all files into ``folder``, the JSON file last: it vouches for the others."""
+        """Write all files into a result folder, the JSON file last: it vouches for the others."""
         files = self.contents(stem)
-        for name in sorted(files, key=lambda each: each.endswith(".json")):
-            with replacing(Path(folder) / name) as temporary:
-                temporary.write_bytes(files[name])
+        self._write(folder, files)
         for info in type(self).model_fields.values():
             own = marker(info, InFile)
             if own is not None and own.name not in files:
                 (Path(folder) / own.name).unlink(missing_ok=True)  # an earlier result's, which this one has not
+
+    @staticmethod
+    def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+        for name in sorted(files, key=lambda each: each.endswith(".json")):
+            with replacing(Path(folder) / name) as temporary:
+                temporary.write_bytes(files[name])
 
     def products(self) -> dict[str, bytes]:
         """Files of its own that a result is also saved as, by suffix; of most there are none."""
@@ -147,7 +155,9 @@ class StageResult(Record):
         path = Path(path)
         products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
         if suffix == ".json":
-            self.write(path.parent, path.stem)
+            own = {mark.name for info in type(self).model_fields.values() if (mark := marker(info, InFile)) is not None}
+            files = {name: content for name, content in self.contents(path.stem).items() if name not in own}
+            self._write(path.parent, files)
             return
         if suffix in products:
             content = products[suffix]
@@ -168,12 +178,16 @@ class StageResult(Record):
         if not isinstance(content, dict):
             raise InputError(f"{path}: holds a {type(content).__name__}, must be an object; {cls.again()}")
         reject_outdated(content, cls.schema_name(), path, cls.again())
-        content = {key: value for key, value in content.items() if key != "schema"}
+        arrays_sha256 = content.get(_ARRAYS)
+        content = {key: value for key, value in content.items() if key not in ("schema", _ARRAYS)}
+        for field in cls.stored_elsewhere():
+            if field in content:
+                raise InputError(f"{path}: {field}: has no place in the JSON file; {cls.again()}")
         content |= given
         fields = type_fields(cls)
         arrays = [field for field, info in fields.items() if marker(info, Array) is not None]
         if arrays:
-            content |= read_arrays(folder / f"{name}.npz", arrays, cls.again())
+            content |= read_arrays(folder / f"{name}.npz", arrays, arrays_sha256, cls.again())
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
                 content[field] = read_bytes(folder / own.name, info.is_required(), cls.again())

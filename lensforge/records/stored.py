@@ -1,9 +1,9 @@
 """What is read of a result's files before it is a record: each thing that can be wrong with them is one line."""
 
+import hashlib
+import io
 import json
 import re
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -38,10 +38,6 @@ def lacking(whole: object, content: object) -> str:
     return ""
 
 
-# What NumPy's reader raises for a file that is no archive, or a truncated one.
-_BROKEN = (OSError, ValueError, TypeError, EOFError, AttributeError, KeyError, zipfile.BadZipFile, zlib.error)
-
-
 def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
     """What a file of its own holds; None for one that need not be there."""
     try:
@@ -54,12 +50,14 @@ def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
         raise InputError(f"{path}: not readable ({error.strerror}); {remedy}") from None
 
 
-def read_arrays(path: Path, names: Sequence[str], remedy: str) -> dict[str, np.ndarray]:
-    """The arrays ``names`` of an npz file; absent ones are for the validation to name."""
+def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -> dict[str, np.ndarray]:
+    """The arrays ``names`` of an npz file whose hash is ``sha256``; absent ones are for the validation to name."""
+    content = read_bytes(path, True, remedy)
+    assert content is not None
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise InputError(f"{path}: not the arrays that {path.stem}.json describes; {remedy}")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: np.asarray(archive[name], dtype=np.float64) for name in names if name in archive}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {remedy}") from None
-    except _BROKEN as error:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            return {name: archive[name] for name in names if name in archive}
+    except Exception as error:  # whatever the reader raises, the file is what is wrong
         raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {remedy}") from None

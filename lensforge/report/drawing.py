@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8
 NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page
 _EXPECTED_FONT = "DejaVu Sans"  # comes with matplotlib, so every machine lays out the same
 
-_STYLE: dict[str, object] = {
+_STYLE: dict[Any, Any] = {  # matplotlib types the keys, each version others
     "font.family": _EXPECTED_FONT,
     "font.size": 8.5,
     "axes.titlesize": 8.5,

@@ -102,7 +102,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
     import pyvista as pv
 
     try:
-        mesh = pv.read(stl).clean()
+        mesh: Any = pv.read(stl).clean()
     except Exception as error:  # whatever the reader throws, the file is not a mesh
         raise ValueError(str(error)) from error
     if mesh.n_cells == 0:

@@ -1,7 +1,6 @@
 """Arrays in a spec: given as arrays or nested lists, written as text that keeps every bit."""
 
 import base64
-import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,10 +30,7 @@ class Numbers:
 
     def checked(self, value: Any) -> np.ndarray:
         """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
-        try:
-            array = _unpacked(value) if isinstance(value, Mapping) else np.array(value, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError, binascii.Error) as error:
-            raise ValueError(f"no array of numbers ({error})") from None
+        array = real_numbers(value)
         if array.ndim != self.ndim or array.size == 0 or (self.last is not None and array.shape[-1] != self.last):
             wanted = ", ".join([*("n" * (self.ndim - 1)), str(self.last or "n")])
             raise ValueError(f"shape {array.shape}, must be ({wanted}), not empty")
@@ -42,6 +38,21 @@ class Numbers:
             raise ValueError("holds numbers that are not finite")
         array.flags.writeable = False
         return array
+
+
+def real_numbers(value: Any) -> np.ndarray:
+    """``value``, an array, nested lists, or what :func:`packed` makes, as a float64 array of its own, of any shape.
+
+    Text, truth values and complex numbers are not converted. Raises :class:`ValueError` for what is none.
+    """
+    try:
+        array = _unpacked(value) if isinstance(value, Mapping) else np.array(value)
+        if array.dtype.kind not in "fiu":
+            raise ValueError(f"of type {array.dtype}, must be real")
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        # RuntimeError: a tensor that is on another device, or tracks its gradient
+        raise ValueError(f"no array of numbers ({error})") from None
 
 
 def packed(array: np.ndarray) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from lensforge.files import replacing
 from lensforge.spec.base import BaseSection
 from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection
 from lensforge.spec.search import EvaluateSection, OptimiseSection
-from lensforge.spec.section import Section, first_error
+from lensforge.spec.section import Section, first_error, its_type
 from lensforge.spec.source import Source
 from lensforge.spec.target import Target
 
@@ -40,16 +40,24 @@ class Spec(Section):
         A section is replaced by an object of its kind, or changed by a table of fields; what is not named stays as it
         was given. Raises :class:`InputError` for what a spec cannot have.
         """
+        if changes is not None and not isinstance(changes, Mapping):
+            raise InputError(
+                f"replace: {_short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
+            )
         content = self.model_dump(exclude_unset=True)
-        for union in ("source", "target"):  # a kind that was not written is still the kind
-            content[union]["kind"] = getattr(self, union).kind
-        wanted = {**(changes or {}), **sections}
-        return parse_spec(_changed(content, wanted), f"{self.name}, changed")
+        _name_kinds(content, self.model_dump())
+        return parse_spec(_changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
 
     def save(self, path: Path | str) -> None:
-        """Write the spec as TOML; :func:`load_spec` reads an equal one."""
-        with replacing(Path(path)) as temporary:
-            temporary.write_text(self.to_toml(), encoding="utf-8")
+        """Write the spec as TOML; :func:`load_spec` reads an equal one. Raises :class:`InputError`."""
+        if not isinstance(path, Path | str):
+            raise InputError(f"save: {_short(path)} is {its_type(path)}; give the path of a TOML file")
+        content = self.to_toml()
+        try:
+            with replacing(Path(path)) as temporary:
+                temporary.write_text(content, encoding="utf-8")
+        except ValueError as error:  # a NUL in the path, half a character in a text
+            raise InputError(f"{str(path)!r}: cannot be written ({error}); try another path") from None
 
     def to_toml(self) -> str:
         """The spec as TOML: what was given, each kind named."""
@@ -91,7 +99,7 @@ class Spec(Section):
 def load_spec(path: Path | str) -> Spec:
     """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
     if not isinstance(path, Path | str):
-        raise InputError(f"load_spec: {type(path).__name__} given; give the path of a TOML file")
+        raise InputError(f"load_spec: {_short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -133,13 +141,21 @@ def require_spec(spec: object, verb: str) -> Spec:
     if isinstance(spec, Spec):
         return spec
     remedy = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
-    raise InputError(f"{verb}: {str(spec)[:60]!r} is a {type(spec).__name__}, no Spec; {remedy}")
+    raise InputError(f"{verb}: {_short(spec)} is {its_type(spec)}, no Spec; {remedy}")
+
+
+def _short(value: object) -> str:
+    return repr(str(value)[:60])
 
 
 def _changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
     """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
     result = dict(content)
     for name, value in changes.items():
+        if not isinstance(name, str):
+            raise InputError(
+                f"replace: the name {_short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
+            )
         section, _, rest = name.partition(".")
         before = result.get(section)
         if rest:
@@ -158,7 +174,7 @@ def _name_kinds(given: object, everything: object) -> None:
             given["kind"] = everything["kind"]
         for key, value in given.items():
             _name_kinds(value, everything.get(key))
-    elif isinstance(given, list) and isinstance(everything, list):
+    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
         for one, whole in zip(given, everything, strict=True):
             _name_kinds(one, whole)
 

@@ -2,28 +2,29 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
-from pydantic._internal._model_construction import ModelMetaclass
 
 from lensforge.errors import InputError
 
 _UNIONS = ("source", "target", "intensity", "spectrum", "fixed_inner", "fixed_outer")
 
 
-class _Checked(ModelMetaclass):
+class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
     """Turns the validation error of a section that a script constructs into the one line of the command line.
 
     A class that names its field ``positional`` takes that one without its name.
     """
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805  a class is what a metaclass makes
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         name: str | None = getattr(cls, "positional", None)
         if args and (name is None or len(args) > 1):
             raise InputError(f"{cls.__name__}: {len(args)} values without names; give its fields by name")
         if name is not None and args:
+            if name in kwargs:
+                raise InputError(f"{cls.__name__}: {name} is given twice, without its name and with it; leave out one")
             kwargs[name] = args[0]
         try:
             return super().__call__(**kwargs)
@@ -31,7 +32,13 @@ class _Checked(ModelMetaclass):
             raise first_error(error, cls.__name__) from None
 
 
-class Section(BaseModel, metaclass=_Checked):
+if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
+    _Model = BaseModel
+else:
+    _Model = _Checked("_Model", (BaseModel,), {"__module__": __name__})
+
+
+class Section(_Model):
     """Immutable; a field that is not known, or a number that is not finite, is refused: :class:`InputError`."""
 
     model_config = ConfigDict(
@@ -39,9 +46,10 @@ class Section(BaseModel, metaclass=_Checked):
     )
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in type(self).model_fields:
-            raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")
-        super().__setattr__(name, value)
+        raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")
+
+    def __delattr__(self, name: str) -> None:
+        raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")
 
     def __eq__(self, other: object) -> bool:
         """Whether all fields are equal, arrays to the bit."""
@@ -51,6 +59,12 @@ class Section(BaseModel, metaclass=_Checked):
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
+
+
+def its_type(value: object) -> str:
+    """The type of ``value`` for a message: ``a str``, ``an int``."""
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from pydantic import Field, PositiveFloat, model_validator
 
-from lensforge.spec.arrays import Numbers
+from lensforge.spec.arrays import Numbers, real_numbers
 from lensforge.spec.section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section
 from lensforge.spec.spectrum import Spectrum
 
@@ -132,12 +132,19 @@ class RaySource(Placement):
         """``rays``: an array (n, 7) of x, y, z, the direction's three components, and flux."""
         if not isinstance(content, Mapping) or "rays" not in content:
             return content
-        rows = np.asarray(content["rays"], dtype=np.float64)
+        try:
+            rows = real_numbers(content["rays"])
+        except ValueError as error:
+            raise ValueError(f"rays: {error}") from None
         if rows.ndim != 2 or rows.shape[1] not in (6, 7):
             raise ValueError(f"rays: shape {rows.shape}, must be (n, 7): x, y, z (mm), direction (3), flux; or (n, 6)")
-        found = {key: value for key, value in content.items() if key != "rays"}
-        found |= {"positions_mm": rows[:, :3], "directions": rows[:, 3:6]}
-        return found | ({"ray_flux": rows[:, 6]} if rows.shape[1] == 7 else {})
+        columns = {"positions_mm": rows[:, :3], "directions": rows[:, 3:6]}
+        if rows.shape[1] == 7:
+            columns["ray_flux"] = rows[:, 6]
+        twice = [name for name in columns if content.get(name) is not None]
+        if twice:
+            raise ValueError(f"{twice[0]}: rays of {rows.shape[1]} columns hold it already; give one of the two")
+        return {key: value for key, value in content.items() if key != "rays"} | columns
 
     @model_validator(mode="after")
     def _as_many_of_each(self) -> "RaySource":

@@ -1,6 +1,6 @@
 """The result of the sensitivity study: the metrics of the lens as designed, and of it with each error."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from lensforge.evaluation.light import Judged
 from lensforge.records import Count, NotNegative, Number, Record, StageResult, Text
@@ -45,9 +45,10 @@ class Sensitivity(StageResult):
     rays: Count
     seconds: NotNegative
 
-    def plot(self, metric: MetricName = "nmse", axes: "Axes | None" = None) -> "Axes":
-        """By how much each error changes ``metric``."""
-        from lensforge.figures.plots import plot_bars
+    def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
+        """By how much each error changes ``metric``. Raises :class:`InputError` for an unknown one."""
+        from lensforge.figures.plots import plot_bars, require_choice
 
+        require_choice("metric", metric, get_args(MetricName))
         changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) or 0.0 for row in self.rows}
         return plot_bars(changes, f"change of {metric}", axes)

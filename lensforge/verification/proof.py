@@ -1,6 +1,6 @@
 """The results of the verification: does the exported part send every ray where the design does, and stray light."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
+Picture = Literal["sequential", "direct", "stray"]
 
 
 class Deviation(Record):
@@ -220,8 +221,9 @@ class StrayLight(StageResult):
     direct: Image
     stray: Image
 
-    def plot(self, which: Literal["sequential", "direct", "stray"] = "stray", axes: "Axes | None" = None) -> "Axes":
-        """One of the pictures on the receiver, in W/m^2."""
-        from lensforge.figures.plots import plot_map
+    def plot(self, axes: "Axes | None" = None, *, which: Picture = "stray") -> "Axes":
+        """One of the pictures on the receiver, in W/m^2. Raises :class:`InputError` for an unknown one."""
+        from lensforge.figures.plots import plot_map, require_choice
 
+        require_choice("which", which, get_args(Picture))
         return plot_map(getattr(self, which), self.receiver_mm, WATTS, axes)

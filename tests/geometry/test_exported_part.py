@@ -121,7 +121,7 @@ def test_a_folder_with_a_missing_or_another_file_is_one_line(part, tmp_path, nam
 def test_the_plot_is_the_section(part):
     from matplotlib.figure import Figure
 
-    axes = part.plot(30.0, axes=Figure().add_subplot())
+    axes = part.plot(Figure().add_subplot(), azimuth_deg=30.0)
     (body,) = axes.patches
     low, high = body.get_path().get_extents().get_points()
     assert (low[0], high[0]) == pytest.approx((-4.0, 4.0), abs=1e-9)  # the base is 8 mm wide

@@ -11,12 +11,16 @@ import cadquery
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from scenes import small_spec
+from scenes import small_spec, sphere
 
 import lensforge as lf
+from lensforge.pipeline import run_evaluate
 from lensforge.records import StageResult
 
 ROOT = Path(__file__).parents[2]
+
+
+LENS = lf.Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
 
 
 def results() -> dict[str, type[StageResult]]:
@@ -135,8 +139,20 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.design(small_spec(), accuracy="best"), "accuracy = 'best': one of draft, standard, reference"),
         (lambda: lf.design(small_spec(), seed=-1), "seed = -1"),
         (lambda: lf.design(small_spec(), threads=0), "threads = 0"),
+        (lambda: lf.design(small_spec(), progress=5), "progress = 5: a function"),
+        (lambda: lf.design(small_spec(), checkpoint=5), "checkpoint = 5: give the path"),
+        (lambda: lf.evaluate(LENS, seed="x"), "seed = 'x': an integer, at least 0"),
+        (lambda: lf.evaluate(LENS, rays=0), "rays = 0: an integer, at least 1"),
+        (lambda: lf.evaluate(LENS, pixels=True), "pixels = True"),
+        (lambda: lf.evaluate(LENS, source=small_spec().target), "give one of the sources"),
+        (lambda: lf.build(LENS, nodes="a"), "nodes = 'a'"),
+        (lambda: lf.build(LENS, runout_deg="x"), "runout_deg = 'x': a finite number"),
+        (lambda: lf.photometry(LENS, lumens="a"), "lumens = 'a'"),
+        (lambda: lf.compare(LENS, points=5, surface="inner"), "points = 5: give the path"),
+        (lambda: lf.tradeoff(small_spec(), lens="x"), "must be a Lens"),
+        (lambda: lf.tradeoff(small_spec(target__distance_mm=150.0), lens=LENS), "another [target]"),
         (lambda: lf.design(small_spec(), start="lens.json"), "must be a Lens"),
-        (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' is a str, must be a Lens"),
+        (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' has type str, must be a Lens"),
         (lambda: lf.build(small_spec()), "must be a Lens"),
         (lambda: lf.check("lens.step"), "must be a Part: build(lens)"),
         (lambda: lf.load("nowhere"), "nowhere: no such folder; run `lensforge design` first"),
@@ -163,6 +179,50 @@ def test_bad_input_is_one_line(call: Callable[[], object], message: str) -> None
 def test_a_folder_without_a_result_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(lf.InputError, match=r"lens\.json: no such file; run `lensforge design` first"):
         lf.load(tmp_path)
+
+
+def test_light_of_another_source_is_known_as_such(small_run: lf.Run) -> None:
+    other = lf.SquareSource(side_mm=1.0, luminous_efficacy_lm_per_w=300.0)
+    light = lf.evaluate(small_run.lens, source=other, rays=256)
+    assert light.lumens_per_watt == 300.0
+    assert light.inputs["source"] != small_run.light.inputs["source"]
+    with pytest.raises(lf.InputError, match="another source"):
+        lf.verify(small_run.part, light)
+
+
+@pytest.mark.parametrize("damage", ["no JSON", "other arrays", "other files", "an extra that nobody makes again"])
+def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp_path: Path, damage: str) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(small_run.folder, folder)
+    if damage == "no JSON":
+        (folder / "evaluate.json").write_text("{")
+    elif damage == "other arrays":
+        with np.load(folder / "evaluate.npz") as archive:
+            arrays = dict(archive)
+        np.savez(folder / "evaluate.npz", **(arrays | {"map": 2.0 * arrays["map"]}))
+    elif damage == "other files":
+        (folder / "evaluate.npz").write_bytes((folder / "check.npz").read_bytes())
+    else:
+        (folder / "stray.json").write_text("[]")
+    with pytest.raises(lf.InputError):
+        lf.load(folder)
+    assert run_evaluate(folder).sha256 == small_run.light.sha256
+    (folder / "stray.json").unlink(missing_ok=True)
+    assert lf.load(folder).light.sha256 == small_run.light.sha256
+
+
+def test_a_proof_without_its_part_counts_as_not_run(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(small_run.folder, folder)
+    (folder / "export.json").unlink()
+    assert "is not there" in lf.load(folder).outdated["verify"]
+
+
+def test_a_record_is_saved_without_touching_the_files_beside_it(small_run: lf.Run, tmp_path: Path) -> None:
+    (tmp_path / "lens.step").write_bytes(b"another part's")
+    small_run.part.save(tmp_path / "part.json")
+    assert {path.name for path in tmp_path.iterdir()} == {"lens.step", "part.json"}
+    assert (tmp_path / "lens.step").read_bytes() == b"another part's"
 
 
 def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run) -> None:

@@ -3,7 +3,11 @@
 from pathlib import Path
 from typing import assert_type
 
+import cadquery
 import numpy as np
+import pyvista
+import trimesh
+from matplotlib.axes import Axes
 
 import lensforge as lf
 
@@ -23,9 +27,16 @@ def script(folder: Path) -> None:
     assert_type(light.nmse, lf.Metric)
     assert_type(light.nmse.value, float)
     assert_type(light.nmse.standard_error, float | None)
+    axes = light.plot()
+    assert_type(axes, Axes)
+    assert_type(light.plot(axes, which="raw_map"), Axes)
     part = lf.build(design.lens)
     assert_type(part, lf.Part)
     assert_type(part.step, bytes)
+    assert_type(part.solid, cadquery.Solid)
+    assert_type(part.mesh, trimesh.Trimesh)
+    assert_type(part.show(cut=True, off_screen=True), pyvista.Plotter)
+    assert_type(part.plot(azimuth_deg=30.0), Axes)
     assert_type(lf.check(part), lf.Check)
     assert_type(lf.verify(part, light), lf.Proof)
     assert_type(lf.stray_light(part), lf.StrayLight)
@@ -33,7 +44,11 @@ def script(folder: Path) -> None:
     assert_type(lf.photometry(design.lens), lf.Photometry)
     assert_type(lf.compare(light, on="on.png"), lf.PhotoComparison)
     assert_type(lf.compare(design.lens, points="cloud.csv", surface="inner"), lf.SurfaceComparison)
+    assert_type(lf.sweep(spec, "constraints.max_radius_mm", [12.0, 14.0]), lf.Sweep)
+    assert_type(lf.tradeoff(spec), lf.Tradeoff)
+    assert_type(lf.rays("led.tm25ray"), lf.RayFileSummary)
     run = lf.run(spec, folder)
+    assert_type(lf.handover(run), lf.Handover)
     assert_type(run, lf.Run)
     assert_type(run.light.efficiency.value, float)
     assert_type(run.verdict, lf.Verdict)

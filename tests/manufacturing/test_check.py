@@ -157,7 +157,7 @@ def test_the_maps_belong_to_the_exact_surfaces(rough):
 def test_a_map_is_plotted_over_the_chart(rough, quantity):
     from matplotlib.figure import Figure
 
-    axes = rough[1].plot("inner", quantity, axes=Figure().add_subplot())
+    axes = rough[1].plot(Figure().add_subplot(), surface="inner", quantity=quantity)
     shown = axes.images[0].get_array()
     expected = getattr(rough[1], f"inner_{quantity}").T
     np.testing.assert_array_equal(np.ma.filled(shown, np.nan), expected)

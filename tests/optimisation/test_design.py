@@ -9,12 +9,12 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import Cancelled, InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.checkpoint import FILE_NAME
 from lensforge.optimisation.objective import Objective
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation, fit_surface
 from lensforge.optimisation.progress import Progress
 from lensforge.optimisation.schedule import plan
+from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 

@@ -10,10 +10,10 @@ from scenes import DEVICES, small_spec
 
 from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.checkpoint import FILE_NAME
 from lensforge.optimisation.objective import Objective
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing import on_device

@@ -147,7 +147,7 @@ def make_design(lens, **changes):
     )
     content = {
         "lens": lens,
-        "inputs": {"lens": lens.sha256},
+        "inputs": {"lens": lens.sha256, "spec": "ef" * 32},
         "steps": 7,
         "forward_evaluations": 7,
         "rays_per_step": 4096,
@@ -165,7 +165,7 @@ def make_design(lens, **changes):
 
 def make_light(lens, **changes):
     content = {
-        "inputs": {"lens": lens.sha256},
+        "inputs": {"lens": lens.sha256, "source": "ef" * 32},
         "nmse": Metric(value=0.0123, standard_error=0.0004),
         "efficiency": Metric(value=0.85, standard_error=0.0002),
         "share_in_target": Metric(value=0.8125, standard_error=0.0003),
@@ -176,6 +176,7 @@ def make_light(lens, **changes):
             detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, absorbed_fresnel=0.09
         ),
         "missed_by_cause": MissedByCause(backward=0.0, outside_cavity=0.0, base=0.01, averted=0.02, crossed=0.0),
+        "seed": 7,
         "rays": 65536,
         "replicates": 16,
         "pixels": PIXELS,

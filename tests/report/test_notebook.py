@@ -53,7 +53,7 @@ def test_the_plotted_light_is_the_one_of_the_record(results):
 
 def test_a_plotted_face_has_x_to_the_right(results):
     sag = check_arrays()["outer_sag_mm"]
-    drawn = np.ma.filled(results.check.plot("outer", "sag_mm").images[0].get_array(), np.nan)
+    drawn = np.ma.filled(results.check.plot(surface="outer", quantity="sag_mm").images[0].get_array(), np.nan)
     np.testing.assert_array_equal(drawn, sag.T)
 
 
@@ -63,14 +63,14 @@ def test_plots_go_on_the_caller_s_axes(results):
     _, grid = plt.subplots(2, 3)
     shown = (results.light, results.part, results.proof, results.design, results.check)
     for axes, result in zip(grid.flat, shown, strict=False):
-        assert result.plot(axes=axes) is axes
+        assert result.plot(axes) is axes
         assert axes.has_data()
     plt.close("all")
 
 
 @pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])
 def test_the_plotted_history_is_the_one_of_the_record(results, quantity):
-    lines = results.design.plot(quantity).lines
+    lines = results.design.plot(quantity=quantity).lines
     levels = results.design.history
     assert [line.get_ydata().tolist() for line in lines] == [list(getattr(level, quantity)) for level in levels]
     assert [list(line.get_xdata()) for line in lines] == [[1, 2, 3], [4, 5, 6, 7]]

@@ -112,7 +112,7 @@ def test_a_summary_is_saved_compared_and_shown(tmp_path):
     assert "<img" in summary._repr_html_() and "<img" not in back._repr_html_()
     with pytest.raises(InputError, match="read the ray file itself"):
         back.plot()
-    (line, *_) = summary.plot("intensity").lines
+    (line, *_) = summary.plot(which="intensity").lines
     assert line.get_ydata().sum() > 0.0
 
 

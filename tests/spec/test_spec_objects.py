@@ -1,13 +1,19 @@
 """A spec made of objects: the same lines of error as the command line, and it reads back equal from its file."""
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.spec import parse_spec
+from lensforge.spec import parse_spec, source, spectrum, target
+from lensforge.spec.design import require_spec
+from lensforge.spec.fixed import FixedAsphere, FixedSphere, FixedSurface
+from lensforge.spec.section import Section, its_type
+from lensforge.spec.source import CosineIntensity, PhotometricIntensity, TableIntensity
+from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
 
 SPECS = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 
@@ -81,8 +87,13 @@ def test_a_change_that_cannot_be_is_one_line(change: dict[str, object], message:
 
 
 def test_a_spec_does_not_change() -> None:
-    with pytest.raises(lf.InputError, match="make another with replace"):
-        small_spec().name = "other"
+    spec = small_spec()
+    for name in ("name", "foo"):
+        with pytest.raises(lf.InputError, match=f"^Spec.{name}: a spec does not change; make another with replace"):
+            setattr(spec, name, "other")
+        with pytest.raises(lf.InputError, match=f"^Spec.{name}: a spec does not change; make another with replace"):
+            delattr(spec, name)
+    assert spec == small_spec()
 
 
 @pytest.mark.parametrize(
@@ -93,6 +104,11 @@ def test_a_spec_does_not_change() -> None:
         ([[1.0, np.nan]], "not finite"),
         ([1.0, 2.0], "shape (2,), must be (n, n)"),
         ("picture.png", "no array of numbers"),
+        ([["1", "2"]], "no array of numbers"),
+        (np.eye(3) + 1e-9j, "no array of numbers (of type complex128"),
+        (np.eye(3) > 0.0, "no array of numbers (of type bool"),
+        ([[1.0], [2.0, 3.0]], "no array of numbers"),
+        (object(), "no array of numbers (of type object"),
         ({"shape": [2, 2], "float64": "AAAA"}, "no array of numbers"),
     ],
 )
@@ -106,3 +122,141 @@ def test_a_wrong_array_in_a_file_names_its_field() -> None:
     content = small_spec().model_dump(mode="json") | {"source": {"kind": "rays", "positions_mm": 3}}
     with pytest.raises(lf.InputError, match=r"file: source\.positions_mm"):
         parse_spec(content, "file")
+
+
+ROWS = np.column_stack([np.zeros((4, 3)), np.ones((4, 4))])
+
+
+@pytest.mark.parametrize(
+    ("rays", "more", "message"),
+    [
+        (object(), {}, "RaySource: rays: no array of numbers (of type object"),
+        ({}, {}, "RaySource: rays: no array of numbers"),
+        (None, {}, "RaySource: rays: no array of numbers"),
+        ([[1.0], [2.0, 3.0]], {}, "RaySource: rays: no array of numbers"),
+        (ROWS.astype(str), {}, "RaySource: rays: no array of numbers"),
+        (ROWS + 0.0j, {}, "RaySource: rays: no array of numbers (of type complex128"),
+        (ROWS > 0.0, {}, "RaySource: rays: no array of numbers (of type bool"),
+        (ROWS[:, :5], {}, "shape (4, 5), must be (n, 7)"),
+        (ROWS, {"positions_mm": ROWS[:, :3]}, "positions_mm: rays of 7 columns hold it already"),
+        (ROWS, {"directions": ROWS[:, 3:6]}, "directions: rays of 7 columns hold it already"),
+        (ROWS, {"ray_flux": ROWS[:, 6]}, "ray_flux: rays of 7 columns hold it already"),
+        (ROWS, {"rays": ROWS}, "rays is given twice"),
+    ],
+)
+def test_rays_that_are_none_or_given_twice_are_one_line(rays: object, more: dict[str, object], message: str) -> None:
+    with pytest.raises(lf.InputError) as refusal:
+        lf.RaySource(rays, **more)  # type: ignore[arg-type]
+    assert message in str(refusal.value) and len(str(refusal.value).splitlines()) == 1
+
+
+def test_whole_numbers_and_rays_without_a_flux_are_taken() -> None:
+    source = lf.RaySource(ROWS[:, :6].astype(np.int32), ray_flux=[1, 2, 3, 4])
+    assert source.positions_mm.dtype == source.directions.dtype == np.float64
+    assert source.ray_flux is not None and source.ray_flux.tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ([1], "replace: '[1]' is a list; give a table"),
+        (5, "replace: '5' is an int; give a table"),
+        ({1: 2}, "replace: the name '1' is an int, must be text"),
+        ({"target": {1: 2}}, "replace: the name '1' is an int, must be text"),
+    ],
+)
+def test_changes_without_names_are_one_line(changes: object, message: str) -> None:
+    with pytest.raises(lf.InputError) as refusal:
+        small_spec().replace(changes)  # type: ignore[arg-type]
+    assert message in str(refusal.value) and len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "message"), [(5, "save: '5' is an int; give the path"), ("a\0b.toml", "cannot be written")]
+)
+def test_a_path_that_is_none_is_one_line(
+    path: object, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(lf.InputError) as refusal:
+        small_spec().save(path)  # type: ignore[arg-type]
+    assert message in str(refusal.value) and len(str(refusal.value).splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_type_of_a_wrong_value_has_its_article() -> None:
+    assert its_type(5) == "an int" and its_type("5") == "a str" and its_type([]) == "a list"
+    with pytest.raises(lf.InputError, match=r"^design: '5' is an int, no Spec"):
+        require_spec(5, "design")
+
+
+SPECTRA = (
+    LineSpectrum(wavelength_nm=550.0),
+    TableSpectrum(wavelength_nm=(500.0, 600.0), weight=(1.0, 2.0)),
+    FileSpectrum(file="led.txt"),
+)
+INTENSITIES = (
+    CosineIntensity(power=2.0),
+    TableIntensity(gamma_deg=(0.0, 60.0), intensity=(1.0, 0.5)),
+    PhotometricIntensity(file="led.ies"),
+)
+SOURCES = (
+    source.SquareSource(side_mm=1.0),
+    source.RayfileSource(file="led.ray"),
+    source.RayfilesSource(files=(source.RayfilePart(file="blue.ray"), source.RayfilePart(file="yellow.ray"))),
+    source.RectangleSource(width_mm=1.0, height_mm=2.0),
+    source.DiscSource(diameter_mm=1.0),
+    source.ChipsSource(chips=(source.Chip(x_mm=0.0, y_mm=0.5, width_mm=1.0, height_mm=1.0),)),
+    source.ChipArraySource(columns=2, rows=2, width_mm=1.0, height_mm=1.0, pitch_mm=(1.2, 1.2)),
+    source.LuminanceSource(file="led.png", width_mm=1.0),
+    source.RadianceSource(file="led.npz"),
+    source.RaySource(ROWS),
+)
+PLACE = {"distance_mm": 100.0, "receiver_mm": 200.0}
+TARGETS = (
+    lf.FlatTopTarget(half_width_mm=80.0, **PLACE),
+    target.CrossTarget(length_mm=80.0, stroke_mm=10.0, **PLACE),
+    target.TextTarget(text="pi", width_mm=80.0, **PLACE),
+    target.ImageTarget(file="cat.png", width_mm=80.0, **PLACE),
+    lf.ArrayTarget(np.eye(3), width_mm=80.0, **PLACE),
+)
+INNER = (FixedSphere(radius_mm=3.0), FixedAsphere(vertex_z_mm=3.0, radius_mm=-3.0))
+OUTER = (FixedSphere(radius_mm=6.0), FixedAsphere(vertex_z_mm=6.0, radius_mm=-6.0, coefficients=(1e-6,)))
+RECTANGLE = {"width_mm": 1.0, "height_mm": 2.0}
+SECTIONS: list[dict[str, Section]] = [
+    *({"source": each} for each in SOURCES),
+    *({"target": each} for each in TARGETS),
+    *({"source": source.RectangleSource(intensity=each, **RECTANGLE)} for each in INTENSITIES),
+    *({"source": source.RectangleSource(spectrum=each, **RECTANGLE)} for each in SPECTRA),
+    *({"source": source.RayfilesSource(files=(source.RayfilePart(file="a.ray", spectrum=each),))} for each in SPECTRA),
+    *({"lens": lf.LensSection(levels=(9, 25), fixed_inner=each, outer_offset_mm=6.0)} for each in INNER),
+    *({"lens": lf.LensSection(levels=(9, 25), inner_offset_mm=3.0, fixed_outer=each)} for each in OUTER),
+]
+
+
+@pytest.mark.parametrize(
+    ("union", "made"),
+    [
+        (spectrum.Spectrum, SPECTRA),
+        (source.Intensity, INTENSITIES),
+        (source.Source, SOURCES),
+        (target.Target, TARGETS),
+        (FixedSurface, INNER),
+        (FixedSurface, OUTER),
+    ],
+)
+def test_the_sections_below_are_of_every_kind(union: object, made: tuple[Section, ...]) -> None:
+    assert {type(each) for each in made} == set(get_args(get_args(union)[0]))
+
+
+@pytest.mark.parametrize("sections", SECTIONS, ids=lambda sections: repr(*sections.values())[:60])
+def test_a_kind_left_to_its_class_is_kept_by_replace_and_save(sections: dict[str, Section], tmp_path: Path) -> None:
+    small = small_spec()
+    parts = {name: getattr(small, name) for name in type(small).model_fields}
+    spec = lf.Spec(**(parts | sections))  # made of objects: no kind was written
+    changed = spec.replace(name="x")
+    assert changed.name == "x" and changed.replace(name=spec.name) == spec
+    spec.save(tmp_path / "spec.toml")
+    assert lf.load_spec(tmp_path / "spec.toml") == spec
+    changed.save(tmp_path / "x.toml")
+    assert lf.load_spec(tmp_path / "x.toml") == changed

@@ -73,7 +73,9 @@ def test_the_plot_shows_the_figures_of_the_designs(swept):
     for row, nmse, efficiency in zip(content.designs, *drawn.values(), strict=True):
         assert np.array_equal(nmse, [row.value, row.nmse.value])
         assert np.array_equal(efficiency, [row.value, row.efficiency.value])
-    assert np.array_equal(content.plot("efficiency").lines[0].get_xydata(), list(drawn.values())[1])
+    assert np.array_equal(content.plot(metric="efficiency").lines[0].get_xydata(), list(drawn.values())[1])
+    with pytest.raises(InputError, match=r"^metric = 'foo': must be one of nmse, "):
+        content.plot(metric="foo")
     page = (folder / "sweep.html").read_text(encoding="utf-8")
     assert all(f'href="{row.folder}/report.html"' in page for row in content.designs)
     assert (folder / "sweep.png").read_bytes().startswith(b"\x89PNG")

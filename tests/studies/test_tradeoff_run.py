@@ -89,12 +89,16 @@ def test_the_page_needs_nothing_else(folder):
 
 def test_a_plot_shows_the_rungs_of_a_ladder(folder):
     tradeoff = Tradeoff.read(folder)
-    axes = tradeoff.plot("tables", "rho")
+    axes = tradeoff.plot(ladder="tables", error="rho")
     (line,) = axes.lines
     rungs = [rung for rung in tradeoff.ladders["tables"].rows if not rung.reference]
     assert np.array_equal(line.get_ydata(), [rung.errors["rho"].value for rung in rungs])
     assert np.array_equal(line.get_xdata(), [rung.seconds for rung in rungs])
     assert axes.get_yscale() == "log" and "<img" in tradeoff._repr_html_()
+    with pytest.raises(InputError, match=r"^ladder = 'foo': must be one of .*tables"):
+        tradeoff.plot(ladder="foo")
+    with pytest.raises(InputError, match=r"^error = 'foo': must be one of .*rho"):
+        tradeoff.plot(ladder="tables", error="foo")
 
 
 def test_the_lens_of_another_scene_is_refused(folder):

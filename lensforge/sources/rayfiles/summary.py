@@ -1,6 +1,6 @@
 """What is known of a ray file: its header alone, a summary of its rays, and what came of a conversion."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from pydantic import PrivateAttr
 
@@ -98,13 +98,14 @@ class RayFileSummary(StageResult):
         self._rayfile = rayfile
         return self
 
-    def plot(self, which: Panel = "front", axes: "Axes | None" = None) -> "Axes":
+    def plot(self, axes: "Axes | None" = None, *, which: Panel = "front") -> "Axes":
         """Where rays start, seen from the front (x, y) or the side (x, z), their forward directions, or the intensity.
 
-        Raises :class:`InputError` for a summary that was read from a file: it has no rays.
+        Raises :class:`InputError` for an unknown panel, and for a summary that was read from a file: it has no rays.
         """
-        from lensforge.figures.plots import new_axes
+        from lensforge.figures.plots import new_axes, require_choice
 
+        require_choice("which", which, get_args(Panel))
         if self._rayfile is None:
             raise InputError("this summary was read back and holds no rays; read the ray file itself again")
         axes = new_axes(axes)

@@ -40,7 +40,7 @@ def run_sweep(
     resume: bool = False,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
-    """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the first.
+    """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
 
     ``accuracy`` and ``seed``: those that ``whole_way`` designs with. With ``resume`` designs that sweep.json lists are
     kept, whatever values are asked for now. A design that fails a gate is listed with it, and the sweep goes on. Raises

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from lensforge.gates import Gate
 from lensforge.optimisation.design import Margins
@@ -79,10 +79,11 @@ class Sweep(StageResult):
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
-    def plot(self, metric: Judged = "nmse", axes: "Axes | None" = None) -> "Axes":
-        """``metric`` over the varied field, with its standard error."""
-        from lensforge.figures.plots import new_axes
+    def plot(self, axes: "Axes | None" = None, *, metric: Judged = "nmse") -> "Axes":
+        """``metric`` over the varied field, with its standard error. Raises :class:`InputError` for an unknown one."""
+        from lensforge.figures.plots import new_axes, require_choice
 
+        require_choice("metric", metric, get_args(Judged))
         axes, curve = new_axes(axes), Curve.of(self, metric)
         axes.errorbar(curve.across, curve.up, curve.errors, marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)

@@ -64,7 +64,7 @@ def run_tradeoff(
     path, source = directory / "lens.json", build_source(spec.source, spec.lens.dispersion)
     if path.exists():
         lens = load_lens(path)
-        _require_same_scene(lens, settled_symmetry(spec, source), path)
+        require_same_scene(lens, spec, source, str(path))
     else:
         announce("no lens yet: a draft is designed")
         lens = run_design(spec, directory, accuracy="draft").lens
@@ -111,10 +111,12 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     )
 
 
-def _require_same_scene(lens: Lens, spec: Spec, path: Path) -> None:
+def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:
+    """Raise :class:`InputError` where ``lens`` is one for another scene than ``spec`` with its ``source``."""
+    wanted = settled_symmetry(spec, source)
     for section in ("source", "lens", "target"):
-        if getattr(lens.spec, section) != getattr(spec, section):
+        if getattr(lens.spec, section) != getattr(wanted, section):
             raise InputError(
-                f"{path}: its lens was designed for another [{section}] than {spec.name!r} has now; "
-                "give another --out, or run `lensforge design` again"
+                f"{origin}: its lens was designed for another [{section}] than {spec.name!r} has now; "
+                "give another folder, or design it again"
             )

@@ -54,12 +54,17 @@ class Tradeoff(StageResult):
     ladders: dict[Text, Ladder]
     seconds: NotNegative
 
-    def plot(self, ladder: str = "rays", error: str | None = None, axes: "Axes | None" = None) -> "Axes":
-        """An error of a ladder, the first one that it plots, over time or setting; one line for each series."""
-        from lensforge.figures.plots import plot_curves
+    def plot(self, axes: "Axes | None" = None, *, ladder: str = "rays", error: str | None = None) -> "Axes":
+        """An error of a ladder, the first one that it plots, over time or setting; one line for each series.
 
+        Raises :class:`InputError` for an unknown ladder, or an error that it has not.
+        """
+        from lensforge.figures.plots import plot_curves, require_choice
+
+        require_choice("ladder", ladder, self.ladders)
         drawn = self.ladders[ladder]
-        error = error or next(iter(drawn.plotted or drawn.units))
+        error = next(iter(drawn.plotted or drawn.units)) if error is None else error
+        require_choice("error", error, drawn.units)
         curves: dict[str, tuple[list[float], list[float]]] = {}
         for rung in drawn.rows:
             at = rung.seconds if drawn.against == "seconds" else rung.setting

@@ -1,0 +1,46 @@
+"""What a spec was made of besides itself: hashes of the files that it names, so that a result can name its inputs."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from lensforge.errors import InputError
+from lensforge.spec.section import Section
+
+
+def input_hashes(section: Section) -> dict[str, str]:
+    """SHA-256 of each file that ``section`` names, as ``file:NAME``.
+
+    Raises :class:`InputError` for a file that is not there.
+    """
+    return {f"file:{path.name}": _file_sha256(path) for path in sorted(set(_paths(section)))}
+
+
+def section_sha256(section: Section) -> str:
+    """The hash of what a section says and of the files that it names, not of where these lie."""
+    digest = hashlib.sha256(section.model_dump_json().encode())
+    for name, found in input_hashes(section).items():
+        digest.update(f"{name}={found}".encode())
+    return digest.hexdigest()
+
+
+def _paths(value: object) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from _paths(getattr(value, name))
+    elif isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _paths(entry)
+    elif isinstance(value, tuple | list):
+        for entry in value:
+            yield from _paths(entry)
+
+
+def _file_sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); the spec names it") from None
