@@ -1,0 +1,144 @@
+"""The names of the library: every verb, and every class that a verb takes or returns."""
+
+from lensforge.drawings.handover import Handover
+from lensforge.errors import Cancelled, GateFailed, InputError, LensforgeError, MissingResult
+from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
+from lensforge.gates import Gate
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens, load_lens
+from lensforge.manufacturing.cut import Check
+from lensforge.measured_part import compare
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.optimisation.design import Design
+from lensforge.optimisation.progress import Progress
+from lensforge.pipeline import run
+from lensforge.records import Metric
+from lensforge.results import Results
+from lensforge.run_folder import Run, load
+from lensforge.sources.rayfiles.summary import RayFileSummary
+from lensforge.spec import (
+    ArrayTarget,
+    BaseSection,
+    ConstraintsSection,
+    CrossTarget,
+    EvaluateSection,
+    FlatTopTarget,
+    ImageTarget,
+    LensSection,
+    ManufactureSection,
+    OptimiseSection,
+    Spec,
+    TextTarget,
+    Tool,
+    load_spec,
+)
+from lensforge.spec.fixed import FixedAsphere, FixedSphere
+from lensforge.spec.source import (
+    Chip,
+    ChipArraySource,
+    ChipsSource,
+    CosineIntensity,
+    DiscSource,
+    LuminanceSource,
+    PhotometricIntensity,
+    RadianceSource,
+    RayfilePart,
+    RayfileSource,
+    RayfilesSource,
+    RaySource,
+    RectangleSource,
+    SquareSource,
+    TableIntensity,
+)
+from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
+from lensforge.stages import build, check, design, evaluate, photometry, sensitivity, stray_light, verify
+from lensforge.studies.sweep.table import Sweep
+from lensforge.studies.tradeoff.record import Tradeoff
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.verbs import handover, rays, sweep, tradeoff
+from lensforge.verdict import Verdict
+from lensforge.verification.proof import Proof, StrayLight
+from lensforge.version import __version__
+
+__all__ = [
+    "ArrayTarget",
+    "BaseSection",
+    "Cancelled",
+    "Check",
+    "Chip",
+    "ChipArraySource",
+    "ChipsSource",
+    "ConstraintsSection",
+    "CosineIntensity",
+    "CrossTarget",
+    "Design",
+    "DiscSource",
+    "EvaluateSection",
+    "FileSpectrum",
+    "FixedAsphere",
+    "FixedSphere",
+    "FlatTopTarget",
+    "Gate",
+    "GateFailed",
+    "Handover",
+    "ImageTarget",
+    "InputError",
+    "Lens",
+    "LensSection",
+    "LensforgeError",
+    "Light",
+    "LineSpectrum",
+    "LuminanceSource",
+    "ManufactureSection",
+    "Metric",
+    "MissingResult",
+    "OptimiseSection",
+    "Part",
+    "PhotoComparison",
+    "PhotometricIntensity",
+    "Photometry",
+    "Progress",
+    "Proof",
+    "RadianceSource",
+    "RayFileSummary",
+    "RaySource",
+    "RayfilePart",
+    "RayfileSource",
+    "RayfilesSource",
+    "RectangleSource",
+    "Results",
+    "Run",
+    "Sensitivity",
+    "Spec",
+    "SquareSource",
+    "StrayLight",
+    "SurfaceComparison",
+    "Sweep",
+    "TableIntensity",
+    "TableSpectrum",
+    "TextTarget",
+    "Tool",
+    "Tradeoff",
+    "Verdict",
+    "__version__",
+    "build",
+    "check",
+    "compare",
+    "design",
+    "evaluate",
+    "handover",
+    "load",
+    "load_lens",
+    "load_spec",
+    "photometry",
+    "rays",
+    "run",
+    "sensitivity",
+    "stray_light",
+    "sweep",
+    "tradeoff",
+    "verify",
+]
+
+NAMES = {name: globals()[name] for name in __all__}
