@@ -20,6 +20,9 @@ else:
 
     def __getattr__(name: str) -> object:
         """Load the library's names with the first that is asked for: NumPy and pydantic alone take 0.2 s."""
+        own = os.path.join(os.path.dirname(__file__), name)  # noqa: PTH118, PTH120  pathlib would take time to load
+        if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
+            raise AttributeError(name)  # a module of ours: whoever asks for it imports it himself
         try:
             from lensforge.api import NAMES
         except ImportError as error:

@@ -99,7 +99,7 @@ def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
 
 
 def test_a_comparison_is_the_same_when_read_back_and_is_drawn(tmp_path):
-    found = compare(shot(tmp_path)).model_copy(update={"inputs": {"lens": "0" * 64}})
+    found = compare(shot(tmp_path)).model_copy(update={"inputs": dict.fromkeys(("lens", "evaluate"), "0" * 64)})
     found.write(tmp_path)
     assert PhotoComparison.read(tmp_path) == found
     with Image.open(io.BytesIO(photo_png(found))) as drawn:

@@ -67,7 +67,7 @@ def make_results(stages=STAGES, lens=None, outdated=None, **records):
     for stem in dict.fromkeys((*stages, *records)):
         given = records.get(stem, {})
         found[stem] = MAKERS[stem](lens, **given) if isinstance(given, dict) else given
-    for stem in ("verify", "stray"):
+    for stem in ("verify", "stray", "compare"):
         if stem in found:
             made_from = {name: found[name].sha256 for name in ("export", "evaluate") if name in found}
             inputs = dict.fromkeys(("export", "evaluate"), "0" * 64) | {"lens": lens.sha256} | made_from
