@@ -1,4 +1,4 @@
-"""What the clamping base does to the light: the part with its base, polished or black, against the part without one.
+"""Effect of the clamping base on the light: the part with its base, polished or black, against the part without one.
 
 The design leaves the base out. Here all light is followed, reflections too, through the mesh of the part with its base
 and through that of the part without one, always the same rays; prints the rows of docs/results.md. NMSE is against the
@@ -13,41 +13,40 @@ from pathlib import Path
 import numpy as np
 
 from lensforge.evaluation.metrics import nmse
+from lensforge.geometry.custom_base import join_mesh, read_custom_base
 from lensforge.geometry.mesh import build_mesh
-from lensforge.geometry.mesh_union import join_mesh
+from lensforge.geometry.mesh_files import stl_bytes
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan
-from lensforge.geometry.step_base import read_base
-from lensforge.geometry.stl import stl_bytes
 from lensforge.lens import Lens, load_lens
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.build import build_source
 from lensforge.spec import BaseSection
 from lensforge.verification.casting import Grid
+from lensforge.verification.image_plane import ImagePlane, within
 from lensforge.verification.nonsequential import Base, Body, Cause, Limits, follow
-from lensforge.verification.part import Part, read_part
-from lensforge.verification.picture import Receiver, within
+from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 
 RAYS, SEED, RINGS, PIXELS = 2**14, 2**42, 96, 32
 COLUMNS = ("design", "base", "flux fraction", "direct light on the base", "NMSE", "change")
 
 
-def part_of(lens: Lens, base: BaseSection) -> Part:
+def part_mesh_of(lens: Lens, base: BaseSection) -> PartMesh:
     """The mesh of the lens on ``base``, as its STL holds it."""
     mesh = build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), base), RINGS)
     if base.file is not None:
-        mesh = join_mesh(mesh, read_base(base.file).solid, 1e-3)
-    return read_part(stl_bytes(mesh))
+        mesh = join_mesh(mesh, read_custom_base(base.file), 1e-3)
+    return read_part_mesh(stl_bytes(mesh))
 
 
 def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     lens = load_lens(directory / "lens.json")
     spec = lens.spec
     source = build_source(spec.source, spec.lens.dispersion)
-    rays = source.sample(min(count, source.population or count), SEED)
-    emitted, side = float(rays.weights.sum()), spec.target.receiver_mm
-    receiver = Receiver(side, PIXELS, spec.evaluate.filter_variance)
+    rays = source.sample(min(count, source.ray_count or count), SEED)
+    emitted, side = float(rays.flux.sum()), spec.target.receiver_mm
+    receiver = ImagePlane(side, PIXELS, spec.evaluate.filter_variance)
     target = target_irradiance(spec.target, PixelGrid(side, PIXELS))
     cases: list[tuple[str, BaseSection, Base]] = [
         ("none", BaseSection(kind="none"), "polished"),
@@ -57,7 +56,7 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     found: list[tuple[str, ...]] = []
     before = None
     for name, base, finish in cases:
-        part = part_of(lens, base)
+        part = part_mesh_of(lens, base)
         body = Body(part, Grid(part.mesh), lens.refractive_index, spec.lens.absorption_per_mm, finish)
         landed = follow(body, rays, spec.target.distance_mm, Limits()).landings()
         picture = receiver.irradiance(landed.points, landed.flux)

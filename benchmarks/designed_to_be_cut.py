@@ -1,4 +1,4 @@
-"""What it costs to design a lens for the tool that makes it: one row of the table in docs/results.md.
+"""Cost of designing a lens for the tool that makes it: one row of the table in docs/results.md.
 
     python benchmarks/designed_to_be_cut.py examples/flat_top.toml [--inner 1.0] [--outer 1.0] [--draft 2.0]
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.manufacturing.check import check_lens
-from lensforge.manufacturing.cut import FaceResult
+from lensforge.manufacturing.result import FaceResult
 from lensforge.optimisation.optimiser import search
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
@@ -33,7 +33,7 @@ def asked_for(spec: Spec, options: argparse.Namespace) -> Spec:
 
 
 def wish(options: argparse.Namespace) -> str:
-    """What was asked for, in words."""
+    """The constraints of the command line, in words."""
     asked = {"inner": options.inner, "outer": options.outer, "draft": options.draft}
     return ", ".join(f"{name} {value:g}" for name, value in asked.items() if value is not None) or "nothing"
 
@@ -62,7 +62,7 @@ def main() -> None:
     light = evaluate_lens(found.lens, source, PRESETS[options.accuracy])
     check = check_lens(found.lens)
     faces = check.inner, check.outer
-    failed = [gate.name for gate in found.gates if not gate.passed]
+    missed = [criterion.name for criterion in found.criteria if not criterion.passed]
     columns = [
         wish(options),
         f"{light.uniformity.value:.3f}" if light.uniformity is not None else "-",
@@ -70,7 +70,7 @@ def main() -> None:
         f"{light.nmse.value:.4f}",
         *(largest(face) for face in faces),
         *(f"{face.draft_deg.min:.1f}" for face in faces),
-        ", ".join(failed) or "all hold",
+        ", ".join(missed) or "all met",
     ]
     print("| " + " | ".join(columns) + " |", flush=True)
 

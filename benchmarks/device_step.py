@@ -1,8 +1,8 @@
-"""The flat top's gradient step by the compiled kernels and by their twin in torch, on every device that is there.
+"""The flat top's gradient step by the compiled kernels and in torch, on the CPU and on a CUDA device if present.
 
     python benchmarks/device_step.py [--rays 524288] [--repeat 3]
 
-Prints the median over the repeats of forward and gradient, and how well the twin agrees with the kernels.
+Prints the median over the repeats of forward and gradient, and the agreement of loss and gradients with the kernels.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep
@@ -15,14 +15,14 @@ from functools import partial
 import torch
 from gradient_step import Step, median_seconds
 
-from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.merit import MeritFunction
 
 
-def gradients(step: Step, objective: Objective) -> list[torch.Tensor]:
+def gradients(step: Step, merit: MeritFunction) -> list[torch.Tensor]:
     """The loss, and its gradients by weights and offsets; they lie on the CPU, so all is done."""
     parameters = step.weights, step.offsets
     # in the uniformity stage light outweighs the constraints, so that the agreement is that of the light
-    loss = objective.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss
+    loss = merit.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss
     return [loss.detach(), *torch.autograd.grad(loss, parameters)]
 
 
@@ -33,12 +33,12 @@ def main() -> None:
     options = parser.parse_args()
     step = Step(options.rays)
     print(f"{options.rays} rays, {torch.get_num_threads()} threads, float64, torch {torch.__version__}")
-    seconds = median_seconds(partial(gradients, step, step.objective), options.repeat)
-    wanted = gradients(step, step.objective)
+    seconds = median_seconds(partial(gradients, step, step.merit), options.repeat)
+    wanted = gradients(step, step.merit)
     print(f"{'kernels':24s} {1e3 * seconds:9.1f} ms")
     for name in ("cpu", *(["cuda"] if torch.cuda.is_available() else [])):
-        light = replace(step.objective.light, device=torch.device(name))
-        work = partial(gradients, step, replace(step.objective, light=light))
+        light = replace(step.merit.light, device=torch.device(name))
+        work = partial(gradients, step, replace(step.merit, light=light))
         seconds = median_seconds(work, options.repeat)
         errors = ((a - b).norm() / b.norm() for a, b in zip(work(), wanted, strict=True))
         label = torch.cuda.get_device_name() if name == "cuda" else "torch on the CPU"

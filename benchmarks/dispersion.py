@@ -1,4 +1,4 @@
-"""What dispersion does to a finished lens: the same rays with the index of each, with their mean, with the design's.
+"""Effect of dispersion on a finished lens: the same rays with the index of each, with their mean, with the design's.
 
     python benchmarks/dispersion.py cad_out/osram_pi --material PMMA
 
@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from lensforge.evaluation.exact import trace_exact_sum
 from lensforge.lens import load_lens
 from lensforge.optics.materials import MATERIALS
-from lensforge.receivers.hits import Hits
 from lensforge.receivers.plane import PlaneReceiver
-from lensforge.sources.build import account_of, build_source
+from lensforge.receivers.receiver import Hits
+from lensforge.sources.build import build_source, summarise
 from lensforge.surfaces.spline import grid_for, tabulate
+from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
 
 NODES_PER_SIGMA = 6.0  # only says where to look: a step on the exact surface follows
 
 
 def shift(one, other, side_mm):
-    """How far apart (mm) two traces land the same rays."""
+    """Distances (mm) between the landings of the same rays by two traces."""
     both = one.arrived & other.arrived & (np.abs(other.hits) < 0.5 * side_mm).all(axis=1)
     apart = np.linalg.norm(one.hits[both] - other.hits[both], axis=1)
     rms = float(np.sqrt(np.average(apart**2, weights=other.flux[both])))
@@ -39,22 +39,23 @@ def main():
     given = arguments.parse_args()
     lens = load_lens(given.directory / "lens.json")
     source = build_source(lens.spec.source, MATERIALS[given.material])
-    rays = source.sample(min(given.rays, source.population or given.rays), 1)
+    rays = source.sample(min(given.rays, source.ray_count or given.rays), 1)
     each = rays.refractive_indices
     if each is None:
         raise SystemExit(f"{given.directory}: its source has no wavelengths; add source.spectrum")
     grid = grid_for(float(lens.inner.basis.sigmas.min()), NODES_PER_SIGMA)
-    tables = {name: tabulate(grid, getattr(lens, name)) for name in ("inner", "outer")}
-    mean = float(np.average(each, weights=rays.weights))
+    inner, outer = (TableScan(grid, tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
+    surfaces = exact_surfaces(lens, (inner, outer))
+    mean = float(np.average(each, weights=rays.flux))
     side, receiver = lens.spec.target.receiver_mm, PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
     landed = {}
     for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
         coloured = replace(rays, refractive_indices=np.broadcast_to(index, each.shape))
-        landed[name] = Hits.of(receiver.land_in_torch(trace_exact_sum(lens, grid, tables, coloured)))
+        landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.refractive_index, coloured)))
     inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
     report = {
         "rays": len(rays),
-        "wavelengths_nm": account_of(source, lens.spec.source).wavelengths_nm,
+        "wavelengths_nm": summarise(source, lens.spec.source).wavelengths_nm,
         "index": {"design": lens.refractive_index, "mean": mean, "standard_deviation": float(each.std())},
         "colours": shift(landed["each"], landed["mean"], side),
         "mean_instead_of_design": shift(landed["mean"], landed["design"], side),

@@ -19,9 +19,9 @@ import numpy as np
 import torch
 
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.optimisation.rays_ahead import rays_ahead
+from lensforge.optimisation.schedule import rays_ahead
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 
@@ -49,7 +49,7 @@ class Step:
             spec = spec.model_copy(update={"lens": lens})
         self.source = build_source(spec.source, spec.lens.dispersion)
         self.parametrisation = Parametrisation.of(spec, 3.4)
-        self.objective = Objective.of(spec, self.source, self.parametrisation)
+        self.merit = MeritFunction.of(spec, self.source, self.parametrisation)
         self.constraints = AugmentedLagrangian.of(spec, self.parametrisation.grid)
         rng = np.random.default_rng(0)
         size = self.parametrisation.basis.size
@@ -70,7 +70,7 @@ class Step:
             self.evaluate()
 
     def evaluate(self) -> torch.Tensor:
-        return self.objective.evaluate(self.weights, self.offsets, self.bundle, self.constraints, False).loss
+        return self.merit.evaluate(self.weights, self.offsets, self.bundle, self.constraints, False).loss
 
     def gradient(self) -> None:
         self.evaluate().backward()

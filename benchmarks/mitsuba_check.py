@@ -1,10 +1,10 @@
-"""How Mitsuba 3 agrees with the design as the rays become more: the third referee of `lensforge verify`, at length.
+"""Agreement of Mitsuba 3 with the design for growing numbers of rays: the third cast of `lensforge verify`, at length.
 
     pip install lensforge[mitsuba]
     python benchmarks/mitsuba_check.py DIR [--rays N]
 
 DIR is a result folder with lens.json, lens.stl and evaluate.npz. Prints one JSON object for each ray count, from 2**12
-in steps of four up to --rays; exit code 1 where one of its gates fails.
+in steps of four up to --rays; exit code 1 where one of its criteria fails.
 """
 
 import argparse
@@ -23,9 +23,9 @@ from lensforge.lens import load_lens
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.verification.comparison import Expected
-from lensforge.verification.mitsuba_cast import judge_mitsuba, mitsuba_gates
-from lensforge.verification.part import read_part
-from lensforge.verification.picture import Receiver
+from lensforge.verification.image_plane import ImagePlane
+from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria
+from lensforge.verification.part_mesh import read_part_mesh
 
 SEED = 2**42  # apart from the seeds of design, evaluation and verification
 
@@ -39,7 +39,7 @@ def main() -> int:
     try:
         for result in check(given.directory, given.rays):
             print(json.dumps(result))
-            held &= all(gate["passed"] for gate in result["gates"])
+            held &= all(criterion["passed"] for criterion in result["criteria"])
     except LensforgeError as error:
         print(f"mitsuba_check: {error}", file=sys.stderr)
         return 2
@@ -47,21 +47,21 @@ def main() -> int:
 
 
 def check(directory: Path, most: int) -> Iterator[dict[str, Any]]:
-    lens, part = load_lens(directory / "lens.json"), read_part((directory / "lens.stl").read_bytes())
+    lens, part = load_lens(directory / "lens.json"), read_part_mesh((directory / "lens.stl").read_bytes())
     target, source = lens.spec.target, build_source(lens.spec.source, lens.spec.lens.dispersion)
-    rays = source.sample(min(most, source.population or most), SEED)
+    rays = source.sample(min(most, source.ray_count or most), SEED)
     with np.load(directory / "evaluate.npz") as images:
         designed = images["map"]
-    receiver = Receiver(target.receiver_mm, len(designed), lens.spec.evaluate.filter_variance)
-    exit_rays = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma).trace(rays)
+    receiver = ImagePlane(target.receiver_mm, len(designed), lens.spec.evaluate.filter_variance)
+    exit_rays = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma).trace(rays)
     landings = PlaneReceiver.of(target, len(designed)).land(exit_rays)
     hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
     expected = Expected(designed, hits, landings.flux.numpy())
     count = 2**12
     while count <= len(rays):
-        cast, _ = judge_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)
-        gates = mitsuba_gates(cast, target.distance_mm)
-        yield cast.model_dump(mode="json") | {"gates": [gate.model_dump(mode="json") for gate in gates]}
+        cast, _ = cast_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)
+        criteria = mitsuba_criteria(cast, target.distance_mm)
+        yield cast.model_dump(mode="json") | {"criteria": [criterion.model_dump(mode="json") for criterion in criteria]}
         count *= 4
 
 

@@ -7,7 +7,7 @@ Needs the [mitsuba] extra and an LLVM library; DRJIT_LIBLLVM_PATH names one (15 
 Both trace the same rays of the flat top through the same two surfaces, refract by Snell, weigh by Fresnel, land on the
 receiver and take the gradient of the same scalar: Mitsuba by the radii of all mesh vertices (its vertex normals follow
 them), lensforge by all table coefficients. What counts is the normal at a random direction against the exact sum: the
-mesh is the coarsest of a ladder whose rms error is no larger than the table's. A step of Mitsuba includes the update of
+mesh is the coarsest of a series whose rms error is no larger than the table's. A step of Mitsuba includes the update of
 its meshes, as a step of lensforge includes its bounds; the search's own part (loss, constraints, new rays) is in
 neither.
 """
@@ -24,14 +24,14 @@ import numpy as np
 import torch
 from gradient_step import Step, median_seconds
 
-from lensforge.optimisation.landing import landed_through
+from lensforge.optimisation.light_path import landed_through
 from lensforge.sources.bundle import RayBundle
+from lensforge.studies.tradeoff.reference import directions
 from lensforge.studies.tradeoff.tables import table_normals
-from lensforge.studies.tradeoff.truth import directions
 from lensforge.surfaces import chart
 from lensforge.surfaces.surface import Surface
 
-LADDER = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
+MESH_NODES = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
 
 
 def rms_angle(found: np.ndarray, surface: Surface) -> float:
@@ -89,7 +89,7 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
     meshes.update(radii)
     origin = mi.Point3f(*(mi.Float(np.ascontiguousarray(c)) for c in rays.origins.T))
     direction = mi.Vector3f(*(mi.Float(np.ascontiguousarray(c)) for c in rays.directions.T))
-    ray, flux, alive = mi.Ray3f(origin, direction), mi.Float(rays.weights), mi.Bool(True)
+    ray, flux, alive = mi.Ray3f(origin, direction), mi.Float(rays.flux), mi.Bool(True)
     for scene in meshes.scenes:
         hit = scene.ray_intersect(ray, alive)
         local = hit.sh_frame.to_local(-ray.d)
@@ -106,7 +106,7 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
 
 
 def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> None:
-    light = step.objective.light
+    light = step.merit.light
     landings, _ = landed_through(*tables, light.scene, rays, light.receiver)
     (landings.flux * (landings.hits**2).sum(dim=1)).sum().backward()
 
@@ -120,7 +120,7 @@ def main() -> None:
     dr.set_thread_count(torch.get_num_threads())
 
     step = Step(options.rays)
-    spec = step.objective.spec
+    spec = step.merit.spec
     lens = step.parametrisation.lens(step.weights.detach(), step.offsets.detach(), spec, 0, "standard")
     surfaces: list[Surface] = [lens.inner, lens.outer]
     tables = [table.detach().requires_grad_() for table in step.parametrisation.tables(step.weights, step.offsets)]
@@ -132,7 +132,7 @@ def main() -> None:
     print(f"table of {grid.nodes} nodes a side: normals {1e6 * ours:.1f} urad rms, float64")
 
     ratios: list[tuple[float, float]] = []
-    for nodes in LADDER:
+    for nodes in MESH_NODES:
         meshes = Meshes(surfaces, nodes)
         error = meshes.normal_error(surfaces)
         seconds = median_seconds(

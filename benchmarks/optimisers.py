@@ -1,11 +1,11 @@
-"""Which optimiser reaches which quality, and when: the paper's SGD, Adam, and L-BFGS on fixed samples.
+"""Quality over time of several optimisers: the paper's SGD, Adam, and L-BFGS on fixed samples.
 
     python benchmarks/optimisers.py [examples/pi.toml] [--seconds 60] [--output docs/optimisers]
 
 All turn the same parameters, coarse to fine through the same levels with the same share of the time for each, on the
 same loss; SGD and Adam see fresh rays at every step, L-BFGS (strong Wolfe line search) a fixed sample that is renewed
-at every restart. The judge is the same for all: NMSE of 2^20 rays that no search has seen; its time is not counted.
-Rates are the best of a ladder for each method. Writes a table (Markdown) and a plot.
+at every restart. All are evaluated alike: NMSE of 2^20 rays that no search has seen; the time of that is not
+counted. Rates are the best of a series for each method. Writes a table (Markdown) and a plot.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep
@@ -27,22 +27,22 @@ import torch
 from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Evaluated, Objective
+from lensforge.optimisation.merit import Evaluated, MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec, load_spec
 
 SHARES = (0.05, 0.1, 0.2, 0.65)  # of the time, for the levels from coarse to fine
-JUDGE_RAYS, JUDGE_SEED, ROUND = 2**20, 2**41, 10
+UNSEEN_RAYS, UNSEEN_SEED, ROUND = 2**20, 2**41, 10
 THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.015, 0.012, 0.01)
 
 
 @dataclass
-class Run:
-    """A search in progress: parameters, and a clock that stands still while the judge looks."""
+class SearchInProgress:
+    """A search in progress: parameters, and a clock that stands still during evaluations."""
 
-    objective: Objective
+    merit: MeritFunction
     constraints: AugmentedLagrangian
     source: Source
     rays: int
@@ -56,16 +56,16 @@ class Run:
         return self.source.sample(self.rays, self.draws)
 
     def loss(self, weights: torch.Tensor, offsets: torch.Tensor, rays: RayBundle) -> Evaluated:
-        return self.objective.evaluate(weights, offsets, rays, self.constraints, False)
+        return self.merit.evaluate(weights, offsets, rays, self.constraints, False)
 
 
-Method = Callable[[Run, list[torch.Tensor], float, float], Iterator[None]]
+Method = Callable[[SearchInProgress, list[torch.Tensor], float, float], Iterator[None]]
 
 
 def gradient_descent(make: Callable[[list[torch.Tensor]], torch.optim.Optimizer]) -> Method:
     """A method whose rate falls by a cosine to a twentieth over each level."""
 
-    def level(run: Run, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
+    def level(run: SearchInProgress, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
         optimiser = make(active)
         top = [group["lr"] * 0.2**fine for group in optimiser.param_groups]
         begun, step = run.spent, 0
@@ -90,7 +90,7 @@ def gradient_descent(make: Callable[[list[torch.Tensor]], torch.optim.Optimizer]
 def quasi_newton(iterations: int) -> Method:
     """L-BFGS in bouts of ``iterations`` on one sample each; a bout that leaves the surfaces' domain is taken back."""
 
-    def bout(run: Run, active: list[torch.Tensor]) -> None:
+    def bout(run: SearchInProgress, active: list[torch.Tensor]) -> None:
         rays = run.fresh_rays()
         optimiser = torch.optim.LBFGS(active, max_iter=iterations, history_size=20, line_search_fn="strong_wolfe")
 
@@ -104,7 +104,7 @@ def quasi_newton(iterations: int) -> Method:
         with torch.no_grad():
             run.constraints.update(run.loss(*active, rays).fields)
 
-    def level(run: Run, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
+    def level(run: SearchInProgress, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
         begun = run.spent
         while run.spent < begun + seconds:
             start, before = time.perf_counter(), [parameter.detach().clone() for parameter in active]
@@ -138,14 +138,16 @@ METHODS: dict[str, Method] = {
 
 
 def search(spec: Spec, method: Method, seconds: float, rays: int) -> list[tuple[float, float]]:
-    """(seconds spent, judged NMSE) along a run."""
+    """(seconds spent, NMSE of unseen rays) along a run."""
     source = build_source(spec.source)
     parametrisation = Parametrisation.of(spec, PRESETS["standard"].nodes_per_sigma)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     count = parametrisation.basis.size
     weights = torch.zeros(count, 2, dtype=torch.float64)
-    run = Run(Objective.of(spec, source, parametrisation), constraints, source, rays, weights, torch.ones(2).double())
-    unseen = source.sample(JUDGE_RAYS, JUDGE_SEED)
+    run = SearchInProgress(
+        MeritFunction.of(spec, source, parametrisation), constraints, source, rays, weights, torch.ones(2).double()
+    )
+    unseen = source.sample(UNSEEN_RAYS, UNSEEN_SEED)
     curve, functions, next_look = [], 0, 0.0
     for number, (level, share) in enumerate(zip(spec.lens.levels, SHARES[-len(spec.lens.levels) :], strict=True)):
         functions += level

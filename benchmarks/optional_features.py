@@ -1,4 +1,4 @@
-"""What each optional feature costs when it is on, and that it costs nothing when it is off.
+"""Costs of each optional feature when it is on, and its share of the time when it is off.
 
     python benchmarks/optional_features.py DIR [--rays 262144] [--repeat 5]
 
@@ -7,7 +7,7 @@ cad_out/quickstart. On: processor time of the stage with the feature over that w
 one thread. Off: the share of the profiled time of the same stage that is spent in the feature's own modules.
 """
 
-import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+import lensforge  # before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
@@ -31,15 +31,14 @@ from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.merit import MeritFunction, mirror_mean
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.pipeline import Run, load
-from lensforge.receivers.losses import mirror_mean
+from lensforge.receivers.pixels import splat_flux
 from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.splat import splat_flux
+from lensforge.run_folder import Run, load
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec import BaseSection
 from lensforge.stages import stray_light
 from lensforge.verification.verify import verify_part
@@ -69,7 +68,11 @@ def processor_seconds(work: Work, repeat: int) -> float:
 
 
 def share_of(work: Work, modules: tuple[str, ...]) -> float:
-    """Of the profiled time of ``work``, that in files whose names contain one of ``modules``."""
+    """Share of the profiled time of ``work`` in files whose names contain one of ``modules``."""
+    files = [str(path) for path in Path(lensforge.__file__).parent.rglob("*.py")]
+    absent = [part for part in modules if not any(part in file for file in files)]
+    if absent:
+        raise SystemExit(f"{', '.join(absent)}: no such module; the share would be 0 for its name alone")
     profile = cProfile.Profile()
     profile.runcall(work)
     entries = pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
@@ -78,19 +81,17 @@ def share_of(work: Work, modules: tuple[str, ...]) -> float:
 
 
 def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
-    traced = TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma)
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
     source = build_source(lens.spec.source, lens.spec.lens.dispersion)
     bundle = source.sample(rays, 0)
     trace = partial(traced.trace, bundle)
     dark = replace(traced, scene=replace(traced.scene, fresnel=False))
     yield Feature("Fresnel losses", "trace", partial(dark.trace, bundle), trace, ())
     coloured = replace(bundle, refractive_indices=np.full(rays, lens.refractive_index))
-    yield Feature(
-        "an index for each ray", "trace", trace, partial(traced.trace, coloured), ("dispersed", "spectrum", "materials")
-    )
-    measured = RayfileEmitter(bundle, 1.0)
+    yield Feature("an index for each ray", "trace", trace, partial(traced.trace, coloured), ("spectrum", "materials"))
+    measured = RaySetEmitter(bundle, 1.0)
     few = rays // 4
-    yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("rayfile",))
+    yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("ray_set",))
     plain, mirrored = (_step(lens, name, source, bundle) for name in ("none", lens.spec.lens.symmetry))
     yield Feature("symmetry", "gradient step", plain, mirrored, ("symmetry",))
 
@@ -98,11 +99,11 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
 def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle) -> Work:
     spec = lens.spec.model_copy(update={"lens": lens.spec.lens.model_copy(update={"symmetry": symmetry})})
     parametrisation = Parametrisation.of(spec, PRESETS[lens.accuracy].nodes_per_sigma)
-    objective = Objective.of(spec, source, parametrisation)
+    merit = MeritFunction.of(spec, source, parametrisation)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64, requires_grad=True)
     offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
-    return lambda: objective.evaluate(weights, offsets, rays, constraints, False).loss.backward()
+    return lambda: merit.evaluate(weights, offsets, rays, constraints, False).loss.backward()
 
 
 def part_features(lens: Lens, directory: Path) -> Iterator[Feature]:
@@ -121,7 +122,7 @@ def part_features(lens: Lens, directory: Path) -> Iterator[Feature]:
         verify()
         stray_light(run.part, rays=2**11)
 
-    yield Feature("B-rep referee", "verify", verify, partial(verify, run.part.step), ("brep", "step_body"))
+    yield Feature("cast through the STEP", "verify", verify, partial(verify, run.part.step), ("brep_cast",))
     yield Feature("stray light, 2048 rays", "verify", verify, with_stray, ("stray", "nonsequential"))
 
 
@@ -129,7 +130,7 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     """The verification of ``count`` rays, through the STEP as well where there is one."""
     lens, light = run.lens, run.light
     rays = build_source(lens.spec.source, lens.spec.lens.dispersion).sample(count, 1)
-    hits, flux = design_landings(TracedLens.of(lens, PRESETS[lens.accuracy].judge_nodes_per_sigma), lens.spec, rays)
+    hits, flux = design_landings(TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma), lens.spec, rays)
     verify_part(
         run.part.stl,
         rays=rays,
@@ -140,7 +141,7 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
         pixels=light.pixels,
         design_irradiance=light.map,
         design_hits=hits,
-        design_weights=flux,
+        design_flux=flux,
         step=step,
     )
 

@@ -1,4 +1,4 @@
-"""Does a lens designed on measured rays fit those rays, or the LED? One part of a file designs, the other judges.
+"""Overfitting to measured rays: a lens is designed on one part of a ray file and evaluated on the other.
 
     python benchmarks/overfit.py examples/led_rayfile.toml --accuracy draft
 
@@ -13,11 +13,11 @@ from pathlib import Path
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.optimisation.optimiser import search
-from lensforge.sources.rayfile_loading import load_rayfile, load_rayfiles
+from lensforge.sources.ray_set_loading import load_ray_set
 from lensforge.spec import load_spec
 
 
-def judged(lens, emitter, preset, pixels):
+def evaluated(lens, emitter, preset, pixels):
     light = evaluate_lens(lens, emitter, preset, rays=len(emitter), pixels=pixels)
     return {
         "rays": light.rays,
@@ -36,16 +36,15 @@ def main():
     arguments.add_argument("--seed", type=int, default=0)
     given = arguments.parse_args()
     spec = load_spec(given.spec)
-    load = load_rayfile if spec.source.kind == "rayfile" else load_rayfiles
-    training, holdout = load(spec.source, spec.lens.dispersion).split(given.fraction, given.seed)
+    training, holdout = load_ray_set(spec.source, spec.lens.dispersion).split(given.fraction, given.seed)
     result = search(spec, training, accuracy=given.accuracy, seed=given.seed)
     preset = PRESETS[given.accuracy]
     report = {
         "spec": spec.name,
         "accuracy": given.accuracy,
         "seconds": round(result.seconds, 1),
-        "training": judged(result.lens, training, preset, given.pixels),
-        "holdout": judged(result.lens, holdout, preset, given.pixels),
+        "training": evaluated(result.lens, training, preset, given.pixels),
+        "holdout": evaluated(result.lens, holdout, preset, given.pixels),
     }
     print(json.dumps(report, indent=2))
 

@@ -63,10 +63,10 @@ def make_led() -> RayFile:
     order = np.argsort(random.random(RAYS), kind="stable")
     centre = np.array([*CENTRE_MM, WINDOW_TOP_MM])
     return RayFile(
-        positions=(np.concatenate(positions) + centre)[order].astype(np.float32),
+        positions_mm=(np.concatenate(positions) + centre)[order].astype(np.float32),
         directions=np.concatenate(directions)[order].astype(np.float32),
         flux=np.full(RAYS, FLUX_W / RAYS, dtype=np.float32),
-        unit="W",
+        flux_unit="W",
         header_flux_w=FLUX_W,
         header_flux_lm=FLUX_LM,
         header={

@@ -1,9 +1,9 @@
-"""The price list: what each accuracy preset buys. One record, so that every stage reads the same knobs.
+"""Accuracy presets, in one record, so that every stage reads the same settings.
 
-The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): what a preset's table adds to the irradiance error
-stays below a hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is
-0.0014 at most, so rays are what one pays for: each preset takes the judging noise (NMSE) of the one before down, first
-to 1/13, then to less than 1/2.
+The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): the irradiance error of a preset's table stays below a
+hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is 0.0014 of that
+noise at most, so accuracy is bought with rays: from one preset to the next the noise (NMSE) of the evaluation falls,
+first to 1/13, then to less than 1/2.
 """
 
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from lensforge.spec import Accuracy
 
 @dataclass(frozen=True)
 class Preset:
-    """Knobs of a preset.
+    """Settings of a preset.
 
     ``nodes_per_sigma``: table nodes across the narrowest SRBF's sigma at the apex, while designing;
-    ``judge_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
+    ``evaluate_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
     ``design_rays``: rays of a gradient step. ``coarse_steps``, ``fine_steps``: gradient steps of every level but the
-    last, and of the last. ``evaluate_rays``: rays that judge the finished lens. ``verify_rays``: rays of the
+    last, and of the last. ``evaluate_rays``: rays that evaluate the finished lens. ``verify_rays``: rays of the
     independent cast.
     """
 
     nodes_per_sigma: float
-    judge_nodes_per_sigma: float
+    evaluate_nodes_per_sigma: float
     design_rays: int
     coarse_steps: int
     fine_steps: int

@@ -1,17 +1,16 @@
 """The names of the library: every verb, and every class that a verb takes or returns."""
 
+from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
-from lensforge.errors import Cancelled, GateFailed, InputError, LensforgeError, MissingResult
+from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
-from lensforge.gates import Gate
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
-from lensforge.manufacturing.cut import Check
+from lensforge.manufacturing.result import Check
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
-from lensforge.optimisation.design import Design
-from lensforge.optimisation.progress import Progress
+from lensforge.optimisation.design import Design, Progress
 from lensforge.pipeline import run
 from lensforge.records import Metric
 from lensforge.results import Results
@@ -33,25 +32,26 @@ from lensforge.spec import (
     Tool,
     load_spec,
 )
-from lensforge.spec.fixed import FixedAsphere, FixedSphere
+from lensforge.spec.emission import (
+    CosineIntensity,
+    FileSpectrum,
+    LineSpectrum,
+    PhotometricIntensity,
+    TableIntensity,
+    TableSpectrum,
+)
+from lensforge.spec.lens import FixedAsphere, FixedSphere
+from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.source import (
     Chip,
     ChipArraySource,
     ChipsSource,
-    CosineIntensity,
     DiscSource,
     LuminanceSource,
-    PhotometricIntensity,
     RadianceSource,
-    RayfilePart,
-    RayfileSource,
-    RayfilesSource,
-    RaySource,
     RectangleSource,
     SquareSource,
-    TableIntensity,
 )
-from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
 from lensforge.stages import build, check, design, evaluate, photometry, sensitivity, stray_light, verify
 from lensforge.studies.sweep.table import Sweep
 from lensforge.studies.tradeoff.record import Tradeoff
@@ -71,6 +71,8 @@ __all__ = [
     "ChipsSource",
     "ConstraintsSection",
     "CosineIntensity",
+    "Criterion",
+    "CriterionMissed",
     "CrossTarget",
     "Design",
     "DiscSource",
@@ -79,8 +81,6 @@ __all__ = [
     "FixedAsphere",
     "FixedSphere",
     "FlatTopTarget",
-    "Gate",
-    "GateFailed",
     "Handover",
     "ImageTarget",
     "InputError",

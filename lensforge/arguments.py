@@ -1,4 +1,4 @@
-"""What every verb does with its arguments: refuse what cannot be used, in one line, and make what follows from them."""
+"""Arguments of the verbs: each refused in one line if it cannot be used, and what a verb makes of it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, SupportsFloat, SupportsIndex, TypeVar, cast
 from lensforge.accuracy import PRESETS, Preset
 from lensforge.errors import InputError
 from lensforge.lens import Lens
+from lensforge.records.validation import its_type
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes, section_sha256
-from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.source import SourceSpec
 
 if TYPE_CHECKING:
+    import torch
+
     from lensforge.sources.bundle import Source
 
 _Kind = TypeVar("_Kind")
+_MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}
 
 
 def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
@@ -28,16 +32,33 @@ def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
 
 
 def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:
-    """Hashes of what light is made from: the lens, the source, and every file that the source names."""
+    """Hashes of the inputs of an evaluation: the lens, the source, and every file that the source names."""
     return {"lens": lens.sha256, "source": section_sha256(source), **input_hashes(source)}
 
 
 def preset_of(accuracy: str) -> Preset:
-    """The knobs of an accuracy preset. Raises :class:`InputError` for a name that is none."""
+    """The settings of an accuracy preset. Raises :class:`InputError` for an unknown name."""
     for name, preset in PRESETS.items():
         if name == accuracy:
             return preset
     raise InputError(f"accuracy = {accuracy!r}: one of {', '.join(PRESETS)}")
+
+
+def device_of(name: str) -> "torch.device | None":
+    """The device on which torch traces the rays of a search; None for "cpu", where the compiled kernels do.
+
+    Raises :class:`InputError` where torch does not find it.
+    """
+    import torch
+
+    if name == "cpu":
+        return None
+    if name != "cuda" or not torch.cuda.is_available():
+        raise InputError(
+            f"device = {name!r}: torch {torch.__version__} finds no such device; allowed here: cpu; "
+            "for an NVIDIA GPU install a CUDA build of torch"
+        )
+    return torch.device(name)
 
 
 @contextmanager
@@ -94,9 +115,4 @@ def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
     if isinstance(value, kind):
         return value
     remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")
-    raise InputError(
-        f"{verb}: {str(value)[:60]!r} has type {type(value).__name__}, must be a {kind.__name__}: {remedy}"
-    )
-
-
-_MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}
+    raise InputError(f"{verb}: {str(value)[:60]!r} is {its_type(value)}, must be a {kind.__name__}: {remedy}")

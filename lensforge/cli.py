@@ -1,6 +1,6 @@
-"""The command line. Exit code 0: done; 1: a gate failed; 2: bad input. Only this module exits.
+"""The command line. Exit code 0: done; 1: a criterion missed; 2: bad input. Only this module exits.
 
-What a command needs is imported when it runs: ``--help`` answers at once, and CAD loads only where CAD is asked for.
+A command imports heavy libraries when it runs, so that ``--help`` answers at once and only CAD commands load CAD.
 """
 
 import sys
@@ -13,8 +13,7 @@ from lensforge.commands.design import design
 from lensforge.commands.part import compare, handover, photometry, sensitivity
 from lensforge.commands.rays import rays
 from lensforge.commands.stages import check, evaluate, export, report, verify
-from lensforge.commands.sweep import sweep
-from lensforge.commands.tradeoff import tradeoff
+from lensforge.commands.studies import sweep, tradeoff
 from lensforge.errors import LensforgeError
 from lensforge.version import __version__
 
@@ -22,7 +21,7 @@ from lensforge.version import __version__
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, message="%(version)s")
 def cli() -> None:
-    """From an LED and a wanted light pattern to a lens that a machine shop can cut."""
+    """Turn an LED and a target light pattern into a lens that a machine shop can cut."""
 
 
 for command in (

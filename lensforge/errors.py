@@ -3,6 +3,9 @@
 An error message is one line: what is wrong, the value, what is allowed, and what to try.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class LensforgeError(Exception):
     """Base of all errors raised on purpose; anything else that escapes is a bug."""
@@ -16,14 +19,14 @@ class InputError(LensforgeError):
     exit_code = 2
 
 
-class GateFailed(LensforgeError):
-    """A result was reached but fails a gate: a constraint, watertightness, a form error."""
+class CriterionMissed(LensforgeError):
+    """A result misses an acceptance criterion: a constraint, watertightness, a form error."""
 
     exit_code = 1
 
 
 class MissingResult(InputError, AttributeError):
-    """A stage has not run yet, so its result is not there to be had: ``hasattr`` answers False."""
+    """A stage has not run yet, so it has no result; ``hasattr`` answers False."""
 
 
 class OutdatedResult(InputError):
@@ -31,6 +34,15 @@ class OutdatedResult(InputError):
 
 
 class Cancelled(LensforgeError):
-    """The caller's ``progress`` said stop; the checkpoint, where one was asked for, holds the state."""
+    """The caller's ``progress`` returned False; the checkpoint, if there is one, holds the state."""
 
     exit_code = 130
+
+
+@contextmanager
+def remedy(advice: str) -> Iterator[None]:
+    """Append ``advice`` to an :class:`InputError` raised inside the block, by numerics that know no option or field."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"{error}; {advice}") from None

@@ -1,9 +1,9 @@
-"""Writing files so that nothing already there is ever lost: write beside, then rename."""
+"""Writing files so that nothing already there is ever lost, and bytes through a temporary file."""
 
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ def replacing(path: Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=path.parent)
         os.close(handle)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); try another --out") from error
+        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from error
     temporary = Path(name)
     try:
         yield temporary
@@ -67,3 +67,28 @@ def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
 
 def _refuse(constant: str) -> None:
     raise ValueError(f"{constant} is no JSON")
+
+
+def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
+    """The bytes that ``write`` puts into a file called ``name``; :class:`InputError` where the disk has no room."""
+    with _folder(name) as folder:
+        write(folder / name)
+        return (folder / name).read_bytes()
+
+
+@contextmanager
+def temporary_file(content: bytes, name: str) -> Iterator[Path]:
+    """A file called ``name`` that holds ``content``, for as long as the block runs."""
+    with _folder(name) as folder:
+        (folder / name).write_bytes(content)
+        yield folder / name
+
+
+@contextmanager
+def _folder(name: str) -> Iterator[Path]:
+    try:
+        with tempfile.TemporaryDirectory(prefix="lensforge-") as folder:
+            yield Path(folder)
+    except OSError as error:
+        place = f"{name}: the temporary folder {tempfile.gettempdir()} cannot be used ({error.strerror})"
+        raise InputError(f"{place}; make room there, or set TMPDIR to another") from error

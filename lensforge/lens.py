@@ -1,34 +1,40 @@
-"""The record where the two stages meet: two frozen surfaces, the spec they serve, and how they came to be.
+"""The lens, in which design and geometry meet: two frozen surfaces, the spec that they serve, and their origin.
 
-The design stage writes it, the geometry stage reads it; NumPy only. ``lens.json`` holds all of it.
+The design stage makes it, the geometry stage builds it; NumPy only. ``lens.json`` holds all of it.
 """
 
 import hashlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import JsonValue, ValidationError
+from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
-from lensforge.lens_file import EARLIER_FORMAT, SCHEMA, LensRecord, record_of
-from lensforge.records.record import refused
-from lensforge.records.stored import reject_outdated
+from lensforge.records import Count, Number, Positive, Record, Text
+from lensforge.records.html import section_html
+from lensforge.records.stored import stated, validated
 from lensforge.spec import Accuracy, Spec, parse_spec
+from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.surfaces.surface import Surface
 from lensforge.version import __version__
 
+SCHEMA = "lensforge-lens-2"
+EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """Two surfaces, one of them perhaps fixed: ``inner`` faces the source, ``outer`` the target; lengths in mm."""
+    """A body between two surfaces (mm), free or fixed: ``inner`` faces the source, ``outer`` the target.
+
+    ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design.
+    """
 
     inner: Surface
     outer: Surface
@@ -44,12 +50,12 @@ class Lens:
 
     @property
     def basis(self) -> SrbfBasis:
-        """The functions that shape what is free of the lens; errors of either surface are described by them, too."""
+        """The radial basis functions of the spec: they shape the free surfaces, and form errors of either surface."""
         return self.spec.lens.basis
 
     @property
     def detail_rad(self) -> float:
-        """Of the narrowest feature of both surfaces, the sigma (rad) that a common table must resolve."""
+        """The sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
         return min(self.inner.detail_rad, self.outer.detail_rad)
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -60,8 +66,8 @@ class Lens:
             "seed": self.seed,
             "accuracy": self.accuracy,
             "units": {"length": "mm", "angle": "rad"},
-            "inner": record_of(self.inner).model_dump(mode="json"),
-            "outer": record_of(self.outer).model_dump(mode="json"),
+            "inner": surface_record(self.inner).model_dump(mode="json"),
+            "outer": surface_record(self.outer).model_dump(mode="json"),
             "spec": self.spec.model_dump(mode="json"),
         }
 
@@ -71,7 +77,7 @@ class Lens:
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
-        """Whether ``other`` is the same lens, to the bit."""
+        """True where ``other`` is the same lens, to the bit."""
         return self.to_json() == other.to_json() if isinstance(other, Lens) else NotImplemented
 
     def __hash__(self) -> int:
@@ -82,49 +88,38 @@ class Lens:
         write_json(Path(path), self.to_json())
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a section at y = 0, and the numbers that name the lens."""
+        """HTML for a notebook: a section at y = 0, and the facts that identify the lens."""
         spec = self.spec
-        rows = {
+        facts = {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
             "receiver": f"{spec.target.receiver_mm:g} mm wide at {spec.target.distance_mm:g} mm",
             "surfaces": ", ".join(f"{name}: {_describe(getattr(self, name))}" for name in ("inner", "outer")),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
-        table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
-        return f"<div><strong>{escape(spec.name)}</strong>{_section_svg(self)}<table>{table}</table></div>"
+        theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+        u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
+        outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] for surface in (self.outer, self.inner))
+        return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
 
 
-def _section_svg(lens: Lens) -> str:
-    """The body cut at y = 0, in the colour of the text around it."""
-    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
-    u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
-    outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] * (1.0, -1.0) for surface in (lens.outer, lens.inner))
-    reach = 1.05 * float(np.abs(outer).max())
-    points = " ".join(f"{x:.4g},{y:.4g}" for x, y in np.concatenate([outer, inner[::-1]]))
-    return (
-        f'<svg role="img" aria-label="section" viewBox="{-reach:.4g} {-reach:.4g} {2 * reach:.4g} {1.05 * reach:.4g}" '
-        f'width="320" style="display:block"><polygon points="{points}" fill="#2f7fd1" fill-opacity="0.2" '
-        f'stroke="currentColor" stroke-width="{0.012 * reach:.4g}"/></svg>'
-    )
+def _describe(surface: Surface) -> str:
+    if isinstance(surface, SrbfSurface):
+        basis = surface.basis
+        return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
+    return f"fixed {type(surface).__name__.lower()}"
 
 
 def load_lens(path: Path | str) -> Lens:
     """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else."""
     path = Path(path)
     content = read_json(path)
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds a {type(content).__name__}, not a lens; {_REMEDY}")
-    if content.get("format") == EARLIER_FORMAT:
+    if isinstance(content, dict) and content.get("format") == EARLIER_FORMAT:
         content = {"schema": SCHEMA, **{key: value for key, value in content.items() if key != "format"}}
         for side in ("inner", "outer"):
             if isinstance(content.get(side), dict):
                 content[side].setdefault("kind", "srbf")
-    reject_outdated(content, SCHEMA, path, _REMEDY)
-    try:
-        record = LensRecord.model_validate({key: value for key, value in content.items() if key != "schema"})
-    except ValidationError as error:
-        raise refused(error, str(path), _REMEDY) from None
+    record = validated(LensRecord, stated(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     spec = parse_spec(record.spec, str(path))
     try:
         inner, outer = record.inner.surface(), record.outer.surface()
@@ -133,8 +128,80 @@ def load_lens(path: Path | str) -> Lens:
     return Lens(inner, outer, spec, record.seed, record.accuracy, record.version)
 
 
-def _describe(surface: Surface) -> str:
-    if isinstance(surface, SrbfSurface):
-        basis = surface.basis
-        return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
-    return f"fixed {type(surface).__name__.lower()}"
+class LensUnits(Record):
+    """Units of every number in the file."""
+
+    length: Literal["mm"]
+    angle: Literal["rad"]
+
+
+class SrbfRecord(Record):
+    """A sum of spherical radial basis functions: those of ``levels``, each with its weight, on a sphere."""
+
+    kind: Literal["srbf"] = "srbf"
+    levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1, le=100_000)], ...], Field(min_length=1)]
+    sigma_c: Positive
+    symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
+    offset_mm: Positive
+    weights_mm: tuple[Number, ...]
+
+    def surface(self) -> SrbfSurface:
+        """The surface; raises :class:`InputError` where the count of weights is not that of the functions."""
+        basis = SrbfBasis(self.levels, self.sigma_c, self.symmetry)
+        return SrbfSurface(basis, np.array(self.weights_mm, dtype=np.float64), self.offset_mm)
+
+
+class AsphereRecord(Record):
+    """A sphere or an even asphere that the search left alone."""
+
+    kind: Literal["asphere"]
+    vertex_mm: Number
+    radius_mm: Number
+    conic: Number
+    coefficients: tuple[Number, ...]
+
+    def surface(self) -> Asphere:
+        """The surface; raises :class:`InputError` where it is not star-shaped about the origin."""
+        return Asphere(self.vertex_mm, self.radius_mm, self.conic, self.coefficients)
+
+
+SurfaceRecord: TypeAlias = Annotated[SrbfRecord | AsphereRecord, Field(discriminator="kind")]
+
+
+class LensRecord(Record):
+    """All of ``lens.json`` but the name of its schema; the spec is validated by :func:`parse_spec`."""
+
+    unions = ("inner", "outer")
+
+    version: Text
+    seed: Count
+    accuracy: Literal["draft", "standard", "reference"]
+    units: LensUnits
+    inner: SurfaceRecord
+    outer: SurfaceRecord
+    spec: dict[str, object]
+
+
+def surface_record(surface: Surface) -> SrbfRecord | AsphereRecord:
+    """``surface`` as it is written."""
+    match surface:
+        case SrbfSurface():
+            basis = surface.basis
+            return SrbfRecord.model_validate(
+                {
+                    "levels": basis.levels,
+                    "sigma_c": basis.sigma_c,
+                    "symmetry": basis.symmetry,
+                    "offset_mm": surface.offset_mm,
+                    "weights_mm": surface.weights.tolist(),
+                }
+            )
+        case Asphere():
+            return AsphereRecord(
+                kind="asphere",
+                vertex_mm=surface.vertex_mm,
+                radius_mm=surface.radius_mm,
+                conic=surface.conic,
+                coefficients=surface.coefficients,
+            )
+    raise TypeError(f"{type(surface).__name__} has no place in a lens file")

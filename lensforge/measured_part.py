@@ -1,15 +1,14 @@
-"""The machined part against the design, as a verb: a photograph of its light, or points on a surface."""
+"""Comparison of the machined part with the design: a photograph of its light, or points on a surface."""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, overload
+from typing import overload
 
 from lensforge.arguments import count_of, number_of, path_of, preset_of, source_of
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
-from lensforge.measurement.cloud import read_cloud
-from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
 
 
 @overload
@@ -29,8 +28,8 @@ def compare(
     measured: Lens,
     *,
     points: Path | str,
-    surface: Literal["inner", "outer"],
-    registration: Literal["rigid", "shift", "none"] = "rigid",
+    surface: Side,
+    registration: Registration = "rigid",
     rays: int | None = None,
 ) -> SurfaceComparison: ...
 
@@ -44,15 +43,16 @@ def compare(
     target_mm: float | None = None,
     gamma: float = 1.0,
     points: Path | str | None = None,
-    surface: Literal["inner", "outer"] | None = None,
-    registration: Literal["rigid", "shift", "none"] = "rigid",
+    surface: Side | None = None,
+    registration: Registration = "rigid",
     rays: int | None = None,
 ) -> PhotoComparison | SurfaceComparison:
     """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
 
-    A photograph with the LED ``on``, and one with it ``off``; ``corners``: pixels (column, row) of the target in it,
-    found if None; ``target_mm``: side of the square that they span. ``points``: a file of x, y, z (mm) on one
-    ``surface``; ``registration``: how they may be moved onto the design.
+    ``on``, ``off``: photographs with the LED on and off; ``corners``: pixels (column, row) of the target in them, from
+    the top left clockwise, found if None; ``target_mm``: side of the square that they span. ``points``: a file of
+    x, y, z (mm) on one ``surface``; ``registration``: motion that may be fitted to lay them on the design. Raises
+    :class:`InputError`; its message names the argument, and the command line's option has the same name.
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     if isinstance(measured, Light) and on is not None and points is None:
@@ -79,7 +79,7 @@ def _compare_photo(
     except (TypeError, ValueError):
         given = np.empty(0)
     if given is not None and given.shape != (4, 2):
-        raise InputError(f"corners = {corners!r}: four of column, row; top left, and on clockwise")
+        raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
     side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
     shot = Shot(Path(on), None if off is None else Path(off), given, side, 1.0 if camera is None else camera)
     found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
@@ -89,14 +89,17 @@ def _compare_photo(
 def _compare_surface(
     lens: Lens,
     points: Path | str,
-    surface: Literal["inner", "outer"] | None,
-    registration: Literal["rigid", "shift", "none"],
+    surface: Side | None,
+    registration: Registration,
     rays: int | None,
 ) -> SurfaceComparison:
+    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.surface import compare_surface
 
     if surface not in ("inner", "outer"):
-        raise InputError(f"surface = {surface!r}: 'inner' or 'outer', the one on which the points were measured")
+        raise InputError(
+            f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
+        )
     return compare_surface(
         read_cloud(Path(points)),
         lens=lens,
@@ -104,5 +107,5 @@ def _compare_surface(
         source=source_of(lens.spec),
         preset=preset_of(lens.accuracy),
         rays=count_of("rays", rays),
-        freedom=registration,
+        registration=registration,
     )

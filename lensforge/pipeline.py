@@ -1,6 +1,6 @@
-"""The whole way and its stages on a result folder.
+"""Runs in a result folder: every stage in turn, or one of them again, and the files that they leave.
 
-A stage that fails a gate still leaves its files; ``run.json`` holds the verdict, renewed by every stage.
+A result that misses a criterion is still written; ``run.json`` holds the verdict, renewed by every stage.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,34 +9,30 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from lensforge import stages
 from lensforge.arguments import threads_of_torch
-from lensforge.errors import GateFailed
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.files import replacing
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
-from lensforge.manufacturing.cut import Check
+from lensforge.manufacturing.result import Check
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
-from lensforge.measurement.photo_figure import photo_png
-from lensforge.measurement.surface_figure import surface_png
-from lensforge.optimisation.design import Design
-from lensforge.optimisation.progress import Observer
+from lensforge.measurement.figures import photo_png, surface_png
+from lensforge.optimisation.design import Design, Observer
 from lensforge.records import StageResult
+from lensforge.results import LENS_FILE, REPORT_FILE
 from lensforge.run_folder import Run, folder_of, open_run, renew
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
-from lensforge.spec.source import RayfileSource
-from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.ray_source import RayfileSource
+from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.verdict import Verdict
 from lensforge.verification.proof import Proof, StrayLight
 
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
 CHECKPOINT = "checkpoint.pt"
-LENS_FILE, REPORT_FILE = "lens.json", "report.html"
 # Light and proof under other conditions than the lens's own: never over its own records.
 OTHER, VERIFY_OTHER = "evaluate_other", "verify_other"
 
@@ -57,19 +53,26 @@ def run(
     device: Literal["cpu", "cuda"] = "cpu",
     announce: Announce | None = None,
 ) -> Run:
-    """Go the whole way and write ``folder``: design, evaluate, export, check, verify, report.
+    """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
 
-    Arguments as those of :func:`lensforge.design`; without ``checkpoint`` the search starts anew and keeps one in the
-    folder until the run has ended; one of your own is kept. ``announce`` hears the name of every later stage as it
-    begins. The run's ``verdict`` says how it went; a failed gate raises nothing.
+    Arguments are those of :func:`lensforge.design`; without ``checkpoint`` the search starts anew and keeps one in the
+    folder until the run has ended; one of your own is kept. ``announce`` is called with the name of every later stage
+    as it begins. The run's ``verdict`` says how it went; a missed criterion raises nothing.
     """
     require_spec(spec, "run")
     folder, told = folder_of(folder), announce or (lambda _: None)
-    kept = folder / CHECKPOINT if checkpoint is None else Path(checkpoint)
-    resume = checkpoint is not None and kept.exists()
     with threads_of_torch(threads):
-        found = stages.search_lens(spec, accuracy, seed, None, start, kept, resume, progress, device)
-        _keep_design(found, folder)
+        found = stages.design(
+            spec,
+            accuracy=accuracy,
+            seed=seed,
+            start=start,
+            checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
+            resume=checkpoint is not None,
+            progress=progress,
+            device=device,
+        )
+        write_design(found, folder)
         for name, stage in _LATER.items():
             told(name)
             stage(folder)
@@ -79,12 +82,8 @@ def run(
     return open_run(folder)
 
 
-def run_design(spec: Spec, folder: Path, *, accuracy: Accuracy = "standard", seed: int = 0) -> Design:
-    """Search for the lens; writes ``lens.json`` and ``design.json``."""
-    return _keep_design(stages.design(spec, accuracy=accuracy, seed=seed), folder)
-
-
-def _keep_design(result: Design, folder: Path) -> Design:
+def write_design(result: Design, folder: Path) -> Design:
+    """Write ``lens.json`` and ``design.json``."""
     result.lens.save(folder / LENS_FILE)
     return _kept(result, folder)
 
@@ -94,8 +93,8 @@ def run_evaluate(
 ) -> Light:
     """Simulate the finished lens again.
 
-    With rays, pixels or a source of other kind than its own, the light is written beside the lens's own record, as
-    ``evaluate_other.json``. ``source``: a ray file that takes the place of the spec's source.
+    With ``rays``, ``pixels`` or ``source``, a ray file in place of the spec's source, the light is written beside the
+    lens's own record, as ``evaluate_other.json``.
     """
     lens = load_lens(folder / LENS_FILE)
     light = stages.evaluate(lens, rays=rays, pixels=pixels, source=_other_source(lens.spec, source))
@@ -133,10 +132,11 @@ def run_export(
 
 
 def run_check(folder: Path) -> Check:
-    """Say whether the part can be cut; its files need not be there yet."""
-    from lensforge.manufacturing.check import check_lens
+    """Say whether the part can be cut: the exported one, or, where no files are there yet, the one to be exported."""
+    from lensforge.manufacturing.check import check_lens, check_part
 
-    return _kept(check_lens(load_lens(folder / LENS_FILE)), folder)
+    part = open_run(folder).find(Part)
+    return _kept(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
 
 
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
@@ -158,12 +158,12 @@ def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished"
 
 
 def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
-    """Say what small errors of making and mounting do to the light."""
+    """Measure how errors of manufacture and mounting change the light."""
     return _kept(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
 
 
 def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | None = None) -> Photometry:
-    """Make the light of the lens as IES, EULUMDAT and TM-25 files."""
+    """Write the light of the lens as IES, EULUMDAT and TM-25 files."""
     return _kept(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
 
 
@@ -177,7 +177,6 @@ def run_compare_photo(
     gamma: float = 1.0,
 ) -> PhotoComparison:
     """Compare a photograph with the simulation; also draws ``compare.png``."""
-
     light = open_run(folder).light
     result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
     with replacing(folder / "compare.png") as temporary:
@@ -194,7 +193,6 @@ def run_compare_surface(
     rays: int | None = None,
 ) -> SurfaceComparison:
     """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
-
     lens = load_lens(folder / LENS_FILE)
     result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
     with replacing(folder / f"compare_{surface}.png") as temporary:
@@ -203,7 +201,7 @@ def run_compare_surface(
 
 
 def run_handover(folder: Path) -> "Handover":
-    """Write what goes to the shop with the STEP file."""
+    """Write the documents that go to the shop with the STEP file."""
     from lensforge.drawings.build import make_handover
 
     handover = make_handover(open_run(folder))
@@ -213,7 +211,7 @@ def run_handover(folder: Path) -> "Handover":
 
 def run_report(folder: Path) -> Path:
     """Write ``report.html`` from what is in ``folder``; a PDF of an earlier page goes."""
-    from lensforge.report.build import render_report
+    from lensforge.report.lens_page import render_report
     from lensforge.report.page import write_page
 
     renew(folder)  # not after: the page states the hash of every file
@@ -223,24 +221,12 @@ def run_report(folder: Path) -> Path:
 
 def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     """Write one page that lays the designs in ``folders`` side by side; a PDF of an earlier page goes."""
-    from lensforge.report.compare import folder_names, render_comparison
+    from lensforge.report.compare_page import folder_names, render_comparison
     from lensforge.report.page import write_page
 
     names = folder_names(folders)
     write_page(render_comparison([open_run(folder) for folder in folders], names), page)
     return page
-
-
-def require_verdict(verdict: Verdict, spec: Spec, parts: Sequence[str] = ()) -> None:
-    """Raise :class:`GateFailed` where light or files fail, or the cutting where the spec requires it.
-
-    ``parts``: those of the three that are asked for; all, if none is named.
-    """
-    counted = ["light", "files", *(["cutting"] if spec.manufacture.required else [])]
-    failed = [name for name in parts or counted if getattr(verdict, name) == "fail"]
-    if failed:
-        reasons = "; ".join(reason for name in failed for reason in verdict.reasons_of(name))
-        raise GateFailed(f"{', '.join(failed)}: {reasons}")
 
 
 def _kept(result: _Result, folder: Path, stem: str | None = None) -> _Result:

@@ -1,25 +1,26 @@
-"""The results of all stages for one lens, in memory or as a result folder holds them."""
+"""The results of all stages for one lens, in memory or read from a result folder."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from lensforge.criteria import Criterion
 from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
-from lensforge.gates import Gate
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
-from lensforge.manufacturing.cut import Check
+from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
 from lensforge.spec import Spec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.verdict import Verdict, judge
+from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof, StrayLight
 
+LENS_FILE, REPORT_FILE = "lens.json", "report.html"
 # What a whole run leaves, in the order of the data.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof)
 # Written on request, or where there is a part to measure; by the stem of their files.
@@ -51,7 +52,7 @@ class Results:
 
     @property
     def spec(self) -> Spec:
-        """What was asked for."""
+        """The spec of the lens."""
         return self.lens.spec
 
     def find(self, kind: type[_Result], stem: str | None = None) -> _Result | None:
@@ -84,12 +85,12 @@ class Results:
 
     @property
     def check(self) -> Check:
-        """What the shop can do."""
+        """The check for manufacture."""
         return self.take(Check)
 
     @property
     def proof(self) -> Proof:
-        """The part under rays."""
+        """The rays cast through the exported part."""
         return self.take(Proof)
 
     @property
@@ -100,8 +101,8 @@ class Results:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether light, files and cutting are as they should be."""
-        return judge(
+        """The verdict on light, files and cutting."""
+        return verdict_on(
             self.lens, self.find(Design), self.find(Light), self.find(Part), self.find(Check), self.find(Proof)
         )
 
@@ -110,14 +111,14 @@ class Results:
         """Stages of a whole run that have not run."""
         return [kind.stage for kind in STAGES if kind.stage not in self.found]
 
-    def gates(self) -> Iterator[tuple[str, Gate]]:
-        """(stage, gate) of all that has run."""
+    def criteria(self) -> Iterator[tuple[str, Criterion]]:
+        """(stage, criterion) of all that has run."""
         for stem, result in self.found.items():
-            for gate in getattr(result, "gates", ()):
-                yield stem, gate
+            for criterion in getattr(result, "criteria", ()):
+                yield stem, criterion
 
     def __eq__(self, other: object) -> bool:
-        """Whether lens and results are the same, to the bit."""
+        """True where lens and results are the same, to the bit."""
         if not isinstance(other, Results):
             return NotImplemented
         return self.lens == other.lens and dict(self.found) == dict(other.found)
@@ -131,7 +132,7 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
     With ``damaged_too`` a damaged record counts as not run, as an outdated one does: its stage writes it anew.
     """
     folder = Path(folder)
-    lens = load_lens(folder / "lens.json")
+    lens = load_lens(folder / LENS_FILE)
     found: dict[str, StageResult] = {}
     outdated: dict[str, str] = {}
     for stem, kind in _FILES.items():
@@ -154,7 +155,7 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
 
 
 def _foreign(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
-    """Why ``result`` does not belong to what is there; empty where it does."""
+    """The reason why ``result`` does not belong to what is there; empty where it does."""
     known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
     for name in result.made_from:
         if name in ("export", "evaluate") and name not in known:

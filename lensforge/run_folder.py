@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from lensforge.errors import InputError
-from lensforge.files import read_json, replacing, write_json
+from lensforge.files import replacing, write_json
 from lensforge.records import Count, Record, Sha256, Text
-from lensforge.records.record import refused
 from lensforge.records.result import SCHEMA_VERSION
-from lensforge.records.stored import lacking, reject_outdated
+from lensforge.records.stored import read_object, validated
+from lensforge.records.validation import its_type
 from lensforge.results import Results, load_results
 from lensforge.spec import Accuracy
 from lensforge.verdict import Verdict
@@ -28,7 +26,7 @@ class Run(Results):
 
     def report(self, path: Path | str) -> Path:
         """Write the report as one page of HTML to ``path``, and return it."""
-        from lensforge.report.build import render_report
+        from lensforge.report.lens_page import render_report
 
         path = Path(path)
         page = render_report(self, self.folder)
@@ -45,7 +43,7 @@ class Run(Results):
         return row
 
     def __eq__(self, other: object) -> bool:
-        """Whether folder, lens and all results are the same, to the bit."""
+        """True where folder, lens and all results are the same, to the bit."""
         same_folder = isinstance(other, Run) and self.folder.resolve() == other.folder.resolve()
         return same_folder and super().__eq__(other)
 
@@ -59,7 +57,7 @@ class Run(Results):
 
 
 class RunRecord(Record):
-    """``run.json``: the verdict, and the hashes of the results that it judges. ``outdated``: why a stage counts not."""
+    """``run.json``: the verdict and the hashes of its results. ``outdated``: results that do not count, and why."""
 
     version: Text = __version__
     name: Text
@@ -71,7 +69,7 @@ class RunRecord(Record):
 
 
 def load(folder: Path | str) -> Run:
-    """Read a result folder: the same object that :func:`run` returned. Raises :class:`InputError` for none."""
+    """Read a result folder: the object that :func:`run` returned. Raises :class:`InputError` for anything else."""
     folder = folder_of(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; run `lensforge design` first")
@@ -81,32 +79,21 @@ def load(folder: Path | str) -> Run:
 
 
 def open_run(folder: Path) -> Run:
-    """What is there of a run: a damaged record counts as not run, so that its stage can make it anew."""
+    """The run in ``folder``, whole or not: a damaged record counts as not run, so that its stage can make it anew."""
     results = load_results(folder, damaged_too=True)
     return Run(results.lens, results.found, results.outdated, folder)
 
 
 def _require_verdict_file(path: Path) -> None:
     """Raise :class:`InputError` for a ``run.json`` that is none; it need not be there."""
-    if not path.exists():
-        return
-    content = read_json(path)
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds no object; {_RENEW}")
-    reject_outdated(content, RUN_SCHEMA, path, _RENEW)
-    try:
-        record = RunRecord.model_validate({key: value for key, value in content.items() if key != "schema"})
-    except ValidationError as error:
-        raise refused(error, str(path), _RENEW) from None
-    missing = lacking(record.model_dump(mode="json"), content)
-    if missing:
-        raise InputError(f"{path}: {missing}: missing; {_RENEW}")
+    if path.exists():
+        validated(RunRecord, read_object(path, RUN_SCHEMA, _RENEW), path, _RENEW)
 
 
 def folder_of(folder: object) -> Path:
     """``folder`` as a path. Raises :class:`InputError` for what cannot be one."""
     if not isinstance(folder, Path | str):
-        raise InputError(f"{str(folder)[:60]!r} is a {type(folder).__name__}; give the path of a result folder")
+        raise InputError(f"{str(folder)[:60]!r} is {its_type(folder)}; give the path of a result folder")
     path = Path(folder)
     if path.is_file():
         raise InputError(f"{path}: a file, must be a result folder")

@@ -6,22 +6,31 @@ What a verb needs loads when it is called: torch and numba with the first light,
 from pathlib import Path
 from typing import Literal, get_args
 
-from lensforge.arguments import count_of, inputs_of, number_of, path_of, preset_of, require, source_of, threads_of_torch
+from lensforge import seeds
+from lensforge.arguments import (
+    count_of,
+    device_of,
+    inputs_of,
+    number_of,
+    path_of,
+    preset_of,
+    require,
+    source_of,
+    threads_of_torch,
+)
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
-from lensforge.manufacturing.cut import Check
-from lensforge.optimisation.design import Design
-from lensforge.optimisation.progress import Observer
+from lensforge.manufacturing.result import Check
+from lensforge.optimisation.design import Design, Observer
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
-from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
 
-_VERIFY_SEED = 2**41  # apart from the seeds of the design and of its evaluation
 _STRAY_RAYS = 2**15  # every one of them becomes some ten: more would not be waited for
 
 
@@ -33,6 +42,7 @@ def design(
     threads: int | None = None,
     start: Lens | None = None,
     checkpoint: Path | str | None = None,
+    resume: bool = True,
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
 ) -> Design:
@@ -40,51 +50,34 @@ def design(
 
     ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on them. ``start``: a lens to
     begin from. ``checkpoint``: a file that is written every few seconds; where it is there already, the search goes on
-    from it and ends with the same bits as one that was never interrupted. ``progress`` is called after every gradient
-    step; where it returns False, the search stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where
-    the search traces its rays (``cuda`` is experimental). Raises :class:`InputError` for what cannot be used.
+    from it and ends with the same bits as one that was never interrupted, unless ``resume`` is False. ``progress`` is
+    called after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
+    checkpoint. ``device``: where the search traces its rays (``cuda`` is experimental). Raises :class:`InputError` for
+    what cannot be used.
     """
-    path = path_of("checkpoint", checkpoint)
-    resume = path is not None and path.exists()
-    return search_lens(spec, accuracy, seed, threads, start, path, resume, progress, device)
-
-
-def search_lens(
-    spec: Spec,
-    accuracy: Accuracy,
-    seed: int,
-    threads: int | None,
-    start: Lens | None,
-    checkpoint: Path | None,
-    resume: bool,
-    progress: Observer | None,
-    device: Literal["cpu", "cuda"],
-) -> Design:
-    """What :func:`design` does; a checkpoint that is there already is used only with ``resume``."""
     from lensforge.optimisation.optimiser import search
-    from lensforge.tracing.on_device import search_device
 
     require_spec(spec, "design")
     preset_of(accuracy)
-    seed = count_of("seed", seed, 0) or 0
+    seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
     if start is not None:
         require(start, Lens, "start")
     if spec.base.file is not None:  # a file that is no base is better known before the search than after it
-        from lensforge.geometry.step_base import read_base
+        from lensforge.geometry.custom_base import read_custom_base
 
-        read_base(spec.base.file)
+        read_custom_base(spec.base.file)
     with threads_of_torch(threads):
         return search(
             spec,
             source_of(spec),
             accuracy=accuracy,
             seed=seed,
-            device=search_device(device),
+            device=device_of(device),
             start=start,
-            checkpoint=checkpoint,
-            resume=resume,
+            checkpoint=path,
+            resume=resume and path is not None and path.exists(),
             progress=progress,
         )
 
@@ -167,8 +160,10 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
     preset, source = preset_of(lens.accuracy), source_of(spec)
     with threads_of_torch(threads):
-        bundle = source.sample(min(rays or preset.verify_rays, source.population or 2**40), _VERIFY_SEED + lens.seed)
-        hits, flux = design_landings(TracedLens.of(lens, preset.judge_nodes_per_sigma), spec, bundle)
+        bundle = source.sample(
+            min(rays or preset.verify_rays, source.ray_count or 2**40), seeds.of_verification(lens.seed)
+        )
+        hits, flux = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
         return verify_part(
             part.stl,
             rays=bundle,
@@ -179,7 +174,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             pixels=light.pixels,
             design_irradiance=light.map,
             design_hits=hits,
-            design_weights=flux,
+            design_flux=flux,
             filter_variance=spec.evaluate.filter_variance,
             step=part.step,
             mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
@@ -192,21 +187,21 @@ def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
     """Follow rays through the part with reflections, base and absorption: what the sequential design leaves out."""
-    from lensforge.verification.picture import Receiver
+    from lensforge.verification.image_plane import ImagePlane
     from lensforge.verification.stray import trace_stray
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
-    count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.population or 2**40)
+    count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.ray_count or 2**40)
     with threads_of_torch(threads):
         return trace_stray(
             part.stl,
-            rays=source.sample(count, _VERIFY_SEED + lens.seed),
+            rays=source.sample(count, seeds.of_verification(lens.seed)),
             refractive_index=lens.refractive_index,
             absorption_per_mm=spec.lens.absorption_per_mm,
             distance_mm=spec.target.distance_mm,
-            receiver=Receiver(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
+            receiver=ImagePlane(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
             window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
             base=base,
             inputs={"lens": lens.sha256, "export": part.sha256},

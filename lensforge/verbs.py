@@ -1,4 +1,4 @@
-"""The verbs beyond the stages: what goes to the shop, studies of many designs, and what is in a ray file."""
+"""Verbs beyond the stages of one lens: documents for the shop, studies of several designs, a look into a ray file."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,8 +8,9 @@ from lensforge import stages
 from lensforge.arguments import require, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
-from lensforge.optimisation.progress import Observer
+from lensforge.optimisation.design import Design, Observer
 from lensforge.records import StageResult
+from lensforge.records.validation import its_type
 from lensforge.results import Results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
@@ -22,11 +23,11 @@ if TYPE_CHECKING:
 
 
 def handover(run: Results) -> "Handover":
-    """Make what goes to the shop with the STEP: drawing, verdicts, tables of points, hashes; ``save(folder)`` it."""
+    """Make the documents for the shop: drawing, verdicts, tables of points, hashes; ``save(folder)`` writes them."""
     from lensforge.drawings.build import make_handover
 
     if not isinstance(run, Results):
-        raise InputError(f"handover: {str(run)[:60]!r} is a {type(run).__name__}, must be a Run: run(...) or load(...)")
+        raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
     return make_handover(run)
 
 
@@ -41,37 +42,29 @@ def sweep(
     threads: int | None = None,
     progress: Observer | None = None,
 ) -> "Sweep":
-    """Go the whole way for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
+    """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for what a spec cannot have.
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that a spec
+    cannot have.
     """
-
     from lensforge.studies.sweep.table import sweep_of
     from lensforge.studies.sweep.vary import variation_of
 
     require_spec(spec, "sweep")
     variation = variation_of(field, values, tuple(scale))
-    found = [
-        (variant, results_of(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress))
-        for variant in variation.variants(spec)
-    ]
+    found = []
+    for variant in variation.variants(spec):
+        design = stages.design(variant.spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
+        found.append((variant, run_in_memory(design, threads)))
     return sweep_of(spec, variation, found)
 
 
-def results_of(
-    spec: Spec,
-    *,
-    accuracy: Accuracy = "standard",
-    seed: int = 0,
-    threads: int | None = None,
-    progress: Observer | None = None,
-) -> Results:
-    """Design, evaluate, build, check and verify, in memory: nothing is written."""
-    found = stages.design(spec, accuracy=accuracy, seed=seed, threads=threads, progress=progress)
-    light, part = stages.evaluate(found.lens, threads=threads), stages.build(found.lens)
+def run_in_memory(design: Design, threads: int | None = None) -> Results:
+    """Evaluate, build, check and verify the lens of ``design``: the stages of a run, without a folder."""
+    light, part = stages.evaluate(design.lens, threads=threads), stages.build(design.lens)
     check, proof = stages.check(part), stages.verify(part, light, threads=threads)
-    results: tuple[StageResult, ...] = (found, light, part, check, proof)
-    return Results(found.lens, {result.stage: result for result in results})
+    results: tuple[StageResult, ...] = (design, light, part, check, proof)
+    return Results(design.lens, {result.stage: result for result in results})
 
 
 def tradeoff(
@@ -82,9 +75,9 @@ def tradeoff(
     threads: int | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> "Tradeoff":
-    """Measure what accuracy costs in time for the scene of ``spec``, on ``lens`` or on a draft that is designed first.
+    """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
 
-    ``most_rays``: the longest runs, 2^12 to 2^24. ``announce`` hears what is measured next.
+    ``most_rays``: of the longest runs, 2^12 to 2^24. ``announce`` is called with the name of each study as it begins.
     """
     from lensforge.studies.tradeoff.measure import Effort, measure, require_same_scene
 
@@ -101,8 +94,7 @@ def tradeoff(
 
 
 def rays(file: Path | str) -> "RayFileSummary":
-    """Say what is in a ray file: its header, and the statistics of its rays."""
-
+    """Summarise a ray file: its header, and the statistics of its rays."""
     from lensforge.sources.rayfiles import describe, read_rayfile
 
     if not isinstance(file, Path | str):

@@ -12,16 +12,8 @@ _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "evaluation", "far_field", "optimisation", "geometry",
     "manufacturing", "verification", "measurement",
 ]  # fmt: skip
-# Kernels are compiled by numba and cannot be wrapped; what takes arrays elsewhere is checked. (The hook takes a name
-# for all that begins with it, so a package that holds kernels is named module by module.)
-_FOLDER = Path(lensforge.__file__).parent
-_CHECKED = [
-    ".".join(module.relative_to(_FOLDER.parent).with_suffix("").parts)
-    for package in _PACKAGES
-    for module in sorted((_FOLDER / package).rglob("*.py"))
-    if not module.stem.endswith(("__", "_kernel"))
-]
-install_import_hook(_CHECKED, "beartype.beartype")
+# Kernels are compiled by numba and cannot be wrapped; they have a folder of their own.
+install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")
 
 
 @pytest.fixture

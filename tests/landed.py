@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import torch
 
-from lensforge.optimisation.landing import landed_through
+from lensforge.optimisation.light_path import landed_through
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.receiver import Landings
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.tables import Scene, trace_tables
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Landed:
         return self.landings.landed
 
     @property
-    def averted(self) -> torch.Tensor:
-        return self.landings.averted
+    def missed_receiver(self) -> torch.Tensor:
+        return self.landings.missed_receiver
 
     @property
     def fates(self) -> torch.Tensor:

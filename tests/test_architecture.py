@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
-    "version", "errors", "files", "records", "gates", "surfaces", "optics", "spec", "accuracy", "lens_file", "lens",
+    "version", "seeds", "errors", "files", "kernels", "records", "criteria", "surfaces", "optics", "spec", "accuracy", "lens_file", "lens",
     "figures", "sources", "tracing", "receivers", "optimisation", "evaluation", "tolerancing", "far_field", "geometry",
     "manufacturing", "verification", "measurement", "verdict", "results", "report", "drawings", "progress",
     "arguments", "stages", "measured_part", "run_folder", "pipeline", "studies", "verbs", "api", "commands", "cli",
@@ -175,7 +175,7 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "files", "figures", "gates", "records", "sources", "verification"}
+    allowed = {"errors", "files", "figures", "criteria", "records", "sources", "verification"}
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
             assert _layer(name) in allowed, f"{path.name} imports {name}"

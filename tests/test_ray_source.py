@@ -7,10 +7,10 @@ import pytest
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.records.record import same
-from lensforge.sources.build import account_of, build_source
+from lensforge.records.validation import same
+from lensforge.sources.build import build_source, summarise
 from lensforge.sources.rayfiles import read_rayfile
-from lensforge.spec.source import RayfileSource, RaySource
+from lensforge.spec.ray_source import RayfileSource, RaySource
 from lensforge.stages import design, evaluate
 
 LED = Path(__file__).parents[1] / "examples" / "led.tm25ray"
@@ -19,16 +19,16 @@ LED = Path(__file__).parents[1] / "examples" / "led.tm25ray"
 @pytest.fixture(scope="module")
 def rays() -> np.ndarray:
     rayfile = read_rayfile(LED)
-    return np.column_stack([rayfile.positions, rayfile.directions, rayfile.flux]).astype(np.float64)
+    return np.column_stack([rayfile.positions_mm, rayfile.directions, rayfile.flux]).astype(np.float64)
 
 
 @pytest.mark.parametrize("placement", [{}, {"origin": "virtual_focus", "rotate_z_deg": 30.0, "scale": 0.5}])
 def test_given_rays_are_placed_as_those_of_a_file(rays, placement):
     given = build_source(RaySource(rays, flux_w=2.0, **placement))
     read = build_source(RayfileSource(file=LED, flux_w=2.0, **placement))
-    for name in ("origins", "directions", "weights"):
+    for name in ("origins", "directions", "flux"):
         assert np.array_equal(getattr(given.rays, name), getattr(read.rays, name))
-    assert given.population == len(rays) and given.flux_w == 2.0
+    assert given.ray_count == len(rays) and given.flux_w == 2.0
 
 
 def test_the_light_of_given_rays_is_that_of_the_file(rays):
@@ -47,7 +47,7 @@ def test_the_light_of_given_rays_is_that_of_the_file(rays):
 def test_without_a_power_the_rays_add_up_to_it_and_without_their_flux_they_are_alike(rays):
     assert build_source(RaySource(rays)).flux_w == pytest.approx(rays[:, 6].sum())
     alike = build_source(RaySource(rays[:, :6], flux_w=3.0))
-    assert np.array_equal(alike.rays.weights, np.full(len(rays), 3.0 / len(rays)))
+    assert np.array_equal(alike.rays.flux, np.full(len(rays), 3.0 / len(rays)))
 
 
 def test_rays_without_flux_are_left_out_and_counted(rays):
@@ -55,9 +55,9 @@ def test_rays_without_flux_are_left_out_and_counted(rays):
     few[3, 6] = 0.0
     spec = RaySource(few)
     source = build_source(spec)
-    account = account_of(source, spec)
-    assert source.population == 9 and account.rays == 10
-    assert account.warnings == ("1 of 10 rays dropped: 1 no flux",)
+    summary = summarise(source, spec)
+    assert source.ray_count == 9 and summary.rays == 10
+    assert summary.warnings == ("1 of 10 rays dropped: 1 no flux",)
 
 
 def test_each_ray_has_the_index_at_its_own_wavelength(rays):
@@ -66,9 +66,9 @@ def test_each_ray_has_the_index_at_its_own_wavelength(rays):
     given = RaySource(rays[:100], wavelengths_nm=waves)
     source = build_source(given, spec.lens.dispersion)
     assert np.array_equal(source.rays.refractive_indices, spec.lens.dispersion.index(waves))
-    account = account_of(source, given)
-    assert account.wavelengths_nm == (450.0, 650.0)
-    assert account.refractive_indices == tuple(spec.lens.dispersion.index(np.array([450.0, 650.0])))
+    summary = summarise(source, given)
+    assert summary.wavelengths_nm == (450.0, 650.0)
+    assert summary.refractive_indices == tuple(spec.lens.dispersion.index(np.array([450.0, 650.0])))
 
 
 def test_parallel_rays_have_no_virtual_focus(rays):
@@ -76,7 +76,7 @@ def test_parallel_rays_have_no_virtual_focus(rays):
     beam[:, 3:6] = [0.0, 0.0, 1.0]
     with pytest.raises(InputError, match=r"source\.rays: its rays are parallel"):
         build_source(RaySource(beam, origin="virtual_focus"))
-    assert account_of(build_source(RaySource(beam)), RaySource(beam)).virtual_focus_mm is None
+    assert summarise(build_source(RaySource(beam)), RaySource(beam)).virtual_focus_mm is None
 
 
 def test_rays_of_which_none_is_usable_are_one_line(rays):

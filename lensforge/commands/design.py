@@ -1,4 +1,4 @@
-"""``design``: the whole way."""
+"""``design``: a whole run, from the spec to the report."""
 
 from pathlib import Path
 from typing import Literal
@@ -7,8 +7,9 @@ import click
 
 from lensforge import pipeline
 from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, with_rays
-from lensforge.commands.printing import judge, print_headline
+from lensforge.commands.printing import print_headline, require_pass
 from lensforge.errors import InputError
+from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run
 from lensforge.spec import Accuracy, Spec, load_spec
 
@@ -18,7 +19,7 @@ from lensforge.spec import Accuracy, Spec, load_spec
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
 @ACCURACY
 @SEED
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint of an interrupted design.")
+@click.option("--resume", is_flag=True, help="Continue from the checkpoint of an interrupted design.")
 @click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @RAYS
 @THREADS
@@ -34,7 +35,7 @@ def design(
     threads: int | None,
     device: Literal["cpu", "cuda"],
 ) -> None:
-    """Go the whole way: design, evaluate, export, check, verify, report."""
+    """Make a lens from SPEC: design, evaluate, export, check, verify, report."""
     content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / content.name
     run = run_with_progress(
@@ -47,9 +48,9 @@ def design(
         resume=resume,
         snapshots=snapshots,
     )
-    click.echo(f"report\t{directory / pipeline.REPORT_FILE}")
+    click.echo(f"report\t{directory / REPORT_FILE}")
     print_headline(run)
-    judge(directory)
+    require_pass(directory)
 
 
 def run_with_progress(
@@ -63,8 +64,8 @@ def run_with_progress(
     resume: bool = False,
     snapshots: bool = False,
 ) -> Run:
-    """``pipeline.run`` with its progress on stderr; with ``resume`` from the checkpoint that must be there."""
-    from lensforge.progress import Reporter
+    """Call ``pipeline.run`` with its progress on stderr; with ``resume`` from the checkpoint that must be there."""
+    from lensforge.commands.progress import Reporter
     from lensforge.report.snapshots import Snapshots
 
     checkpoint = directory / pipeline.CHECKPOINT

@@ -1,4 +1,4 @@
-"""Around the part: sensitivity, handover to the shop, the measured part, its photometry."""
+"""Commands on a finished part: sensitivity, handover to the shop, comparison with the machined part, photometry."""
 
 from pathlib import Path
 from typing import Literal
@@ -17,7 +17,7 @@ from lensforge.errors import InputError
 @RAYS
 @THREADS
 def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
-    """Say what errors of form, position and index of the lens in DIR do to its light; writes sensitivity.json."""
+    """Compute how errors of form, position and index of the lens in DIR change its light; writes sensitivity.json."""
     with threads_of_torch(threads):
         result = pipeline.run_sensitivity(directory, rays=rays)
     click.echo("error\tamount\tunit\tnmse\tuniformity\tefficiency")
@@ -33,7 +33,7 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
 @click.command()
 @FOLDER
 def handover(directory: Path) -> None:
-    """Write what goes to the shop with the STEP in DIR: drawing, verdicts, points.csv, hashes; HTML and PDF."""
+    """Write the files that go to the shop with the STEP in DIR: drawing and verdicts (HTML, PDF), tables of points."""
     result = pipeline.run_handover(directory)
     click.echo(f"files\t{', '.join(result.files)}")
     print_table({"points": result.points, "sha256": result.sha256, "refused": [each.reason for each in result.refused]})
@@ -57,18 +57,18 @@ class _Corner(click.ParamType[tuple[float, float]]):
 @click.option("--on", type=click.Path(path_type=Path), help="Photograph of the target with the LED on.")
 @click.option("--off", type=click.Path(path_type=Path), help="The same with the LED off.")
 @click.option(
-    "--corners", type=_Corner(), nargs=4, help="Target corners in it: top left, and on clockwise; default: found."
+    "--corners", type=_Corner(), nargs=4, help="Corners of the target, clockwise from top left; default: found."
 )
-@click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the square of --corners.")
-@click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Of the camera.")
+@click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the square with --corners.")
+@click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Gamma of the camera.")
 @click.option("--points", type=click.Path(path_type=Path), help="Points x, y, z in mm, measured on one surface.")
-@click.option("--surface", type=click.Choice(["inner", "outer"]), help="The surface of --points.")
+@click.option("--surface", type=click.Choice(["inner", "outer"]), help="Surface on which --points lie.")
 @click.option(
     "--registration",
     type=click.Choice(["rigid", "shift", "none"]),
     default="rigid",
     show_default=True,
-    help="How --points may be moved onto the design.",
+    help="Motion that fits --points to the design.",
 )
 @RAYS
 def compare(
@@ -104,7 +104,7 @@ def compare(
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Of the LED; default: by the spec, or 1000.")
+@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: by the spec, or 1000.")
 def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
     with threads_of_torch(threads):

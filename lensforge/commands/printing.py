@@ -1,4 +1,4 @@
-"""What the commands print: one ``key<TAB>value`` line for each number, to stdout."""
+"""Output of the commands: a ``key<TAB>value`` line for each number on stdout; then an error for what is missed."""
 
 import json
 from collections.abc import Mapping
@@ -7,31 +7,32 @@ from typing import Literal
 
 import click
 
-from lensforge.errors import GateFailed
-from lensforge.gates import require
-from lensforge.pipeline import REPORT_FILE, require_verdict, run_report
+from lensforge.criteria import require
+from lensforge.errors import CriterionMissed
+from lensforge.pipeline import run_report
 from lensforge.records import StageResult
+from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, open_run
 
 _METRIC = {"value", "unit", "standard_error"}
-_NO_FIGURES = ("gates", "version", "inputs")
+_NO_FIGURES = ("criteria", "version", "inputs")
 
 
 def finish(
-    directory: Path, result: StageResult, decides: Literal["light", "files", ""] = "", **besides: StageResult
+    directory: Path, result: StageResult, decides: Literal["light", "files", ""] = "", **also: StageResult
 ) -> None:
-    """Print one stage's numbers, and ``besides`` under their names; refresh the report if there is one.
+    """Print one stage's numbers, and ``also`` under their names; refresh the report if there is one.
 
-    Then judge: the gates of all, and the part of the verdict that the stage ``decides``.
+    Raises :class:`CriterionMissed` where a criterion is missed, or the part of the verdict that the stage ``decides``.
     """
-    results = (result, *besides.values())
-    for prefix, each in zip(("", *(f"{name}." for name in besides)), results, strict=True):
+    results = (result, *also.values())
+    for prefix, each in zip(("", *(f"{name}." for name in also)), results, strict=True):
         print_table(each.model_dump(mode="json", exclude=_not_printed(each)), prefix)
     if (directory / REPORT_FILE).exists():
         run_report(directory)
-    require(gate for each in results for gate in getattr(each, "gates", ()))
+    require(criterion for each in results for criterion in getattr(each, "criteria", ()))
     if decides:
-        judge(directory, decides)
+        require_pass(directory, decides)
 
 
 def _not_printed(result: StageResult) -> set[str]:
@@ -61,7 +62,7 @@ _HEADLINE = {
 
 
 def print_headline(run: Run) -> None:
-    """The numbers that one asks for first, and the verdict."""
+    """Print the main numbers of a whole run, and the verdict."""
     for stem, keys in _HEADLINE.items():
         result = run.found.get(stem)
         if result is not None:
@@ -72,10 +73,10 @@ def print_headline(run: Run) -> None:
         click.echo(f"verdict.{name}\t{getattr(verdict, name)}")
 
 
-def judge(directory: Path, *parts: str) -> None:
-    """Raise :class:`GateFailed` where the verdict on ``directory`` fails, or one of its ``parts`` if any are named."""
+def require_pass(directory: Path, *parts: str) -> None:
+    """Raise :class:`CriterionMissed` where the verdict on ``directory`` fails; ``parts``: only these count, if any."""
     run = open_run(directory)
     try:
-        require_verdict(run.verdict, run.spec, parts)
-    except GateFailed as error:
-        raise GateFailed(f"{directory}: {error}") from None
+        run.verdict.require(run.spec, parts)
+    except CriterionMissed as error:
+        raise CriterionMissed(f"{directory}: {error}") from None

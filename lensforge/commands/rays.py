@@ -1,4 +1,4 @@
-"""``rays``: what is in a ray file."""
+"""``rays``: a ray file summarised, drawn, or converted."""
 
 import json
 from pathlib import Path
@@ -12,21 +12,21 @@ from lensforge.records import Record
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--header", "only_header", is_flag=True, help="Only what the header says: at once, whatever the size.")
+@click.option("--header", "only_header", is_flag=True, help="Read only the header: fast, whatever the size.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
-@click.option("--format", "format_name", help="Format of --to, where a suffix stands for several.")
+@click.option("--format", "format_name", help="Format of --to, if its suffix stands for several.")
 @click.option(
-    "--plot", type=click.Path(path_type=Path), help="Draw where rays start and which way they go; PNG or SVG."
+    "--plot", type=click.Path(path_type=Path), help="Draw the origins and directions of the rays; PNG or SVG."
 )
 def rays(
     file: Path, only_header: bool, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None
 ) -> None:
-    """Say what is in a ray file, draw it, or convert it."""
+    """Summarise, draw or convert a ray file."""
     if format_name and not to:
         raise InputError(f"--format {format_name}: it goes with --to FILE")
     from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
-    from lensforge.sources.rayfiles.picture import draw
+    from lensforge.sources.rayfiles.plot import draw
 
     if plot:
         draw(read_rayfile(file), plot)

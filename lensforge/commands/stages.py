@@ -1,4 +1,4 @@
-"""The stages of a finished lens, each on its own: evaluate, export, check, verify, report."""
+"""Single stages on a finished lens: evaluate, export, check, verify, report."""
 
 from pathlib import Path
 from typing import Literal
@@ -10,7 +10,7 @@ from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import finish
 from lensforge.errors import InputError
-from lensforge.report.pdf import write_pdf
+from lensforge.results import REPORT_FILE
 
 
 @click.command()
@@ -22,7 +22,7 @@ from lensforge.report.pdf import write_pdf
 def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
     """Simulate the finished lens in DIR again.
 
-    With --rays, --pixels or --source the light goes into evaluate_other.json, beside the lens's own.
+    With --rays, --pixels or --source the light goes into evaluate_other.json; the lens's own evaluate.json stays.
     """
     with threads_of_torch(threads):
         light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source)
@@ -33,15 +33,15 @@ def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int
 @click.command()
 @FOLDER
 @click.option(
-    "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Of the STEP."
+    "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Schema of the STEP."
 )
-@click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, going on by DEG degrees.")
+@click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, extended by DEG degrees.")
 @click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
 @click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
 def export(
     directory: Path, schema: Literal["AP214", "AP242"], runout: float | None, nodes: int | None, rings: int | None
 ) -> None:
-    """Write STEP, STL and 3MF of the lens in DIR, and prove them by reading them back."""
+    """Write STEP, STL and 3MF of the lens in DIR, and verify them by reading them back."""
     finish(
         directory, pipeline.run_export(directory, schema=schema, runout_deg=runout, nodes=nodes, rings=rings), "files"
     )
@@ -50,7 +50,7 @@ def export(
 @click.command()
 @FOLDER
 def check(directory: Path) -> None:
-    """Say whether the lens in DIR can be cut, and with what."""
+    """Check whether the lens in DIR can be cut, and with which tools."""
     finish(directory, pipeline.run_check(directory))
 
 
@@ -58,13 +58,13 @@ def check(directory: Path) -> None:
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--stray", is_flag=True, help="Also follow reflections, the base and absorption; writes stray.json.")
+@click.option("--stray", is_flag=True, help="Also trace reflections, the base and absorption; writes stray.json.")
 @click.option(
     "--base",
     type=click.Choice(["polished", "black"]),
     default="polished",
     show_default=True,
-    help="Base under --stray.",
+    help="Finish of the base under --stray.",
 )
 def verify(
     directory: Path, rays: int | None, threads: int | None, stray: bool, base: Literal["polished", "black"]
@@ -79,12 +79,14 @@ def verify(
 @click.command()
 @click.argument("directories", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), help="The page on several designs; default: compare.html.")
-@click.option("--pdf", is_flag=True, help="Also as PDF, beside the page; needs Chromium or Chrome.")
+@click.option("--pdf", is_flag=True, help="Also write a PDF next to the page; needs Chromium or Chrome.")
 def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
-    """Build report.html from the files in DIR, or one page that lays several designs side by side."""
+    """Build report.html from the files in DIR, or one page that compares several designs."""
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
-    page = directories[0] / pipeline.REPORT_FILE if len(directories) == 1 else out or Path("compare.html")
+    from lensforge.report.page import write_pdf
+
+    page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")
     stale = page.with_suffix(".pdf").exists()
     if len(directories) == 1:
         pipeline.run_report(directories[0])
@@ -92,6 +94,7 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
         pipeline.run_comparison(directories, page)
     click.echo(f"report\t{page}")
     if stale and not pdf:
-        click.echo(f"{page.with_suffix('.pdf')} showed the page before and is removed; --pdf writes it anew", err=True)
+        old = page.with_suffix(".pdf")
+        click.echo(f"{old} showed the earlier page and is removed; --pdf writes a new one", err=True)
     if pdf:
         click.echo(f"pdf\t{write_pdf(page)}")

@@ -1,1 +1,1 @@
-"""What goes to the shop with the STEP file: drawing, datum, verdicts, tables of points, hashes."""
+"""The handover: drawing, datum, verdicts, tables of points and hashes that go to the shop with the STEP file."""

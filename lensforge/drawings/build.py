@@ -1,25 +1,29 @@
-"""The handover to the shop, from the results of a lens: drawing, datum, verdicts, tables of points, hashes."""
+"""The handover to the shop, from the results of a lens: one content as HTML page and as PDF, and the tables.
 
+The PDF has A4 pages drawn by matplotlib, so that no browser is needed.
+"""
+
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from textwrap import fill
 
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 
-from lensforge.drawings.dimensions import Dimension, dimensions
+from lensforge.criteria import Criterion
+from lensforge.drawings.dimensions import Dimension, dimensions, points_table, sag_table
 from lensforge.drawings.handover import POINTS_FILE, SAG_FILE, Handover
-from lensforge.drawings.pdf import pdf_of
-from lensforge.drawings.points import points_table, sag_table
 from lensforge.drawings.section import dimensioned_section
-from lensforge.gates import Gate
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
-from lensforge.manufacturing.cut import Check, FaceResult
-from lensforge.manufacturing.verdicts import ShopVerdict
-from lensforge.report.drawing import to_svg
+from lensforge.manufacturing.result import Check, FaceResult, Finding
+from lensforge.report.figure_style import to_svg
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
 
@@ -29,6 +33,10 @@ DATUM = (
     "OPTICAL_INNER of the STEP file, which alone defines them: tables and pictures are for measuring and reading."
 )
 _TEMPLATES = Path(__file__).with_name("templates")
+_A4 = (8.27, 11.69)
+_LINES, _COLUMNS = 68, 100
+_DPI, _CAPTION = 300, 56
+_NO_DATE = {"CreationDate": None}  # the same results make the same bytes
 
 Pictures = list[tuple[str, Figure]]
 Facts = dict[str, str]
@@ -36,19 +44,19 @@ Facts = dict[str, str]
 
 @dataclass(frozen=True)
 class _Content:
-    """All that page and PDF say in words and numbers."""
+    """Text and numbers of page and PDF."""
 
     name: str
     facts: Facts
     dimensions: list[Dimension]
     faces: dict[str, Facts]
-    verdicts: tuple[ShopVerdict, ...]
-    gates: tuple[Gate, ...]
+    verdicts: tuple[Finding, ...]
+    criteria: tuple[Criterion, ...]
     hashes: Mapping[str, str]
 
 
 def make_handover(results: Results) -> Handover:
-    """What goes to the shop with the STEP. Raises :class:`MissingResult` where part or check is not there."""
+    """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check."""
     lens, part, check = results.lens, results.part, results.check
     points, sag = points_table(lens), sag_table(lens, check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
@@ -72,10 +80,10 @@ def _content(lens: Lens, part: Part, check: Check, hashes: Mapping[str, str]) ->
     facts = {
         "Material": spec.lens.material,
         "Refractive index": f"{spec.lens.refractive_index:g}",
-        "To be made": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
+        "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         "Volume": f"{part.volume_mm3:.3f} mm³",
-        "Form of the STEP's faces against the design": f"{part.form_error_nm.max:.2f} nm at most",
-        "Their normals": f"{1e3 * part.normal_error_mrad.max:.1f} µrad at most",
+        "Form error of the STEP's faces against the design": f"{part.form_error_nm.max:.2f} nm at most",
+        "Error of their normals": f"{1e3 * part.normal_error_mrad.max:.1f} µrad at most",
         "STEP schema": part.step_schema,
         "Thinnest wall": f"{check.min_wall_mm:.4f} mm",
         "lensforge": lens.version,
@@ -86,7 +94,7 @@ def _content(lens: Lens, part: Part, check: Check, hashes: Mapping[str, str]) ->
         dimensions=dimensions(lens),
         faces={"outer": _face(check.outer), "inner": _face(check.inner)},
         verdicts=check.verdicts,
-        gates=(*part.gates, *check.gates),
+        criteria=(*part.criteria, *check.criteria),
         hashes=hashes,
     )
 
@@ -97,9 +105,9 @@ def _face(face: FaceResult) -> Facts:
         "Best-fit sphere, radius": f"{sphere.radius_mm:.4f} mm",
         "Departure from it, peak to valley": f"{1e3 * sphere.pv_mm:.2f} µm",
         "Departure, rms": f"{1e3 * sphere.rms_mm:.2f} µm",
-        "Tightest hollow, radius": _length(face.curvature.smallest_concave_radius_mm),
-        "Largest ball that reaches all": _length(face.cutter.largest_radius_mm),
-        "Steepest place": f"{face.largest_tilt_deg:.2f}°",
+        "Smallest concave radius": _length(face.curvature.smallest_concave_radius_mm),
+        "Largest ball that reaches the whole face": _length(face.cutter.largest_radius_mm),
+        "Largest tilt": f"{face.largest_tilt_deg:.2f}°",
         "Least draft": f"{face.draft_deg.min:.2f}°",
     }
 
@@ -116,7 +124,7 @@ def _pictures(lens: Lens, check: Check) -> Pictures:
     ):
         radius = face.cutter.radius_mm
         figures.append((f"{name}: departure from the best-fit sphere", sag_map(sag)))
-        caption = f"{name}: smaller curvature; line: where a ball of {radius:g} mm just fits"
+        caption = f"{name}: smaller principal curvature; line: where a ball of {radius:g} mm just fits"
         figures.append((caption, curvature_map(kappa, radius)))
     return figures
 
@@ -133,7 +141,7 @@ def _as_text(title: str, content: _Content) -> list[str]:
     for name, facts in content.faces.items():
         lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
     lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]
-    lines += ["", "Gates", *(f"[{_yes(g.passed)}] {g.name} {_value(g)}" for g in content.gates)]
+    lines += ["", "Criteria", *(f"[{_yes(g.passed)}] {g.name} {_value(g)}" for g in content.criteria)]
     return [*lines, "", "SHA-256", *(f"{digest}  {name}" for name, digest in content.hashes.items())]
 
 
@@ -141,5 +149,48 @@ def _yes(holds: bool) -> str:
     return "yes" if holds else "NO "
 
 
-def _value(gate: Gate) -> str:
-    return "could not be measured" if gate.value is None else f"= {gate.value:.6g} {gate.unit}"
+def _value(criterion: Criterion) -> str:
+    return "could not be measured" if criterion.value is None else f"= {criterion.value:.6g} {criterion.unit}"
+
+
+def pdf_of(title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> bytes:
+    """``text`` as lines, as many pages as they need, then ``pictures`` under their captions: one across, then pairs."""
+    buffer = io.BytesIO()
+    with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
+        folded = [piece for line in text for piece in _fold(line)]
+        for first in range(0, len(folded), _LINES):
+            page = Figure(figsize=_A4)
+            page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
+            pages.savefig(page)
+        pages.savefig(_picture_page(pictures))
+    return buffer.getvalue()
+
+
+def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:
+    """The first picture across the page, the others below it two by two, each as an image of 300 dpi."""
+    page = Figure(figsize=_A4)
+    halves = page.add_gridspec(2, 1, height_ratios=(0.75, 1.0), left=0.07, right=0.95, top=0.95, bottom=0.04)
+    rows = len(pictures) // 2
+    pairs = halves[1].subgridspec(rows, 2, hspace=0.2)
+    places = [halves[0], *(pairs[row, column] for row in range(rows) for column in range(2))]
+    for place, (caption, figure) in zip(places, pictures, strict=False):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white")
+        buffer.seek(0)
+        axes = page.add_subplot(place)
+        axes.imshow(imread(buffer), interpolation="none")
+        axes.set_title(fill(caption, _CAPTION), size=8.0, loc="left")
+        axes.set_axis_off()
+    return page
+
+
+def _fold(line: str) -> list[str]:
+    """Lines that fit the page, later ones indented; words stay whole."""
+    pieces = [""]
+    for word in line.split(" "):
+        longer = f"{pieces[-1]} {word}" if pieces[-1] else word
+        if len(longer) > _COLUMNS and pieces[-1].strip():
+            pieces.append("    " + word)
+        else:
+            pieces[-1] = longer
+    return pieces

@@ -1,22 +1,31 @@
-"""The sizes that a drawing states, measured on the exact surfaces."""
+"""Sizes of the lens and its base for the drawing, and tables of both faces for a measuring machine.
+
+All come from the exact surfaces; the tables on rings about the axis, every 2.5 degrees of polar angle and 5 degrees of
+azimuth.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
-from lensforge.geometry.mesh_union import tessellated
+from lensforge.geometry.custom_base import read_custom_base, tessellated
 from lensforge.geometry.plan import relief_ring
-from lensforge.geometry.step_base import read_base
 from lensforge.lens import Lens
+from lensforge.manufacturing.result import Check
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _AXIS = np.array([[0.0, 0.0, 1.0]])
+POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz"
+SAG_COLUMNS = "surface,polar_deg,azimuth_deg,radius_mm,departure_mm"
+_POLAR_DEG, _AZIMUTH_DEG = np.arange(2.5, 90.1, 2.5), np.arange(0.0, 360.0, 5.0)
+_INTO_AIR = {"inner": -1.0, "outer": 1.0}
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """One size (mm) and what it is."""
+    """One size (mm) with its name."""
 
     name: str
     value_mm: float
@@ -71,7 +80,44 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
 
 def _box_of_file(path: Path) -> list[Dimension]:
     """The box that holds a base from a STEP file, to a hundredth of a millimetre of its round faces."""
-    vertices, _ = tessellated(read_base(path).solid, 1e-2)
+    vertices, _ = tessellated(read_custom_base(path).solid, 1e-2)
     sizes = np.ptp(vertices, axis=0).tolist()
     names = ("width along x", "width along y", "height below A")
     return [Dimension(f"base of {path.name}, {name}", size) for name, size in zip(names, sizes, strict=True)]
+
+
+def ring_angles() -> Float[np.ndarray, "n 2"]:
+    """Polar angle and azimuth (degrees) of every point of the tables, the apex first."""
+    polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
+    return np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
+
+
+def ring_directions() -> Float[np.ndarray, "n 3"]:
+    """Unit directions of :func:`ring_angles`; those of the rim lie in z = 0 exactly."""
+    polar, azimuth = np.radians(ring_angles()).T
+    height = np.where(ring_angles()[:, 0] == 90.0, 0.0, np.cos(polar))
+    return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height], axis=-1)
+
+
+def points_table(lens: Lens) -> str:
+    """``x, y, z`` (mm) and the unit normal out of the material, a line for each point of each face."""
+    directions = ring_directions()
+    lines = [POINT_COLUMNS]
+    for name, sign in _INTO_AIR.items():
+        surface = lens.inner if name == "inner" else lens.outer
+        points = surface.radius(directions)[:, None] * directions
+        rows = np.concatenate([points, sign * surface.normal(directions)], axis=1) + 0.0  # no minus zero
+        lines += [name + "," + ",".join(f"{value:.9f}" for value in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def sag_table(lens: Lens, check: Check) -> str:
+    """Distance from the origin and departure from the check's best-fit sphere (mm) at each angle of each face."""
+    directions, angles = ring_directions(), ring_angles()
+    lines = [SAG_COLUMNS]
+    for name, surface, face in (("inner", lens.inner, check.inner), ("outer", lens.outer, check.outer)):
+        radius, sphere = surface.radius(directions), face.best_fit_sphere
+        away = np.linalg.norm(radius[:, None] * directions - np.array(sphere.centre_mm), axis=1)
+        rows = np.column_stack([angles, radius, away - sphere.radius_mm])
+        lines += [f"{name},{p:.1f},{a:.1f},{r:.9f},{d:.9f}" for p, a, r, d in rows.tolist()]
+    return "\n".join(lines) + "\n"

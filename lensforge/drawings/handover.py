@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import field_serializer
 
 from lensforge.files import replacing
-from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.manufacturing.result import Finding
 from lensforge.records import Count, Record, Sha256, Text
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
@@ -17,7 +17,7 @@ class Handover(Record):
     """Drawing and verdicts as page and PDF, tables of points and of sag, each as the bytes of its file.
 
     ``points``: lines of the table of points. ``sha256``: of the files that go to the shop, by their names, less page
-    and PDF, which state them. ``refused``: what the shop cannot do.
+    and PDF, which state them. ``refused``: verdicts of the check that fail.
     """
 
     name: Text
@@ -27,7 +27,7 @@ class Handover(Record):
     sag_csv: bytes
     points: Count
     sha256: dict[Text, Sha256]
-    refused: tuple[ShopVerdict, ...]
+    refused: tuple[Finding, ...]
 
     @field_serializer("html", "pdf", "points_csv", "sag_csv", when_used="json")
     def _as_text(self, content: bytes) -> str:
@@ -45,6 +45,6 @@ class Handover(Record):
                 temporary.write_bytes(content)
 
     def _repr_html_(self) -> str:
-        """For a notebook: the page in a frame."""
+        """HTML for a notebook: the page in a frame."""
         page = escape(self.html.decode("utf-8"))
         return f'<iframe title="{escape(self.name)}" style="width:100%;height:40em" srcdoc="{page}"></iframe>'

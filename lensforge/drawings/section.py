@@ -11,7 +11,7 @@ from lensforge.geometry.outline import outline_of
 from lensforge.geometry.plan import relief_ring
 from lensforge.geometry.section import Curve, body_outlines, profile
 from lensforge.lens import Lens
-from lensforge.report.drawing import BLUE, GREY, INK, WIDE, in_house_style, new_figure
+from lensforge.report.figure_style import BLUE, GREY, INK, WIDE, in_report_style, new_figure
 from lensforge.spec import BaseSection
 
 _X = np.array([1.0, 0.0, 0.0])
@@ -22,7 +22,7 @@ _WIDTH, _TALLEST = 1.5 * WIDE, 6.5  # inches
 Span = tuple[float, float]
 
 
-@in_house_style
+@in_report_style
 def dimensioned_section(lens: Lens) -> Figure:
     """The section at y = 0; datum A is the plane z = 0, datum B the axis.
 

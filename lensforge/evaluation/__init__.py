@@ -1,1 +1,1 @@
-"""The finished lens, judged: irradiance by hard bins, metrics with their standard errors, every ray accounted for."""
+"""Evaluation of a finished lens: irradiance by hard bins, metrics with standard errors, every ray accounted for."""

@@ -8,19 +8,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
+from lensforge.criteria import Criterion, at_most
 from lensforge.evaluation.light import Flux, Light, MissedByCause, TableErrors
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.evaluation.preset_error import measure_preset
-from lensforge.evaluation.simulate import AVERTED, Simulation, TracedLens, simulate
-from lensforge.gates import Gate, at_most
+from lensforge.evaluation.simulate import MISSED_RECEIVER, Simulation, TracedLens, simulate
+from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.receivers.filter import gaussian3
+from lensforge.receivers.pixels import gaussian3
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
-from lensforge.tracing.fates import Fate
 
 IN_TARGET = 0.1  # of the target's maximum: where it is brighter, light counts as in the target
 
@@ -40,7 +40,7 @@ def evaluate_lens(
 
     ``seed``: by default the lens's own. What the preset's tables leave on this scene is measured as well.
     """
-    traced = TracedLens.of(lens, preset.judge_nodes_per_sigma)
+    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     light = evaluate_traced(traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels)
     design = TracedLens.of(lens, preset.nodes_per_sigma)
@@ -85,7 +85,7 @@ def evaluate_traced(
         preset_error=None,
         seed=seed,
         seconds=time.perf_counter() - started,
-        gates=(_all_converged(simulation),),
+        criteria=(_all_converged(simulation),),
         map=mean / area,
         raw_map=raw / area,
         target_map=target * mean.sum() / area,
@@ -137,8 +137,8 @@ def _flux_budget(simulation: Simulation) -> tuple[Flux, MissedByCause]:
         backward=float(share[Fate.BACKWARD]),
         outside_cavity=float(share[Fate.OUTSIDE_CAVITY]),
         base=float(share[Fate.BASE]),
-        averted=float(share[AVERTED]),
-        crossed=float(share[Fate.CROSSED]),
+        missed_receiver=float(share[MISSED_RECEIVER]),
+        surfaces_intersect=float(share[Fate.SURFACES_INTERSECT]),
     )
     flux = Flux(
         detected=detected,
@@ -146,12 +146,12 @@ def _flux_budget(simulation: Simulation) -> tuple[Flux, MissedByCause]:
         missed=sum(missed.model_dump().values()),
         total_reflection=float(share[Fate.TOTAL_REFLECTION]),
         not_converged=float(share[Fate.NOT_CONVERGED]),
-        absorbed_fresnel=1.0 - float(share.sum()),
+        reflected=1.0 - float(share.sum()),
     )
     return flux, missed
 
 
-def _all_converged(simulation: Simulation) -> Gate:
+def _all_converged(simulation: Simulation) -> Criterion:
     lost = float(simulation.by_fate[:, Fate.NOT_CONVERGED].mean() / simulation.emitted_w)
-    remedy = "raise --accuracy; please report the lens.json"
+    remedy = "take a higher accuracy; please report the lens.json"
     return at_most("flux not converged", lost, 0.0, "of the source", remedy)

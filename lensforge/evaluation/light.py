@@ -2,15 +2,14 @@
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-import numpy as np
-from jaxtyping import Float
 from pydantic import Field, model_validator
 
+from lensforge.criteria import Criterion
 from lensforge.figures.light_unit import light_unit
-from lensforge.gates import Gate
 from lensforge.records import (
-    Array,
     Count,
+    Image,
+    Line,
     Metric,
     NotNegative,
     Positive,
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _FLUX_ADDS_UP = 1e-9
-Map = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
 Picture = Literal["map", "raw_map", "target_map"]
 
 
@@ -32,7 +30,7 @@ class Flux(Record):
     """The flux budget: shares of what is emitted by what became of it; they add up to 1.
 
     ``detected``: in the window. ``outside``: on the receiver's plane beside the window. ``missed``: never reached that
-    plane. ``absorbed_fresnel``: reflected at either surface, which a sequential design does not follow.
+    plane. ``reflected``: reflected at either surface, which a sequential design does not follow.
     """
 
     detected: Share
@@ -40,17 +38,17 @@ class Flux(Record):
     missed: Share
     total_reflection: Share
     not_converged: Share
-    absorbed_fresnel: Share
+    reflected: Share
 
 
 class MissedByCause(Record):
-    """Of the flux that missed the receiver's plane: why; shares of what is emitted."""
+    """Flux that missed the receiver's plane, by cause, as shares of what is emitted."""
 
     backward: Share
     outside_cavity: Share
     base: Share
-    averted: Share
-    crossed: Share
+    missed_receiver: Share
+    surfaces_intersect: Share
 
 
 class TableErrors(Record):
@@ -61,7 +59,7 @@ class TableErrors(Record):
 
 
 class TableError(Record):
-    """What the tables of a stage leave against the exact surfaces, by the same rays: an upper bound.
+    """Error of a stage's tables against the exact surfaces, by the same rays: an upper bound.
 
     ``hit_mm``: root mean square over rays that arrive both ways, and ``hit_max_mm``.
     """
@@ -74,7 +72,7 @@ class TableError(Record):
 
 
 class PresetError(Record):
-    """What the accuracy preset was measured to leave on this scene."""
+    """Error of the accuracy preset's tables, measured on this scene."""
 
     rays: Count
     scrambles: Count
@@ -117,11 +115,11 @@ class Light(StageResult):
     preset_error: PresetError | None
     seed: Count
     seconds: NotNegative
-    gates: tuple[Gate, ...]
-    map: Map
-    raw_map: Map
-    target_map: Map
-    axis_mm: Annotated[Float[np.ndarray, " p"], Array("p")]
+    criteria: tuple[Criterion, ...]
+    map: Image
+    raw_map: Image
+    target_map: Image
+    axis_mm: Line
 
     @model_validator(mode="after")
     def _is_of_one_piece(self) -> "Light":
@@ -148,7 +146,7 @@ class Light(StageResult):
         return plot_map(getattr(self, which), self.receiver_mm, light_unit(self.lumens_per_watt), axes)
 
 
-class Judged(Record):
+class LightMetrics(Record):
     """The metrics of one lens among several; None where a metric has no meaning."""
 
     nmse: Metric
@@ -157,6 +155,6 @@ class Judged(Record):
     efficiency: Metric
 
     @staticmethod
-    def of(light: Light) -> "Judged":
-        """Those of ``light``."""
-        return Judged(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)
+    def of(light: Light) -> "LightMetrics":
+        """Figures of ``light``."""
+        return LightMetrics(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)

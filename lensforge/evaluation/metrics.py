@@ -1,15 +1,15 @@
-"""The numbers by which a pattern is judged, and their standard errors by the jackknife over replicates."""
+"""Metrics of a pattern, and their standard errors by the jackknife over replicates."""
 
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-Image = Float[np.ndarray, "p p"]
+from lensforge.records import Image
 
 
 def nmse(irradiance: Image, target: Image) -> float:
-    """Eq. (7), with the target scaled to the flux of ``irradiance``: it judges the shape, efficiency the amount.
+    """Eq. (7), with the target scaled to the flux of ``irradiance``: it measures the shape, efficiency the amount.
 
     1 for a dark image, as against a target that is not scaled.
     """
@@ -47,5 +47,10 @@ def jackknife(
     value = statistic(total / count)
     if count < 2:
         return value, None
-    left_out = np.array([statistic((total - one) / (count - 1)) for one in replicates])
-    return value, float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))
+    return value, jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
+
+
+def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:
+    """Standard error of a statistic, from its values ``left_out`` with one replicate at a time left out."""
+    count = len(left_out)
+    return float(np.sqrt((count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)))

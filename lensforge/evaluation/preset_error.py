@@ -1,7 +1,7 @@
-"""What a preset leaves on the very scene: light through its tables against light through the exact surfaces.
+"""Error of an accuracy preset on the very scene: light through its tables against light through the exact surfaces.
 
 The same rays go both ways, so that no noise enters; they come in independent scrambles, so that it is known how well
-the few of them tell. The noise of the rays that judge a lens is no part of it: that is ``nmse_of_noise``.
+the few of them tell. The noise of the rays that evaluate a lens is no part of it: that is ``nmse_of_noise``.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,20 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.exact import trace_exact_sum
+from lensforge import seeds
 from lensforge.evaluation.light import PresetError, TableError
 from lensforge.evaluation.metrics import jackknife, relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receivers.bins import flux_in_square
-from lensforge.receivers.hits import Hits
+from lensforge.receivers.pixels import flux_in_square, splat_flux
 from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.splat import splat_flux
+from lensforge.receivers.receiver import Hits
 from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
+from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
 
 _SCRAMBLES, _RAYS = 8, 2**8  # few: the exact surface is asked for each of them, and no run may wait for it
-_SEED_BASE = 2**45  # apart from the seeds of the design and of every judgement
 
 
 def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: TracedLens) -> PresetError:
@@ -32,12 +31,14 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     The irradiance is that of the four-pixel splat on the design's pixels. With so few rays in a pixel the errors of
     neighbours do not average out: its error is an upper bound.
     """
-    count = min(_RAYS, (source.population or _SCRAMBLES * _RAYS) // _SCRAMBLES or 1)
-    seeds = (_SEED_BASE + lens.seed * _SCRAMBLES + k for k in range(_SCRAMBLES))
-    rays = RayBundle.joined([source.sample(count, seed) for seed in seeds])  # in one go: many small arrays take longer
-    by_name = {"inner": evaluation.inner.numpy(), "outer": evaluation.outer.numpy()}
-    view = _View.of(lens)
-    exact = Hits.of(view.receiver.land_in_torch(trace_exact_sum(lens, evaluation.scene.grid, by_name, rays)))
+    count = min(_RAYS, (source.ray_count or _SCRAMBLES * _RAYS) // _SCRAMBLES or 1)
+    own_seeds = (seeds.of_preset_error(lens.seed, _SCRAMBLES, k) for k in range(_SCRAMBLES))
+    # in one go: many small arrays take longer
+    rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
+    view = _Comparison.of(lens)
+    inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
+    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.refractive_index, rays)
+    exact = Hits.of(view.receiver.land_in_torch(exits))
     return PresetError(
         rays=len(rays),
         scrambles=_SCRAMBLES,
@@ -47,17 +48,17 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
 
 
 @dataclass(frozen=True)
-class _View:
-    """Where the light is looked at."""
+class _Comparison:
+    """Receiver and window of the comparison."""
 
     receiver: PlaneReceiver
     window_mm: float
 
     @staticmethod
-    def of(lens: Lens) -> "_View":
+    def of(lens: Lens) -> "_Comparison":
         spec = lens.spec
         receiver = PlaneReceiver.of(spec.target, spec.optimise.pixels)
-        return _View(receiver, spec.evaluate.window_mm or receiver.grid.side_mm)
+        return _Comparison(receiver, spec.evaluate.window_mm or receiver.grid.side_mm)
 
     def picture(self, light: Hits) -> Float[np.ndarray, "p p"]:
         return splat_flux(light.hits, light.flux, self.receiver.grid)
@@ -66,7 +67,7 @@ class _View:
         return flux_in_square(light.hits, light.flux, self.window_mm)
 
 
-def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, view: _View, emitted_w: float) -> TableError:
+def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, view: _Comparison, emitted_w: float) -> TableError:
     everywhere = Hits.of(view.receiver.land(traced.trace(rays)))
     squares, pictures, lost, largest = [], [], [], 0.0
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):

@@ -7,21 +7,21 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from lensforge import seeds
+from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.receivers.bins import bin_flux, flux_in_square
+from lensforge.receivers.pixels import bin_flux, flux_in_square
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.receiver import Receiver
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fates import Fate
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.tables import Scene, trace_tables
 
 REPLICATES = 16
-AVERTED = len(Fate)  # beside the fates: left the lens, but never reaches the receiver
+MISSED_RECEIVER = len(Fate)  # beside the fates: left the lens, but never reaches the receiver
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
-_SEED_BASE = 2**40  # apart from every seed of the design, so that no lens is judged by the rays that shaped it
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class TracedLens:
 class Simulation:
     """Means over each replicate: flux per pixel (r, p, p), flux by fate (r, f), and in the window (r,); in W.
 
-    The fates are those of :class:`~lensforge.tracing.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``AVERTED``.
+    The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
+    ``MISSED_RECEIVER``.
     """
 
     images: Float[np.ndarray, "r p p"]
@@ -67,7 +67,7 @@ def simulate(
     lens: TracedLens, source: Source, receiver: Receiver, window_mm: float, rays: int, seed: int
 ) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
-    replicates = min(REPLICATES, rays, source.population or rays)
+    replicates = min(REPLICATES, rays, source.ray_count or rays)
     images = np.zeros((replicates, receiver.grid.pixels, receiver.grid.pixels))
     by_fate = np.zeros((replicates, len(Fate) + 1))
     window = np.zeros(replicates)
@@ -77,39 +77,39 @@ def simulate(
         landings = receiver.land(exit_rays)
         hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
         images[replicate] += bin_flux(hits, flux, receiver.grid)
-        by_fate[replicate] += share * flux_by_fate(exit_rays, landings.averted)
+        by_fate[replicate] += share * flux_by_fate(exit_rays, landings.missed_receiver)
         window[replicate] += flux_in_square(hits, flux, window_mm)
         traced += len(bundle)
     return Simulation(images, by_fate, window, source.flux_w, traced)
 
 
-def flux_by_fate(rays: ExitRays, averted: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; of the rays that left the lens, the ``averted`` ones have a place of their own, the last."""
-    fates = torch.where(averted, AVERTED, rays.fates).numpy()
+def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, in the last place."""
+    fates = torch.where(missed_receiver, MISSED_RECEIVER, rays.fates).numpy()
     return np.bincount(fates, rays.flux.numpy(), minlength=len(Fate) + 1)
 
 
 def design_landings(
     lens: TracedLens, spec: Spec, rays: RayBundle
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Where ``rays`` land on the receiver of ``spec`` (mm), NaN for those that do not, and their flux (W) there."""
+    """Hits (mm) of ``rays`` on the receiver of ``spec``, NaN where they do not land, and their flux (W) there."""
     landings = PlaneReceiver.of(spec.target, spec.evaluate.pixels).land(lens.trace(rays))
     return np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan), landings.flux.numpy()
 
 
 def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
     """(replicate, share of its flux, rays). A measured source is dealt out at random; others are sampled anew."""
-    population = source.population
-    if population is not None:
-        everything = source.sample(min(rays, population), seed)
+    ray_count = source.ray_count
+    if ray_count is not None:
+        everything = source.sample(min(rays, ray_count), seed)
         order = np.random.default_rng(seed).permutation(len(everything))
         for replicate, rows in enumerate(np.array_split(order, replicates)):
             part = everything.take(rows)
-            yield replicate, source.flux_w / part.weights.sum(), part
+            yield replicate, source.flux_w / part.flux.sum(), part
         return
     per_replicate = rays // replicates
     parts = -(-per_replicate // _MOST_RAYS_AT_ONCE)
     for replicate in range(replicates):
         for part_number in range(parts):
-            part_seed = _SEED_BASE + (seed * replicates + replicate) * parts + part_number
+            part_seed = seeds.of_replicate(seed, replicates, replicate, parts, part_number)
             yield replicate, 1.0 / parts, source.sample(-(-per_replicate // parts), part_seed)

@@ -1,1 +1,1 @@
-"""The finished lens as a luminaire: what it sends where, for the programs that plan with it."""
+"""The finished lens as a luminaire: its far field as files for lighting and ray-tracing programs."""

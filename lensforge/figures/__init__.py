@@ -1,1 +1,1 @@
-"""Drawing for scripts and notebooks: plain plots of arrays, on axes of the caller's or on new ones."""
+"""Plots of arrays for scripts and notebooks, on the caller's axes or on new ones, and the unit of light."""

@@ -1,4 +1,4 @@
-"""In what light is shown: W/m^2, or lux where it is known how many lumens a watt of the source is."""
+"""Unit in which light is shown: W/m^2, or lux where the luminous efficacy of the source is known."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class LightUnit:
 
     @property
     def label(self) -> str:
-        """For an axis or a scale."""
+        """Label of an axis or a scale."""
         return f"{self.quantity} ({self.symbol})"
 
 

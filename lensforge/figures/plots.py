@@ -8,11 +8,12 @@ from matplotlib.axes import Axes
 
 from lensforge.errors import InputError
 from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.records import Image
 
-Map = Float[np.ndarray, "p p"]
 
-
-def plot_map(image: Map, side_mm: float, unit: LightUnit = WATTS, axes: Axes | None = None) -> Axes:
+def plot_map(
+    image: Float[np.ndarray, "p p"], side_mm: float, unit: LightUnit = WATTS, axes: Axes | None = None
+) -> Axes:
     """Light (W/m^2, [row y, column x]) on a square ``side_mm`` wide in false colour, with its scale in ``unit``."""
     axes, half = new_axes(axes), 0.5 * side_mm
     extent = (-half, half, -half, half)
@@ -22,10 +23,10 @@ def plot_map(image: Map, side_mm: float, unit: LightUnit = WATTS, axes: Axes | N
     return axes
 
 
-def plot_face(values: Map, half_width: float, label: str, axes: Axes | None = None) -> Axes:
-    """A quantity over the chart of a face, its square of ``half_width`` ([X, Y], NaN outside of the rim).
+def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = None) -> Axes:
+    """A quantity over the chart of a face, a square of ``half_width`` ([X, Y], NaN outside the rim).
 
-    Colours are equal for either sign.
+    The colour scale is centred on zero.
     """
     axes = new_axes(axes)
     known = values[np.isfinite(values)]
@@ -82,7 +83,7 @@ def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
 def new_axes(axes: Axes | None) -> Axes:
     """The caller's axes, or new ones that a notebook shows by itself.
 
-    Raises :class:`InputError` for anything else: a choice of what to plot is given by its name.
+    Raises :class:`InputError` for anything else: the quantity to plot is chosen by its name.
     """
     if isinstance(axes, Axes):
         return axes

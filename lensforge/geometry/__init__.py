@@ -1,4 +1,4 @@
-"""From the lens record to a solid, a mesh and their files; NumPy, scipy and CAD, never torch.
+"""The geometry stage: a lens record becomes a solid, a mesh and their files; NumPy, scipy and CAD, never torch.
 
 CAD and mesh libraries load when one of their functions is first called.
 """

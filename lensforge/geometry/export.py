@@ -4,11 +4,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from lensforge.gates import Gate, at_least, at_most
-from lensforge.geometry.form import FormError, Place, face_error, fit_to_form, worst
-from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
+from lensforge.criteria import Criterion, at_least, at_most
+from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
+from lensforge.geometry.form import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, FormError, Place, face_error, fit_faces, worst
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
-from lensforge.geometry.mesh_union import join_mesh
+from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
     STEP_FILE,
     STL_FILE,
@@ -23,6 +23,7 @@ from lensforge.geometry.part import (
 )
 from lensforge.geometry.patch import fit_extended
 from lensforge.geometry.plan import Plan, make_plan
+from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
     Schema,
@@ -32,14 +33,10 @@ from lensforge.geometry.step import (
     step_bytes,
     surfaces_bytes,
 )
-from lensforge.geometry.step_base import join_base, read_base
-from lensforge.geometry.stl import parse_stl, stl_bytes
-from lensforge.geometry.threemf import parse_3mf, threemf_bytes
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
 
-_FORM_LIMIT_NM, _NORMAL_LIMIT_MRAD = 1.0, 0.02
 _ROUND_TRIP_LIMIT = 1e-9
 
 
@@ -55,7 +52,7 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Proof:
-    """What was found on the files as read back."""
+    """Measurements on the files as read back."""
 
     solid: Solid
     stl: Closure
@@ -81,7 +78,7 @@ def build_part(
     ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
     ``runout_deg``: also ``lens_surfaces.step``, the optical faces untrimmed and going on by this angle (degrees)
     beyond the rim, for the run-out of the tool.
-    Failed gates do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
+    Failed criteria do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
     a base too narrow for the cavity, a base's file that does not go under the lens.
     """
     start = time.perf_counter()
@@ -111,7 +108,7 @@ def build_part(
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        gates=_gates(proof),
+        criteria=_criteria(proof),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -121,15 +118,13 @@ def build_part(
 
 def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTolerance) -> _Body:
     """Fit the faces, mesh and build the body, and join the base where it comes from a file."""
-    base = None if lens.spec.base.file is None else read_base(lens.spec.base.file)
-    with ThreadPoolExecutor() as pool:
-        inner, outer = pool.map(fit_to_form, (lens.inner, lens.outer), (nodes, nodes))
-    plan = make_plan(inner, outer, lens.spec.base)
+    base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
+    plan = make_plan(*fit_faces(lens, nodes, nodes), lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)
     if base is not None:
-        mesh, solid = join_mesh(mesh, base.solid, reached.chord_mm), join_base(solid, base)
+        mesh, solid = join_mesh(mesh, base, reached.chord_mm), join_base(solid, base)
     return _Body(plan, mesh, reached, solid)
 
 
@@ -165,16 +160,16 @@ def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> 
     )
 
 
-def _gates(proof: _Proof) -> tuple[Gate, ...]:
-    """Everything that must hold before the files may go to a shop."""
+def _criteria(proof: _Proof) -> tuple[Criterion, ...]:
+    """The criteria that the files must meet before they go to a shop."""
     finer, rings = "raise the number of nodes", "change the number of rings"
     form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole"
     wrong_at = f"try another base.diameter_mm, or no base; it is {faults} that is not valid"
     stl, threemf = proof.stl, proof.threemf
     more_rings, change, limit = "raise the number of rings", proof.mesh_volume_change, proof.mesh_volume_limit
     return (
-        at_most("form_error", form.form_max_nm, _FORM_LIMIT_NM, "nm", finer + _at(form.form_at_mm)),
-        at_most("normal_error", form.normal_max_mrad, _NORMAL_LIMIT_MRAD, "mrad", finer + _at(form.normal_at_mm)),
+        at_most("form_error", form.form_max_nm, FORM_LIMIT_NM, "nm", finer + _at(form.form_at_mm)),
+        at_most("normal_error", form.normal_max_mrad, NORMAL_LIMIT_MRAD, "mrad", finer + _at(form.normal_at_mm)),
         at_least("step_valid", float(proof.solid.valid), 1.0, "", wrong_at),
         at_most("step_volume_change", proof.volume_change, _ROUND_TRIP_LIMIT, "", finer),
         at_least("watertight", float(stl.watertight), 1.0, "", rings + _at(stl.fault_mm)),

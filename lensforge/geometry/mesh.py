@@ -78,7 +78,7 @@ def build_mesh(plan: Plan, rings: int) -> BodyMesh:
 
 
 def _base(plan: Plan, outer_rim: Ring) -> Iterator[Ring]:
-    """From the outer rim around the base to the foot of the bore, whose top is the inner rim, which comes next."""
+    """Rings around the base, outer rim to the foot of the bore, whose top is the inner rim, which comes next."""
     if not plan.has_base:
         return
     rim = outer_rim.azimuths
@@ -123,7 +123,7 @@ def _rim_height(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
 
 
 def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
-    """Whether the dome overhangs the base at each azimuth, by the plan's arcs."""
+    """True at azimuths where the dome overhangs the base, by the plan's arcs."""
     starts = np.array([arc.start for arc in plan.arcs])
     relation = np.array([arc.relation == "overhang" for arc in plan.arcs])
     overhangs: np.ndarray = relation[np.searchsorted(starts, azimuths, side="right") - 1]

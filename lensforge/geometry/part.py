@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from lensforge.criteria import Criterion
 from lensforge.errors import InputError
-from lensforge.gates import Gate
 from lensforge.lens import Lens
 from lensforge.records import (
     Count,
@@ -103,7 +103,7 @@ class Part(StageResult):
     triangulation: Triangulation
     files: dict[Text, FileStamp]
     seconds: NotNegative
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
     step: Annotated[bytes, InFile(STEP_FILE), _CONTENT]
     stl: Annotated[bytes, InFile(STL_FILE), _CONTENT]
     threemf: Annotated[bytes, InFile(THREEMF_FILE), _CONTENT]
@@ -135,7 +135,7 @@ class Part(StageResult):
         """The part as a ``trimesh.Trimesh`` (mm), read from the STL, equal vertices merged."""
         import trimesh
 
-        from lensforge.geometry.stl import parse_stl
+        from lensforge.geometry.mesh_files import parse_stl
 
         return trimesh.Trimesh(*parse_stl(self.stl), process=False)
 

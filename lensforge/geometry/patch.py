@@ -21,6 +21,7 @@ from jaxtyping import Float
 from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
 
 from lensforge.errors import InputError
+from lensforge.geometry.curvature import Jet
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart, to_sphere
 from lensforge.surfaces.surface import Surface
 
@@ -31,6 +32,7 @@ MIN_NODES, MAX_NODES = 72, 240
 NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
+_JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 _MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 128 degrees
 
 
@@ -56,6 +58,10 @@ class Patch:
         along: Float[np.ndarray, "*n 3"] = np.cross(self._spline(chart, nu=(1, 0)), self._spline(chart, nu=(0, 1)))
         normals: Float[np.ndarray, "*n 3"] = along / np.linalg.norm(along, axis=-1, keepdims=True)
         return normals
+
+    def jet(self, chart: Float[np.ndarray, "n 2"]) -> Jet:
+        """Points and their first and second derivatives, those of the spline itself."""
+        return Jet(*(self._spline(chart, nu=order) for order in _JET_ORDERS))
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin in unit ``directions``, down to a little below z = 0.

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, remedy
 from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
 from lensforge.geometry.patch import Patch
 from lensforge.spec import BaseSection
@@ -55,7 +55,7 @@ class Plan:
 
     @property
     def has_base(self) -> bool:
-        """Whether there is anything below z = 0; a base from a STEP file is joined to the body later."""
+        """True where there is anything below z = 0; a base from a STEP file is joined to the body later."""
         return self.base.kind in ("cylinder", "square")
 
     @property
@@ -75,22 +75,22 @@ class Plan:
 
     @property
     def flush(self) -> bool:
-        """Whether the outer rim is the base's outline."""
+        """True where the outer rim is the base's outline."""
         return self.arcs[0].relation == "flush"
 
     @property
     def relief_mm(self) -> float:
-        """How far the base's outline begins below z = 0; a flush base has no step."""
+        """Depth below z = 0 at which the base's outline begins; a flush base has no step."""
         return 0.0 if self.flush else self.base.relief_step_mm
 
     @property
     def shoulder_mm(self) -> float:
-        """How far below z = 0 the base's outline ends: at the flange or at the bottom."""
+        """Depth below z = 0 at which the base's outline ends: at the flange or at the bottom."""
         return self.base.height_mm - (0.0 if self.flange is None else self.base.flange_height_mm)
 
     @property
     def bore_mm(self) -> float:
-        """How far below z = 0 the bore ends: at the pocket or at the bottom."""
+        """Depth below z = 0 at which the bore ends: at the pocket or at the bottom."""
         return self.base.height_mm - (0.0 if self.pocket is None else self.base.pocket_depth_mm)
 
     @property
@@ -111,7 +111,8 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
 
 def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
-    _require_wall(inner, outer)
+    with remedy("raise constraints.min_thickness_mm and design again"):
+        _require_wall(inner, outer)
     if base.kind in ("none", "step"):
         return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
     outline = outline_of(base)
@@ -156,7 +157,7 @@ def _require_wall(inner: Patch, outer: Patch) -> None:
         x, y, z = directions[worst]
         raise InputError(
             f"wall = {wall[worst]:.4g} mm in the direction ({x:.3f}, {y:.3f}, {z:.3f}): the outer surface must lie "
-            "outside the inner one; raise constraints.min_thickness_mm and design again"
+            "outside the inner one"
         )
 
 
@@ -166,12 +167,12 @@ def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -
     needed = float((opening / outline.radius(azimuths)).max())
     field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     if needed > 1.0:
-        remedy = f"at least {value * needed:.4g}, or base.kind = 'none'"
+        least = f"at least {value * needed:.4g}, or base.kind = 'none'"
         if base.flat_mm is not None and opening.max() < value / 2.0:
-            field, value, remedy = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
+            field, value, least = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
         raise InputError(
             f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - _MIN_BASE_WALL_MM):.4g} mm "
-            f"and must fit inside; {remedy}"
+            f"and must fit inside; {least}"
         )
     pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - _MIN_BASE_WALL_MM)
     if pocket is not None and not 2.0 * opening.max() <= pocket <= room:

@@ -6,10 +6,9 @@ Lens and shipped bases are cut in closed form, a base from a STEP file by its me
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.geometry.mesh_union import tessellated
+from lensforge.geometry.custom_base import read_custom_base, tessellated
 from lensforge.geometry.outline import Outline, circle, outline_of
 from lensforge.geometry.plan import FLUSH_MM, relief_ring, rim_directions
-from lensforge.geometry.step_base import read_base
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
@@ -20,7 +19,7 @@ _CHORD_MM = 1e-2  # of a base's round faces: finer than the line that draws it
 
 
 def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
-    """What the plane through the axis at ``azimuth_deg`` cuts of the body; positive positions are on that side.
+    """Outlines that the plane through the axis at ``azimuth_deg`` cuts from the body; positive is on that side.
 
     Raises :class:`InputError` where a base's file is missing or is no base.
     """
@@ -67,7 +66,7 @@ def _base_corners(lens: Lens, azimuth: float) -> Curve:
 
 
 def _seat(ring: Outline | None, base: BaseSection, rim: float, side: float) -> list[tuple[float, float]]:
-    """From the rim down the step, if there is one, and across to the base's side."""
+    """Corners down the step from the rim, if there is one, and across to the base's side."""
     top = -base.relief_step_mm
     if ring is not None:
         wall = _at(ring, np.zeros(1))
@@ -83,7 +82,7 @@ def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Cur
     import trimesh
 
     assert base.file is not None
-    vertices, triangles = tessellated(read_base(base.file).solid, _CHORD_MM)
+    vertices, triangles = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     cut = mesh.section(plane_origin=np.zeros(3), plane_normal=np.cross([0.0, 0.0, 1.0], across))
     return [] if cut is None else [np.column_stack([line @ across, line[:, 2]]) for line in cut.discrete]

@@ -36,7 +36,7 @@ _OUTWARD = {
     **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
 }
 
-# The default integration is wrong by 1e-4 on planes with spline edges; of what is asked for, a tenth is reached.
+# The default integration is wrong by 1e-4 on planes with spline edges; a tenth of the precision set is reached.
 _VOLUME_PRECISION = 1e-10
 
 
@@ -49,7 +49,7 @@ class Solid:
 
     @property
     def valid(self) -> bool:
-        """Whether the kernel finds one closed, outward, consistent solid: wires, edges, tolerances and all."""
+        """True where the kernel finds one closed, outward, consistent solid: wires, edges, tolerances and all."""
         return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.volume_mm3 > 0.0
 
     @property

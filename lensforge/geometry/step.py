@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from lensforge.errors import InputError
-from lensforge.geometry.scratch import as_file, written
+from lensforge.files import file_bytes, temporary_file
 from lensforge.geometry.solid import Solid
 from lensforge.version import __version__
 
@@ -71,7 +71,7 @@ def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: S
         if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
             raise InputError(f"{product}: the STEP file could not be written to {path.parent}; is the disk full?")
 
-    return written("lens.step", write)
+    return file_bytes("lens.step", write)
 
 
 def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
@@ -98,7 +98,7 @@ def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[s
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:
-    with as_file(content, "lens.step") as path:
+    with temporary_file(content, "lens.step") as path:
         return _products(path, origin, _AGAIN)
 
 

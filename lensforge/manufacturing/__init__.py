@@ -1,1 +1,1 @@
-"""Whether the part can be cut, and with what."""
+"""The manufacturing check: can the part be cut, and with what."""

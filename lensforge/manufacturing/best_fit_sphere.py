@@ -23,8 +23,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares, minimize_scalar
 
-from lensforge.manufacturing.cut import Variant
-from lensforge.manufacturing.sampling import FaceSamples
+from lensforge.manufacturing.face import FaceSamples
+from lensforge.manufacturing.result import Variant
 
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 

@@ -5,49 +5,59 @@ import time
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.gates import Gate, at_least
-from lensforge.geometry.part import Part
+from lensforge.criteria import Criterion, at_least
+from lensforge.geometry.form import fit_faces
+from lensforge.geometry.part import Part, SplineNodes
 from lensforge.lens import Lens
-from lensforge.manufacturing.cut import Check, FaceResult, Relief, Scallop, Scallops, ToolResult, Wall, Walls
-from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
+from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.judgement import (
-    Side,
-    cutter_verdict,
-    draft_verdict,
-    relief_verdicts,
-    tilt_verdict,
-    tool_verdicts,
-    wall_verdict,
+from lensforge.manufacturing.findings import (
+    cutter_finding,
+    draft_finding,
+    relief_findings,
+    tilt_finding,
+    tool_findings,
+    wall_finding,
 )
-from lensforge.manufacturing.own_base import read_own_base
-from lensforge.manufacturing.relief_check import check_relief
+from lensforge.manufacturing.relief import check_relief, read_base_mesh
+from lensforge.manufacturing.result import (
+    Check,
+    FaceName,
+    FaceResult,
+    Finding,
+    Relief,
+    Scallop,
+    Scallops,
+    ToolResult,
+    Wall,
+    Walls,
+)
 from lensforge.manufacturing.scallop import scallop
-from lensforge.manufacturing.tooling import check_tools
-from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.manufacturing.tools import check_tools
 from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
 
 
 def check_part(part: Part) -> Check:
-    """Check the part for manufacture: its lens, whose faces the files have been proven to be."""
-    return check_lens(part.lens)
+    """Check the part for manufacture: the faces of its lens with the nodes that the part was exported with."""
+    return check_lens(part.lens, part.nodes)
 
 
-def check_lens(lens: Lens) -> Check:
-    """Check ``lens`` for manufacture; ``gates`` judge the design and do not raise, ``verdicts`` judge the tools.
+def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
+    """Check ``lens`` for manufacture: the design by ``criteria``, which do not raise, the tools by ``verdicts``.
 
-    Raises :class:`InputError` where the file of its base is missing or no base.
+    ``nodes``: spline nodes across each face, by default those of the export. Raises :class:`InputError` where the
+    file of its base is missing or no base.
     """
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
-    inner, outer = _faces(lens)
+    inner, outer = _faces(lens, nodes)
     walls = _walls(inner, outer)
     base = lens.spec.base if manufacture.make == "part" else None  # a mould insert has none
-    own = None if base is None or base.file is None else read_own_base(base.file)
-    relief = check_relief(base, own, manufacture.cutter_radius_mm, inner, outer)
-    tools = check_tools(manufacture.tools, inner, outer, base, own, float(np.deg2rad(manufacture.max_tilt_deg)))
+    custom = None if base is None or base.file is None else read_base_mesh(base.file)
+    relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
+    tools = check_tools(manufacture.tools, inner, outer, base, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
-    min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # at a rim the radial one may win
+    min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # at a rim the radial one may be less
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
@@ -58,8 +68,8 @@ def check_lens(lens: Lens) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        gates=(_radial_gate(lens, walls.radial),),
-        verdicts=_verdicts(lens, *faces, min_wall_mm, relief, tools),
+        criteria=(_radial_criterion(lens, walls.radial),),
+        verdicts=_findings(lens, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
         inner_xyz=_map(inner, inner.samples.points),
@@ -82,13 +92,14 @@ def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray
     return face.samples.grid.to_map(values)
 
 
-def _faces(lens: Lens) -> tuple[FaceCheck, FaceCheck]:
+def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
     """Both faces, measured from the side where their air is: a mould insert has it where the lens has its material."""
     is_part, cutter_mm = lens.spec.manufacture.make == "part", lens.spec.manufacture.cutter_radius_mm
     inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if is_part else (AirSide.OUTSIDE, AirSide.INSIDE)
+    inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
     return (
-        check_face("inner", tabulate_face(lens.inner, inside, nodes_for(lens.inner)), cutter_mm),
-        check_face("outer", tabulate_face(lens.outer, outside, nodes_for(lens.outer)), cutter_mm),
+        check_face("inner", OpticalFace(inner, inside), cutter_mm),
+        check_face("outer", OpticalFace(outer, outside), cutter_mm),
     )
 
 
@@ -101,9 +112,9 @@ def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
     )
 
 
-def _radial_gate(lens: Lens, radial: Wall) -> Gate:
-    """The wall that the design promised: the radial one of the paper. The material may be thinner along the normal."""
-    place = ", ".join(f"{value:.4g}" for value in radial.inner_point_mm)
+def _radial_criterion(lens: Lens, radial: Wall) -> Criterion:
+    """The wall that the design has promised, the radial one of the paper; along the normal it may be thinner."""
+    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # -0 nm is 0
     limit = lens.spec.constraints.min_thickness_mm - lens.spec.constraints.tolerance_mm
     remedy = f"raise lens.outer_offset_mm or give the last level more steps; it is thinnest at ({place}) mm"
     return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
@@ -126,16 +137,16 @@ def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
     )
 
 
-def _verdicts(
+def _findings(
     lens: Lens, inner: FaceResult, outer: FaceResult, wall_mm: float, relief: Relief, tools: tuple[ToolResult, ...]
-) -> tuple[ShopVerdict, ...]:
+) -> tuple[Finding, ...]:
     allowed_deg = lens.spec.manufacture.max_tilt_deg
-    faces: tuple[tuple[Side, FaceResult], ...] = (("inner", inner), ("outer", outer))
+    faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
     return (
-        *(cutter_verdict(name, face.cutter) for name, face in faces),
-        *relief_verdicts(relief),
-        *(tilt_verdict(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
-        wall_verdict(wall_mm, lens.spec.constraints.min_thickness_mm),
-        *(draft_verdict(name, face) for name, face in faces),
-        *(verdict for tool in tools for verdict in tool_verdicts(tool)),
+        *(cutter_finding(name, face.cutter) for name, face in faces),
+        *relief_findings(relief),
+        *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
+        wall_finding(wall_mm, lens.spec.constraints.min_thickness_mm),
+        *(draft_finding(name, face) for name, face in faces),
+        *(finding for tool in tools for finding in tool_findings(tool)),
     )

@@ -1,4 +1,4 @@
-"""Which ball cutter fits where: for every point of a face, the largest ball that touches it there and nothing else.
+"""The ball cutter: at each point of a face the largest ball that touches nothing else, and the height left uncut.
 
 A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
 part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
@@ -6,6 +6,10 @@ ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n .
 is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
 its centre as the next Q, finds it in a few steps (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
 One map of radii then answers for every cutter.
+
+The air that a ball sweeps is the union of the balls whose centres are at least R from the part (the opening of the air
+by the ball). The boundary of those centres is the offset face ``P + R n`` over the points that the cutter reaches, so
+the height left over an unreached point is its distance to the nearest such centre, less R.
 
 Only the ball is tested, against the face that it cuts. The base has its own test (``relief``); a shank no thicker
 than the ball and tilted into the clear is assumed, a holder is not modelled. Q ranges over the samples, so a ball
@@ -17,14 +21,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from lensforge.manufacturing.sampling import FaceSamples
+from lensforge.manufacturing.face import FaceSamples
 
 FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
 _ROUNDS = 60
 # Balls in a cavity are close to very many points at once; large leaves are scanned faster than a deep tree is walked.
 _LEAF = 256
-_COARSE = 8  # one obstacle in eight brings the balls close to their size before all of them are asked
+_COARSE = 8  # one obstacle in eight brings the balls close to their size before all of them are tested
 # Beyond this many face radii a ball is a plane as far as the part can tell.
 _UNLIMITED = 20.0
 
@@ -58,12 +62,12 @@ def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Fl
 
 
 def local_fit(samples: FaceSamples, cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
-    """Where the curvature alone admits the cutter: ``kappa_min >= -1/R``."""
+    """True where the curvature alone admits the cutter: ``kappa_min >= -1/R``."""
     return _local_limit(samples) >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
 
 
 def reachable(ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float) -> Bool[np.ndarray, " k"]:
-    """Where a cutter touches the face without gouging it elsewhere, from the map of :func:`largest_ball_mm`."""
+    """True where a cutter touches the face without gouging it elsewhere; ``ball_mm`` as of :func:`largest_ball_mm`."""
     return ball_mm >= cutter_radius_mm * (1.0 - FIT_TOLERANCE)
 
 
@@ -79,3 +83,40 @@ def _touching_radius(
     chord = other - point
     radius: Float[np.ndarray, " n"] = np.sum(chord * chord, axis=1) / (2.0 * np.sum(normal * chord, axis=1))
     return radius
+
+
+def residual_height_mm(
+    samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
+) -> Float[np.ndarray, " k"]:
+    """Uncut height (mm) over each sample, 0 where the cutter reaches; all NaN when it reaches nothing at all.
+
+    ``ball_mm`` is the map of :func:`largest_ball_mm`. The error is of second order in the sample spacing: the
+    edge of the reached area, where balls rest on two points at once, is located between the samples.
+    """
+    reached = reachable(ball_mm, cutter_radius_mm)
+    height = np.zeros(len(reached))
+    if reached.all():
+        return height
+    if not reached.any():
+        return np.full(len(reached), np.nan)
+    centres = samples.points[reached] + cutter_radius_mm * samples.normals[reached]
+    centres = np.concatenate([centres, _edge_centres(samples, ball_mm, cutter_radius_mm)])
+    distance, _ = cKDTree(centres).query(samples.points[~reached])
+    height[~reached] = np.maximum(distance - cutter_radius_mm, 0.0)
+    return height
+
+
+def _edge_centres(
+    samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
+) -> Float[np.ndarray, "e 3"]:
+    """Ball centres over the edge of the reached area: where a grid line's largest ball passes the cutter's radius."""
+    tightness = samples.grid.to_map(1.0 / ball_mm - 1.0 / cutter_radius_mm)  # continuous where balls are unlimited
+    nodes = samples.grid.to_map(samples.chart)
+    crossings = []
+    for field, chart in ((tightness, nodes), (tightness.T, nodes.transpose(1, 0, 2))):
+        before, after = field[:-1], field[1:]
+        crossed = before * after < 0.0
+        part = (before[crossed] / (before[crossed] - after[crossed]))[:, None]
+        crossings.append((1.0 - part) * chart[:-1][crossed] + part * chart[1:][crossed])
+    jet = samples.face.jet(np.concatenate(crossings))
+    return jet.point + cutter_radius_mm * samples.face.air_normal(jet)

@@ -1,124 +1,159 @@
-"""An optical face with its derivatives: position over the chart as a quintic spline of the radius.
+"""An exported optical face as the shop meets it: sampled with normals, curvatures and areas; its draft and tilt.
 
-A shop's questions (curvature, cutter, wall) need second derivatives at many points. The radius is sampled once from
-the exact surface; between the nodes an interpolating quintic carries it, so curvature is continuous and its error
-falls as the fourth power of the node spacing.
+The face is the very spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square
+chart grid inside the rim, so that a value per sample is also a map, and the nodes just outside, moved onto the rim:
+extremes like to live there, and their cells close the area sum.
+
+Draft is the lean of the face against the optical axis, along which a mould opens. The outer face is drawn along +z and
+the cavity's core along -z; since their air-side normals are opposite too, the same formula with the outward normal
+serves both: ``draft = asin(n . z)``. A negative draft is an undercut.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
-from scipy.interpolate import RectBivariateSpline
+from jaxtyping import Bool, Float
 
-from lensforge.surfaces import chart
-from lensforge.surfaces.srbf import SrbfSurface
-from lensforge.surfaces.surface import Surface
+from lensforge.geometry.curvature import Jet, PrincipalCurvatures, principal_curvatures
+from lensforge.geometry.form import NORMAL_LIMIT_MRAD
+from lensforge.geometry.patch import Patch
+from lensforge.surfaces.chart import HALF_WIDTH
 
-NODES_PER_SIGMA = 4.5  # apex nodes for each shape parameter of the narrowest function
-_MIN_NODES = 64
-
-
-@runtime_checkable
-class StarShaped(Protocol):
-    """A surface given by its distance from the origin in every direction of the hemisphere and a little below."""
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin along unit ``directions``."""
-        ...
+_ZOOM_NODES, _ZOOM_ROUNDS = 21, 3
+_UNDERCUT = 1e-3 * NORMAL_LIMIT_MRAD  # a hemisphere's rim has n.z = 0 up to the error of the exported normals
 
 
 class AirSide(IntEnum):
-    """Where the air, and with it the cutter, is: the sign that turns an outward normal into the air-side one."""
+    """Side of the face on which the air, and with it the cutter, is: turns an outward normal into the air-side one."""
 
     OUTSIDE = 1  # the outer face
     INSIDE = -1  # the cavity
 
 
 @dataclass(frozen=True)
-class Jet:
-    """Position (mm) over the chart and its first and second derivatives by the chart coordinates X and Y."""
-
-    point: Float[np.ndarray, "n 3"]
-    x: Float[np.ndarray, "n 3"]
-    y: Float[np.ndarray, "n 3"]
-    xx: Float[np.ndarray, "n 3"]
-    xy: Float[np.ndarray, "n 3"]
-    yy: Float[np.ndarray, "n 3"]
-
-    @property
-    def area_element(self) -> Float[np.ndarray, " n"]:
-        """Area (mm^2) of the face for each unit of chart area."""
-        area: Float[np.ndarray, " n"] = np.linalg.norm(np.cross(self.x, self.y), axis=1)
-        return area
-
-
-@dataclass(frozen=True)
 class OpticalFace:
-    """A tabulated optical face; ``chart`` arguments are points of the stereographic chart, rim on the unit circle."""
+    """An exported face and its air side; points of the stereographic chart have the rim on the unit circle."""
 
-    spline: RectBivariateSpline
+    patch: Patch
     air: AirSide
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin at chart ``points``."""
-        radius: Float[np.ndarray, " n"] = self.spline.ev(points[:, 0], points[:, 1])
+        """Distance (mm) from the origin at chart ``points``; beyond the patch's square, that at its edge."""
+        radius: Float[np.ndarray, " n"] = np.linalg.norm(
+            self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1
+        )
         return radius
 
     def jet(self, points: Float[np.ndarray, "n 2"]) -> Jet:
-        """Position and derivatives at chart ``points``, by the product rule on ``rho u``."""
-        X, Y = points.T
-        rho, rho_x, rho_y, rho_xx, rho_xy, rho_yy = (
-            self.spline.ev(X, Y, dx, dy)[:, None] for dx, dy in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-        )
-        u, u_x, u_y, u_xx, u_xy, u_yy = _direction_jet(X, Y)
-        return Jet(
-            point=rho * u,
-            x=rho_x * u + rho * u_x,
-            y=rho_y * u + rho * u_y,
-            xx=rho_xx * u + 2.0 * rho_x * u_x + rho * u_xx,
-            xy=rho_xy * u + rho_x * u_y + rho_y * u_x + rho * u_xy,
-            yy=rho_yy * u + 2.0 * rho_y * u_y + rho * u_yy,
-        )
+        """Position and derivatives at chart ``points``."""
+        return self.patch.jet(points)
 
     def air_normal(self, jet: Jet) -> Float[np.ndarray, "n 3"]:
         """Unit normals that point from the material into the air."""
-        outward = np.cross(jet.x, jet.y)
-        normal: Float[np.ndarray, "n 3"] = float(self.air) * outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        return normal
+        return float(self.air) * jet.normal
+
+    def smallest_curvature(self, start: Float[np.ndarray, "2"], step: float) -> float:
+        """The lowest curvature (1/mm) within ``step`` of chart point ``start``, by zooming in; not outside the rim."""
+        centre, lowest = np.array(start, dtype=np.float64), np.inf
+        for _ in range(_ZOOM_ROUNDS):
+            axis = np.linspace(-step, step, _ZOOM_NODES)
+            window = centre + np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+            window = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
+            jet = self.jet(window)
+            kappa = principal_curvatures(jet, self.air_normal(jet)).minimum
+            best = int(np.argmin(kappa))
+            centre, lowest = window[best], min(lowest, float(kappa[best]))
+            step *= 2.0 / (_ZOOM_NODES - 1)
+        return lowest
 
 
-def _direction_jet(X: Float[np.ndarray, " n"], Y: Float[np.ndarray, " n"]) -> list[Float[np.ndarray, "n 3"]]:
-    """``u``, its two first and three second derivatives: ``u = (qX, qY, q - 1)`` with ``q = 2/(1 + X^2 + Y^2)``."""
-    q = 2.0 / (1.0 + X * X + Y * Y)
-    q_x, q_y = -q * q * X, -q * q * Y
-    q_xx, q_xy, q_yy = -q * q * (1.0 - 2.0 * q * X * X), 2.0 * q**3 * X * Y, -q * q * (1.0 - 2.0 * q * Y * Y)
-    columns = (
-        (q * X, q * Y, q - 1.0),
-        (q_x * X + q, q_x * Y, q_x),
-        (q_y * X, q_y * Y + q, q_y),
-        (q_xx * X + 2.0 * q_x, q_xx * Y, q_xx),
-        (q_xy * X + q_y, q_xy * Y + q_x, q_xy),
-        (q_yy * X, q_yy * Y + 2.0 * q_y, q_yy),
+@dataclass(frozen=True)
+class ChartGrid:
+    """``nodes`` x ``nodes`` chart points over [-1, 1], first index X; the first samples of a face are those inside."""
+
+    axis: Float[np.ndarray, " n"]
+    inside: Bool[np.ndarray, "n n"]
+
+    @property
+    def step(self) -> float:
+        """Node spacing in chart units."""
+        return float(self.axis[1] - self.axis[0])
+
+    def to_map(self, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray, "n n *c"]:
+        """Values per sample as a map, NaN outside the rim; samples on the rim itself fall between the nodes."""
+        picture = np.full((*self.inside.shape, *values.shape[1:]), np.nan)
+        picture[self.inside] = values[: np.count_nonzero(self.inside)]
+        return picture
+
+
+@dataclass(frozen=True)
+class FaceSamples:
+    """A face at ``k`` chart points: mm, unit air-side normals, 1/mm, and the mm^2 that each sample stands for."""
+
+    face: OpticalFace
+    grid: ChartGrid
+    chart: Float[np.ndarray, "k 2"]
+    points: Float[np.ndarray, "k 3"]
+    normals: Float[np.ndarray, "k 3"]
+    areas: Float[np.ndarray, " k"]
+    curvatures: PrincipalCurvatures
+
+    @property
+    def outward(self) -> Float[np.ndarray, "k 3"]:
+        """Unit normals pointing away from the origin, whichever side the air is on."""
+        return float(self.face.air) * self.normals
+
+    def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
+        """The part of the face's area for which ``where`` holds."""
+        return float(self.areas[where].sum() / self.areas.sum())
+
+
+def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
+    """Sample ``face`` on a grid of ``nodes`` x ``nodes`` chart points."""
+    grid, points, cells = _disc(nodes)
+    jet = face.jet(points)
+    normals = face.air_normal(jet)
+    return FaceSamples(
+        face=face,
+        grid=grid,
+        chart=points,
+        points=jet.point,
+        normals=normals,
+        areas=cells * jet.area_element,
+        curvatures=principal_curvatures(jet, normals),
     )
-    return [np.stack(column, axis=-1) for column in columns]
 
 
-def tabulate_face(surface: StarShaped, air: AirSide, nodes: int) -> OpticalFace:
-    """Sample ``surface`` on ``nodes`` x ``nodes`` chart points and interpolate by a quintic spline."""
-    grid = chart.grid(nodes)
-    directions, axis = chart.to_sphere(grid), grid[:, 0, 0]
-    if isinstance(surface, SrbfSurface):
-        values = surface.radius_on_grid(directions)
-    else:
-        values = surface.radius(directions.reshape(-1, 3)).reshape(nodes, nodes)
-    return OpticalFace(RectBivariateSpline(axis, axis, values, kx=5, ky=5, s=0), air)
+def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
+    """Grid, sample points of the unit disc, and the chart area of each: the part of its cell inside the disc."""
+    axis = np.linspace(-1.0, 1.0, nodes)
+    step = axis[1] - axis[0]
+    padded = np.concatenate([[-1.0 - step], axis, [1.0 + step]])
+    square = np.stack(np.meshgrid(padded, padded, indexing="ij"), axis=-1)
+    distance = np.linalg.norm(square, axis=-1)
+    # A straight rim cuts a square cell: its share is close to linear over the cell's width across the rim.
+    width = step * np.abs(square).sum(axis=-1) / np.maximum(distance, step)
+    share = np.clip(0.5 + (1.0 - distance) / np.maximum(width, step), 0.0, 1.0)
+    inside = distance <= 1.0 + 1e-12
+    rim = ~inside & (share > 0.0)
+    moved = square[rim] / distance[rim][:, None]
+    points = np.concatenate([square[inside], moved])
+    cells = np.concatenate([share[inside], share[rim]]) * step**2
+    return ChartGrid(axis, inside[1:-1, 1:-1]), points, cells
 
 
-def nodes_for(surface: Surface) -> int:
-    """Table size whose apex step is the narrowest feature over ``NODES_PER_SIGMA``."""
-    apex_span = 4.0 * chart.HALF_WIDTH  # rad: one chart unit is 2 rad at the apex
-    needed = apex_span * NODES_PER_SIGMA / surface.detail_rad
-    return max(_MIN_NODES, int(np.ceil(needed)) + 1)
+def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
+    """Draft angle (rad) at each sample: pi/2 at the apex, 0 at the rim of a hemisphere, negative in an undercut."""
+    draft: Float[np.ndarray, " k"] = np.arcsin(np.clip(samples.outward[:, 2], -1.0, 1.0))
+    return draft
+
+
+def undercut_fraction(samples: FaceSamples) -> float:
+    """The part of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
+    return samples.fraction(samples.outward[:, 2] < -_UNDERCUT)
+
+
+def largest_tilt_rad(samples: FaceSamples) -> float:
+    """Largest angle (rad) between the face's normal and the axis: the tilt of a five-axis head that stays normal."""
+    return float(np.pi / 2.0 - draft_rad(samples).min())

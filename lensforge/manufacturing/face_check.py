@@ -1,28 +1,28 @@
-"""Everything that is measured on one face."""
+"""One face measured: best-fit sphere, curvature, draft, and the reach of the ball cutter."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.manufacturing.best_fit_sphere import VARIANTS, BestFitSphere, best_fit_sphere
-from lensforge.manufacturing.curvature import smallest_curvature
-from lensforge.manufacturing.cut import Curvature, Cutter, Draft, FaceResult, Sphere
-from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable
-from lensforge.manufacturing.draft import draft_rad, largest_tilt_rad, undercut_fraction
-from lensforge.manufacturing.face import OpticalFace
-from lensforge.manufacturing.residual import residual_height_mm
-from lensforge.manufacturing.sampling import FaceSamples, sample_face
+from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable, residual_height_mm
+from lensforge.manufacturing.face import (
+    FaceSamples,
+    OpticalFace,
+    draft_rad,
+    largest_tilt_rad,
+    sample_face,
+    undercut_fraction,
+)
+from lensforge.manufacturing.result import Curvature, Cutter, Draft, FaceName, FaceResult, Sphere
 
 SAMPLE_NODES = 161  # odd, so that the apex is a node
-
-FaceName = Literal["inner", "outer"]
 
 
 @dataclass(frozen=True)
 class FaceCheck:
-    """One face, its best-fit sphere, and how a ball cutter of ``cutter_radius_mm`` fares on it."""
+    """One face, its best-fit sphere, and the reach of a ball cutter of ``cutter_radius_mm``."""
 
     name: FaceName
     samples: FaceSamples
@@ -34,7 +34,7 @@ class FaceCheck:
 
     @property
     def reached(self) -> Bool[np.ndarray, " k"]:
-        """Where the cutter touches the face without gouging it elsewhere."""
+        """True where the cutter touches the face without gouging it elsewhere."""
         return reachable(self.ball_mm, self.cutter_radius_mm)
 
     @property
@@ -62,7 +62,7 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
         name=name,
         samples=samples,
         sphere=best_fit_sphere(samples),
-        lowest_curvature=smallest_curvature(face, sharpest, samples.grid.step),
+        lowest_curvature=face.smallest_curvature(sharpest, samples.grid.step),
         cutter_radius_mm=cutter_radius_mm,
         ball_mm=ball,
         residual_mm=residual_height_mm(samples, ball, cutter_radius_mm),
@@ -70,7 +70,7 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
 
 
 def face_result(check: FaceCheck) -> FaceResult:
-    """What the check says of the face; an unbounded number is None."""
+    """The record of a measured face; an unbounded number is None."""
     samples = check.samples
     draft = np.degrees(draft_rad(samples))
     others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)

@@ -1,35 +1,81 @@
-"""Room for the ball around the base: near the rim it hangs below z = 0, where the base may be in its way.
+"""Room for the ball at the base: near the rim the ball hangs below z = 0, where the base may be in its way.
 
-The base is a disc below z = 0 with a bore drawn straight down from the cavity's rim. Both measures say how far that
-material must retreat for the ball to touch a sample: down, below the outer face; sideways, around the bore.
+A base of the spec is a disc below z = 0 with a bore drawn straight down from the cavity's rim. The measures say how far
+that material must retreat for the ball to touch a sample: down, below the outer face; sideways, around the bore; and
+back from the outer rim, where a relief step's wall is drawn from an undercut rim. A custom base, from a STEP file, is
+taken as its mesh; CAD and mesh libraries load only where a spec has one.
 """
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from lensforge.manufacturing.face import OpticalFace
-from lensforge.manufacturing.sampling import FaceSamples
+from lensforge.geometry.custom_base import read_custom_base, tessellated
+from lensforge.geometry.form import FORM_LIMIT_NM
+from lensforge.manufacturing.face import FaceSamples, OpticalFace
+from lensforge.manufacturing.face_check import FaceCheck
+from lensforge.manufacturing.result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
+from lensforge.spec import BaseSection
 
-# A retreat of 1 nm is none: at the rim of a hemisphere the ball touches the bore's wall exactly.
-_CLEAR_MM = 1e-6
+# At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
+_CLEAR_MM = 1e-6 * FORM_LIMIT_NM
 _RIM_POINTS = 4096
+_BASE_CHORD_MM = 1e-3  # between the mesh and the round faces of a custom base
+_BASE_POINTS, _SEED = 4000, 0
+
+
+@dataclass(frozen=True)
+class CustomBaseMesh:
+    """The base of a STEP file as a closed ``trimesh.Trimesh`` (mm)."""
+
+    mesh: Any
+
+    def retreat_mm(self, face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
+        """Depth (mm) of the base in the ball that touches each sample; 0 where it is clear."""
+        from trimesh.proximity import closest_point
+
+        centres = face.points + cutter_radius_mm * face.normals
+        near = np.flatnonzero(centres[:, 2] < cutter_radius_mm)  # the base ends in z = 0
+        retreat = np.zeros(len(centres))
+        if len(near):
+            closest, distance, facet = closest_point(self.mesh, centres[near])
+            into = np.sum((centres[near] - closest) * self.mesh.face_normals[facet], axis=1) < 0.0
+            retreat[near] = cutter_radius_mm - np.where(into, -distance, distance)
+        return np.where(retreat > _CLEAR_MM, retreat, 0.0)
+
+    def points(self) -> Float[np.ndarray, "m 3"]:
+        """Points (mm) all over the base, as obstacles for shanks and holders."""
+        from trimesh.sample import sample_surface
+
+        return np.asarray(sample_surface(self.mesh, _BASE_POINTS, seed=_SEED)[0], dtype=np.float64)
+
+
+def read_base_mesh(path: Path) -> CustomBaseMesh:
+    """The base in the STEP file ``path``. Raises :class:`InputError` as the export does."""
+    import trimesh
+
+    vertices, triangles = tessellated(read_custom_base(path).solid, _BASE_CHORD_MM)
+    return CustomBaseMesh(trimesh.Trimesh(vertices, triangles, process=False))
 
 
 def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm: float) -> Float[np.ndarray, " k"]:
-    """How far (mm) below z = 0 the base's top must lie for the ball to clear it at each sample; 0 where it is clear.
+    """Depth (mm) below z = 0 at which the base's top clears the ball at each sample; 0 where it need not be lower.
 
-    Beside the disc of ``base_diameter_mm`` the ball may go as low as it likes.
+    Outside the disc of ``base_diameter_mm`` the ball may go as low as it likes.
     """
     centres = outer.points + cutter_radius_mm * outer.normals
-    beside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_diameter_mm / 2.0, 0.0)
-    below = np.sqrt(np.maximum(cutter_radius_mm**2 - beside**2, 0.0))
-    step = np.where(beside < cutter_radius_mm, below - centres[:, 2], 0.0)
+    outside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_diameter_mm / 2.0, 0.0)
+    below = np.sqrt(np.maximum(cutter_radius_mm**2 - outside**2, 0.0))
+    step = np.where(outside < cutter_radius_mm, below - centres[:, 2], 0.0)
     return np.where(step > _CLEAR_MM, step, 0.0)
 
 
 def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """How much wider (mm) all around than the cavity's rim the bore must be for the ball to touch each sample.
+    """Width (mm, all around) that the bore needs beyond the cavity's rim for the ball to touch each sample.
 
     For samples that the ball reaches in the cavity itself. There a centre above z = 0 is at least R from the rim
     already; one below, where the cavity narrows upwards, has its full width R against the wall of the bore.
@@ -38,7 +84,7 @@ def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.n
 
 
 def step_clearance_mm(outer: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """How far (mm) the wall of a relief step must stand back from the outer rim for the ball to touch each sample.
+    """Setback (mm) from the outer rim that a relief step's wall needs for the ball to touch each sample.
 
     0 where a wall drawn straight down from the rim will do; above it near a rim that is undercut.
     """
@@ -46,7 +92,7 @@ def step_clearance_mm(outer: FaceSamples, cutter_radius_mm: float) -> Float[np.n
 
 
 def _clearance_mm(face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """How much of the ball's width is in a wall below the face's rim; none of it for a centre above z = 0."""
+    """Part of the ball's width that is in a wall below the face's rim; none of it for a centre above z = 0."""
     centres = face.points + cutter_radius_mm * face.normals
     low = centres[:, 2] < 0.0
     clearance = np.zeros(len(centres))
@@ -62,3 +108,53 @@ def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Flo
     distance, _ = cKDTree(face.radius(circle)[:, None] * circle).query(points)
     nearest: Float[np.ndarray, " n"] = distance
     return nearest
+
+
+def check_relief(
+    base: BaseSection | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
+) -> Relief:
+    """Room that the cutter lacks at the base, over the part of each face that the face itself lets it reach.
+
+    ``base``: None for a mould insert; ``custom``: the base from a STEP file, where ``base`` says so.
+    """
+    if base is None or base.kind == "none":
+        note = "a mould insert has no base" if base is None else "there is no base"
+        return Relief(outer=None, inner=None, note=note)
+    if custom is not None:
+        return Relief(outer=_at_custom(outer, custom, cutter_mm), inner=_at_custom(inner, custom, cutter_mm))
+    step = _missing_step(base, cutter_mm, outer)
+    setback = step_clearance_mm(outer.samples, cutter_mm)
+    setback = np.where(setback > base.relief_setback_mm, setback, 0.0)
+    clearance = bore_clearance_mm(inner.samples, cutter_mm)
+    return Relief(
+        outer=OuterRelief(
+            smallest_step_mm=_largest_reached(outer, step),
+            step_clearance_mm=_largest_reached(outer, setback),
+            flush_fraction=_clear(outer, np.maximum(step, setback)),
+        ),
+        inner=InnerRelief(
+            bore_clearance_mm=_largest_reached(inner, clearance), flush_fraction=_clear(inner, clearance)
+        ),
+    )
+
+
+def _missing_step(base: BaseSection, cutter_mm: float, outer: FaceCheck) -> Float[np.ndarray, " k"]:
+    """The step that each sample needs, flange included; 0 where the present one will do."""
+    step = relief_step_mm(outer.samples, cutter_mm, base.widest_mm) - base.relief_step_mm
+    if base.flange_diameter_mm is not None:
+        shoulder = base.height_mm - base.flange_height_mm
+        step = np.maximum(step, relief_step_mm(outer.samples, cutter_mm, base.flange_diameter_mm) - shoulder)
+    return np.where(step > 0.0, step + base.relief_step_mm, 0.0)
+
+
+def _at_custom(face: FaceCheck, custom: CustomBaseMesh, cutter_mm: float) -> CustomBaseRelief:
+    retreat = custom.retreat_mm(face.samples, cutter_mm)
+    return CustomBaseRelief(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
+
+
+def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float | None:
+    return float(retreat[face.reached].max()) if face.reached.any() else None
+
+
+def _clear(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float:
+    return face.samples.fraction(face.reached & (retreat == 0.0))

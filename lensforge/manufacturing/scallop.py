@@ -10,7 +10,7 @@ Light feels the slope more than the height: 50 nm of height from a ball of 1 mm 
 
 import numpy as np
 
-from lensforge.manufacturing.cut import Scallop
+from lensforge.manufacturing.result import Scallop
 
 
 def scallop(cutter_radius_mm: float, stepover_mm: float, slope_limit_rad: float, curvature: float) -> Scallop:

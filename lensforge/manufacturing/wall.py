@@ -1,4 +1,4 @@
-"""Wall thickness: radial, as the design constrains it, and along the normal, as the material feels it.
+"""Wall thickness: radial, which the design constrains, and along the normal, which is that of the material.
 
 The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest way between the
 faces is perpendicular to both, so starting from the outer face would give the same minimum. Lines that leave the
@@ -8,17 +8,18 @@ hemisphere below z = 0 run into the base and have no thickness, so at the rim th
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.manufacturing.cut import Wall
-from lensforge.manufacturing.face import OpticalFace
-from lensforge.manufacturing.sampling import FaceSamples
+from lensforge.geometry.form import FORM_LIMIT_NM
+from lensforge.manufacturing.face import FaceSamples, OpticalFace
+from lensforge.manufacturing.result import Wall
 from lensforge.surfaces import chart
 
 _TOLERANCE_MM = 1e-10
 _STEPS = 40
+_RIM_MM = 1e-6 * FORM_LIMIT_NM  # below z = 0: the rim of an exported face is as close to it
 
 
 def radial_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
-    """Thickness (mm) along the ray from the origin through each sample; negative where the faces cross."""
+    """Thickness (mm) along the ray from the origin through each sample; negative where the faces intersect."""
     wall: Float[np.ndarray, " k"] = outer.radius(inner.chart) - np.linalg.norm(inner.points, axis=1)
     return wall
 
@@ -47,7 +48,7 @@ def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, 
         step = np.where(open_ & (rise != 0.0), -value * (t - before) / np.where(rise != 0.0, rise, 1.0), 0.0)
         before, value_before, t = np.where(open_, t, before), np.where(open_, value, value_before), t + step
     end = start + t[:, None] * direction
-    found = (np.abs(outside(t)) < 1e3 * _TOLERANCE_MM) & (end[:, 2] >= -1e-9)
+    found = (np.abs(outside(t)) < 1e3 * _TOLERANCE_MM) & (end[:, 2] >= -_RIM_MM)
     return np.where(found, t, np.nan)
 
 

@@ -1,15 +1,17 @@
-"""The results of measuring the part: a photograph of its light, and points on one of its surfaces."""
+"""Results of measuring the part: a photograph of its light, and points on one of its surfaces."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.light import Judged
-from lensforge.gates import Gate
+from lensforge.criteria import Criterion
+from lensforge.evaluation.light import LightMetrics
 from lensforge.records import (
     Array,
     Count,
+    Image,
+    Line,
     NotNegative,
     Number,
     Positive,
@@ -22,18 +24,17 @@ from lensforge.records import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
-Line = Annotated[Float[np.ndarray, " p"], Array("p")]
 Pixel = tuple[Number, Number]  # column, row
 Side = Literal["inner", "outer"]
 AxisName = Literal["x", "y"]
+Registration = Literal["rigid", "shift", "none"]
 
 
 class Located(Record):
-    """How the corners were found that were not given.
+    """Quality of corners that were found in the photographs, not given.
 
-    ``seen_in``: the picture, or "the light" for on less off. ``lit``: they are those of the light itself. Scatter of
-    the points of the worst edge about its line, and its bow, in pixels.
+    ``seen_in``: "on", "off", or "the light" for on less off. ``lit``: they are corners of the light itself, not of a
+    panel. Scatter of the points of the worst edge about its line, and its bow, in pixels.
     """
 
     seen_in: Text
@@ -43,14 +44,14 @@ class Located(Record):
 
 
 class Similarity(Record):
-    """How alike two pictures are. ``ssim``: structural similarity, 1 for equal pictures."""
+    """Similarity of two images. ``ssim``: structural similarity, 1 for equal images."""
 
     ssim: Number
     nmse: NotNegative
 
 
 class Evenness(Record):
-    """In the mask of the spec; None where it has none."""
+    """Uniformity and RSD within the spec's uniform square; None where it has none."""
 
     uniformity: Number | None
     rsd: Number | None
@@ -60,7 +61,7 @@ class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
     ``measured``, ``simulated``: [row y, column x] on a receiver ``receiver_mm`` wide; ``section_*``: lines through its
-    centre. ``aligned``: after the picture has been moved by ``displacement_mm``. ``clipped``: share of the target.
+    centre. ``aligned``: after undoing ``displacement_mm``. ``clipped``: overexposed share of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -82,7 +83,7 @@ class PhotoComparison(StageResult):
     measured_evenness: Evenness
     simulated_evenness: Evenness
     clipped: Share
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
     axis_mm: Line
@@ -92,7 +93,7 @@ class PhotoComparison(StageResult):
     section_y_simulated: Line
 
     def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
-        """Photograph and simulation along a line through the centre. Raises :class:`InputError` for another axis."""
+        """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
         from lensforge.figures.plots import plot_curves, require_choice
 
         require_choice("axis", axis, get_args(AxisName))
@@ -101,7 +102,7 @@ class PhotoComparison(StageResult):
 
 
 class Pose(Record):
-    """How the points were moved onto the design, with standard errors."""
+    """Rotation and translation that register the points to the design, with standard errors."""
 
     rotation_deg: tuple[Number, Number, Number]
     rotation_standard_error_deg: tuple[Number, Number, Number]
@@ -109,8 +110,8 @@ class Pose(Record):
     translation_standard_error_mm: tuple[Number, Number, Number]
 
 
-class Departure(Record):
-    """The size of a signed deviation over a surface."""
+class DeviationExtent(Record):
+    """Extent of a signed deviation over a surface."""
 
     pv: NotNegative
     rms: NotNegative
@@ -119,7 +120,7 @@ class Departure(Record):
 
 
 class SurfaceComparison(StageResult):
-    """A measured surface against the design's, and the light that it would make.
+    """A measured surface against the design's, and the light of the lens with it.
 
     ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
     NaN outside; irradiance (W/m^2) of the design and with the measured surface. ``nmse_between`` the two.
@@ -129,20 +130,20 @@ class SurfaceComparison(StageResult):
     command: ClassVar[str] = "compare --points"
 
     surface: Side
-    registration: Literal["rigid", "shift", "none"]
+    registration: Registration
     point_count: Count
     used_share: Share
     covered_share: Share
     pose: Pose
-    point_deviation_um: Departure
-    form_deviation_um: Departure
+    point_deviation_um: DeviationExtent
+    form_deviation_um: DeviationExtent
     residual_rms_um: NotNegative
     rays: Count
     receiver_mm: Positive
-    design: Judged
-    measured: Judged
+    design: LightMetrics
+    measured: LightMetrics
     nmse_between: NotNegative
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
     points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
     chart: Annotated[Float[np.ndarray, " m"], Array("m")]
@@ -152,7 +153,7 @@ class SurfaceComparison(StageResult):
     axis_mm: Line
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """The form deviation over the chart of the face."""
+        """Plot the form deviation over the chart of the surface."""
         from lensforge.figures.plots import plot_face
 
         return plot_face(self.deviation_um.T, float(self.chart[-1]), f"{self.surface}: form deviation (µm)", axes)

@@ -1,4 +1,4 @@
-"""The target's corners in a photograph, where they are not given: the border of the panel on which the light lies."""
+"""Corners of the target found in a photograph: the border of the panel on which the light falls."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -9,8 +9,8 @@ from scipy.ndimage import binary_fill_holes, binary_opening, gaussian_filter, la
 
 from lensforge.errors import InputError
 from lensforge.measurement.comparison import Located
+from lensforge.measurement.photograph import listed
 from lensforge.measurement.quadrilateral import Sides, area, clockwise, enclosing, fit_sides
-from lensforge.measurement.rectify import listed
 
 _COARSE = 400  # pixels of the longer side, in which regions are looked for
 _LEVELS = 32  # thresholds a picture
@@ -26,7 +26,7 @@ _ROLL_RAD = np.radians(30.0)
 
 @dataclass(frozen=True)
 class Square:
-    """Corners of the target (column, row) from the top left clockwise, and where and how well they were seen."""
+    """Corners of the target (column, row) from the top left clockwise, and the quality of their detection."""
 
     corners: Float[np.ndarray, "4 2"]
     located: Located
@@ -39,21 +39,21 @@ def locate(
     border_share: float,
     lit_square: bool = False,
 ) -> Square:
-    """The one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
+    """Find the one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
 
-    ``border_share``: how bright the simulation is along its border, of its peak. ``lit_square``: take the edges of a
-    square pattern where no panel is to be seen. Raises :class:`InputError`, with what to do, where no border, more
-    than one, a bent or a rolled one is seen: nothing is guessed.
+    ``border_share``: the simulation's mean along its border over its peak. ``lit_square``: take the edges of a square
+    pattern where no panel is seen. Raises :class:`InputError`, with what to do, where no border, more than one, a bent
+    or a rolled one is seen: nothing is guessed.
     """
     light = on if off is None else on - off
     found = [each for each in _found(on, off, light) if _holds(each.corners, light)]
-    found = [_judged(each, light, border_share) for each in found]
+    found = [_with_lit(each, light, border_share) for each in found]
     panels, lit = ([each for each in found if each.located.lit == seen] for seen in (False, True))
     chosen = _one(panels) if panels or not lit else _one(lit)
     if chosen.located.lit and not lit_square:
         raise InputError(
-            f"--on: the only square seen is the edge of the light itself, at {listed(chosen.corners)}, not a target's "
-            "border; give --target-mm with the side of that square of light, or --corners of the target"
+            f"on: the only square seen is the edge of the light itself, at {listed(chosen.corners)}, not a target's "
+            "border; give target_mm, the side of that square of light, or the corners of the target"
         )
     return _sound(chosen)
 
@@ -61,16 +61,16 @@ def locate(
 def _found(
     on: Float[np.ndarray, "h w"], off: Float[np.ndarray, "h w"] | None, light: Float[np.ndarray, "h w"]
 ) -> list[Square]:
-    """Every quadrilateral with four straight edges, once; those with the straightest edges stand for their likes."""
-    pictures = {"--on": on} if off is None else {"--off": off, "--on": on, "the light": light}
+    """Distinct quadrilaterals with four straight edges; of nearly equal ones, that with the straightest edges."""
+    pictures = {"on": on} if off is None else {"off": off, "on": on, "the light": light}
     seen = []
     for name, picture in pictures.items():
         for rough in _rough(picture):
             sides = _refined(picture, rough)
             if sides is not None:
                 rms, bow = float(sides.rms.max()), float(sides.bow.max())
-                how = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
-                seen.append(Square(clockwise(sides.corners), how))
+                located = Located(seen_in=name, lit=name == "the light", edge_rms_px=rms, edge_bow_px=bow)
+                seen.append(Square(clockwise(sides.corners), located))
     distinct: list[Square] = []
     for each in sorted(seen, key=lambda one: one.located.edge_rms_px):
         if not any(_same(each.corners, other.corners) for other in distinct):
@@ -113,7 +113,7 @@ def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"
 
 
 def _refined(picture: Float[np.ndarray, "h w"], rough: Float[np.ndarray, "4 2"]) -> Sides | None:
-    """Twice through the edges, the second time near to the first lines; None unless all four are edges."""
+    """Fit the edges twice, the second time near to the first lines; None unless all four are edges."""
     size = float(np.sqrt(area(rough)))
     sides = fit_sides(picture, rough, max(6.0, 0.03 * size))
     if sides is not None:
@@ -129,7 +129,7 @@ def _same(one: Float[np.ndarray, "4 2"], other: Float[np.ndarray, "4 2"]) -> boo
 
 
 def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -> bool:
-    """Whether the brightest of the light lies within the quadrilateral."""
+    """True where the brightest of the light lies within the quadrilateral."""
     rows, columns = np.nonzero(light > 0.5 * np.quantile(light, 0.999))
     inside = np.ones(len(rows), dtype=bool)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -137,9 +137,9 @@ def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -
     return bool(inside.mean() >= _HELD) if len(rows) else False
 
 
-def _judged(each: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
-    """With ``lit`` by how bright the light is just inside of the border: what --off shows is a panel in any case."""
-    if each.located.seen_in == "--off":
+def _with_lit(each: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
+    """Set ``lit`` by the light just inside of the border; a square seen with the LED off is a panel in any case."""
+    if each.located.seen_in == "off":
         return each
     centre, t = each.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
     border = ((1.0 - t) * each.corners + t * np.roll(each.corners, -1, axis=0)).reshape(-1, 2)
@@ -149,33 +149,31 @@ def _judged(each: Square, light: Float[np.ndarray, "h w"], border_share: float) 
 
 
 def _one(found: list[Square]) -> Square:
-    """The only one, or an error that says what to do."""
+    """Return the only one. Raises :class:`InputError`, with what to do, for none or several."""
     if not found:
         raise InputError(
-            "--on: no square with four straight edges is seen around the light, the target's border does not stand "
-            "out; give --corners, or --off with some room light on the target"
+            "on: no square with four straight edges is seen around the light, the target's border does not stand "
+            "out; give corners, or a second photograph, off, with some room light on the target"
         )
     if len(found) > 1:
         by_size = sorted(found, key=lambda each: -area(each.corners))[:3]
         listing = "; or ".join(listed(each.corners) for each in by_size)
-        raise InputError(
-            f"--on: {len(found)} squares are seen around the light; give the target's --corners: {listing}"
-        )
+        raise InputError(f"on: {len(found)} squares are seen around the light; give the target's corners: {listing}")
     return found[0]
 
 
 def _sound(square: Square) -> Square:
-    """``square`` unless four corners cannot say what is needed of it."""
+    """Return ``square``. Raises :class:`InputError` where four corners do not suffice: bent edges, a rolled target."""
     corners, side, bow = square.corners, float(np.sqrt(area(square.corners))), square.located.edge_bow_px
     if bow > _BOW * side:
         raise InputError(
-            f"--on: the target's edges are bent by {bow:.1f} pixels, corners would not be certain; "
-            f"undo the distortion of the camera's lens first, or give --corners {listed(corners)}"
+            f"on: the target's edges are bent by {bow:.1f} pixels, corners would not be certain; "
+            f"undo the distortion of the camera's lens first, or give corners {listed(corners)}"
         )
     top = corners[1] - corners[0]
     if abs(np.arctan2(top[1], top[0])) > _ROLL_RAD:
         raise InputError(
-            f"--on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, its top left is not "
-            f"certain; give --corners, such as {listed(corners)}"
+            f"on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, its top left is not "
+            f"certain; give corners, such as {listed(corners)}"
         )
     return square

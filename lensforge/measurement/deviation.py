@@ -1,6 +1,6 @@
-"""What the part's surface has more or less than the design's, as a smooth function fitted to measured points.
+"""Form deviation of a measured surface from the design, as a smooth function fitted to the points.
 
-The functions are those of the design, without its symmetry: a machine's errors have none. What is finer than the
+The basis functions are those of the design, without its symmetry: a machine's errors have none. Detail finer than the
 narrowest of them stays in the residual, with the noise of the probe.
 """
 
@@ -18,8 +18,8 @@ _COVERAGE_DIRECTIONS = 2000
 
 
 @dataclass(frozen=True)
-class Deviation:
-    """Radial deviation (mm) over direction as an SRBF sum of offset 0, and the rms (mm) that the fit leaves."""
+class FormDeviation:
+    """Radial deviation (mm) over direction as an SRBF sum of offset 0, and the rms residual (mm) of the fit."""
 
     surface: SrbfSurface
     residual_rms_mm: float
@@ -27,11 +27,11 @@ class Deviation:
 
 def fit_deviation(
     basis: SrbfBasis, directions: Float[np.ndarray, "n 3"], deviations: Float[np.ndarray, " n"]
-) -> Deviation:
-    """Smooth radial ``deviations`` (mm) at unit ``directions`` onto the functions of ``basis``, symmetry left out.
+) -> FormDeviation:
+    """Fit radial ``deviations`` (mm) at unit ``directions`` by the functions of ``basis``, without its symmetry.
 
     Ridge regression, its strength by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979):
-    the noise of the points decides how much of the detail is believed.
+    the noise of the points decides how much of the detail is kept.
     """
     free = SrbfBasis(basis.levels, basis.sigma_c)
     moments, load, total = np.zeros((free.size, free.size)), np.zeros(free.size), float(np.sum(deviations**2))
@@ -45,13 +45,13 @@ def fit_deviation(
     weights = vectors @ (turned / (eigenvalues + ridge))
     surface = SrbfSurface(free, weights, 0.0)
     residual = deviations - surface.radius(directions)
-    return Deviation(surface, float(np.sqrt(np.mean(residual**2))))
+    return FormDeviation(surface, float(np.sqrt(np.mean(residual**2))))
 
 
 def _best_ridge(
     eigenvalues: Float[np.ndarray, " m"], turned: Float[np.ndarray, " m"], total: float, count: int
 ) -> float:
-    """The ridge of the least ``RSS / (n - degrees of freedom)^2``."""
+    """Ridge with the least ``RSS / (n - degrees of freedom)^2``."""
     ridges = _RIDGES[:, None] * eigenvalues.max()
     kept = eigenvalues / (eigenvalues + ridges)
     explained = turned**2 / (eigenvalues + ridges)
@@ -62,7 +62,7 @@ def _best_ridge(
 
 
 def coverage(directions: Float[np.ndarray, "n 3"], reach_rad: float) -> float:
-    """The share of the hemisphere that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
+    """Share of the hemisphere that has a measured point within ``reach_rad``; elsewhere the design is assumed."""
     chord = 2.0 * np.sin(0.5 * reach_rad)
     nearest, _ = cKDTree(directions).query(fibonacci_hemisphere(_COVERAGE_DIRECTIONS), distance_upper_bound=chord)
     return float(np.isfinite(nearest).mean())

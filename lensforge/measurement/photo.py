@@ -1,4 +1,4 @@
-"""``lensforge compare --on``: a photograph of the part's light against the simulation, as in the paper's Fig. 7."""
+"""A photograph of the part's light against the simulation, as in the paper's Fig. 7."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,14 +8,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.evaluation.metrics import relative_deviation, uniformity
-from lensforge.gates import Gate, at_most
 from lensforge.measurement.comparison import Evenness, Located, PhotoComparison, Pixel
 from lensforge.measurement.corners import locate
-from lensforge.measurement.orientation import require_upright
-from lensforge.measurement.photograph import Photograph, lit_only, read_photograph
-from lensforge.measurement.rectify import rectify
+from lensforge.measurement.photograph import Photograph, lit_only, read_photograph, rectify, require_upright
 from lensforge.measurement.similarity import displacement, moved_back, normalised, similarity
 from lensforge.receivers.pixels import PixelGrid
 
@@ -25,10 +23,10 @@ _LEAST_PIXELS = 11  # the window of SSIM
 
 @dataclass(frozen=True)
 class Shot:
-    """What was photographed: LED on, LED off, the target's corners (column, row), its side, the camera's gamma.
+    """Photographs: LED on, LED off, the target's corners (column, row), its side, the camera's gamma.
 
-    Corners of None are looked for in the pictures; a side of None is that of the design's receiver. Raises
-    :class:`InputError` for a side or a gamma that is none.
+    Corners of None are searched for in the pictures; a side of None is that of the design's receiver. Raises
+    :class:`InputError` for a side or a gamma that is not above 0 and finite.
     """
 
     on: Path
@@ -53,7 +51,7 @@ def compare_photo(
 ) -> PhotoComparison:
     """Compare ``shot`` with the ``simulated`` irradiance ([y, x], any unit) on a receiver ``receiver_mm`` wide.
 
-    Corners that are not given are looked for. Both pictures are scaled to a mean of 1. ``inputs``: hashes of what was
+    Corners that are not given are searched for. Both images are scaled to a mean of 1. ``inputs``: hashes of what was
     simulated, by name. Raises :class:`InputError` for pictures or corners that cannot be used.
     """
     grid, reference = PixelGrid(receiver_mm, len(simulated)), normalised(simulated)
@@ -79,7 +77,7 @@ def compare_photo(
         measured_evenness=_evenness(measured, grid, uniform_mm),
         simulated_evenness=_evenness(reference, grid, uniform_mm),
         clipped=picture.clipped,
-        gates=(_not_clipped(picture.clipped),),
+        criteria=(_not_clipped(picture.clipped),),
         measured=measured,
         simulated=reference,
         axis_mm=grid.axis_mm(),
@@ -95,14 +93,14 @@ def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pi
     return first, second, third, fourth
 
 
-def _not_clipped(share: float) -> Gate:
+def _not_clipped(share: float) -> Criterion:
     return at_most(
         "photo_clipped", share, CLIPPED_SHARE, "of the target", "expose for a shorter time, both pictures alike"
     )
 
 
 def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
-    """The line through the centre along ``axis``, the mean of the two middle lines if the number of them is even."""
+    """Line through the centre along ``axis``, the mean of the two middle lines if their number is even."""
     lines = image if axis == "x" else image.T
     middle = len(image) // 2
     mean: Float[np.ndarray, " p"] = lines[middle - (len(image) % 2 == 0) : middle + 1].mean(axis=0)
@@ -111,7 +109,7 @@ def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[n
 
 @dataclass(frozen=True)
 class _OnTarget:
-    """The picture on the receiver, its mean 1; the share of it that the camera clipped; and the corners it is by."""
+    """The photograph on the receiver, its mean 1; the share of it that the camera clipped; and its corners."""
 
     light: Float[np.ndarray, "p p"]
     clipped: float
@@ -121,7 +119,10 @@ class _OnTarget:
 def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "p p"]) -> tuple[_OnTarget, Located | None]:
     """The photograph on the receiver, and how its corners were found if they were not given."""
     if grid.pixels < _LEAST_PIXELS:
-        raise InputError(f"evaluate.pixels = {grid.pixels}: at least {_LEAST_PIXELS} to compare pictures")
+        raise InputError(
+            f"the simulation has {grid.pixels} x {grid.pixels} pixels, must be at least {_LEAST_PIXELS} x "
+            f"{_LEAST_PIXELS} to be compared with a photograph; evaluate with more pixels"
+        )
     on = read_photograph(shot.on, shot.gamma)
     dark = read_photograph(shot.off, shot.gamma) if shot.off else None
     lit = lit_only(on, dark)
@@ -144,17 +145,19 @@ def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"
     unseen = float(np.isnan(image).mean())
     if unseen > 0.0:
         raise InputError(
-            f"--corners: {unseen:.1%} of the receiver of {grid.side_mm:g} mm lies outside of {shot.on}; "
-            "are the corners those of a square of --target-mm?"
+            f"corners: {unseen:.1%} of the receiver of {grid.side_mm:g} mm lies outside of {shot.on}; "
+            f"are they those of a square of target_mm = {target_mm:g}?"
         )
     if image.mean() <= 0.0:
-        raise InputError(f"{shot.on}: no brighter than --off within the corners; are the two pictures interchanged?")
+        raise InputError(
+            f"{shot.on}: no brighter than with the LED off within the corners; are on and off interchanged?"
+        )
     clipped = float(rectify(picture.clipped, corners, target_mm, grid).mean())
     return _OnTarget(normalised(image), clipped, corners)
 
 
 def _border_share(reference: Float[np.ndarray, "p p"]) -> float:
-    """How bright the simulation is at its border, of its peak."""
+    """Mean of the simulation at its border over its peak."""
     border = np.concatenate([reference[0], reference[-1], reference[:, 0], reference[:, -1]])
     return float(border.mean() / reference.max())
 

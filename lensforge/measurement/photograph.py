@@ -1,14 +1,31 @@
-"""Photographs as linear light: read, decoded, the dark frame taken off."""
+"""A photograph as linear light on the target plane: read, dark frame subtracted, rectified, and upright."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import map_coordinates
 
 from lensforge.errors import InputError
+from lensforge.measurement.similarity import similarity
+from lensforge.receivers.pixels import PixelGrid
 
 _REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, blue (ITU-R BT.709)
+_MOST_SAMPLES = 16  # a side, for each pixel of the result
+_ORDER = "top left, top right, bottom right, bottom left of the simulated picture (y upwards)"
+_CLEARLY = 0.5  # another orientation must have half of the NMSE at most to be reported
+# Orders in which the corners of an upright picture are taken, by name.
+_ORIENTATIONS = {
+    "rotated by 90 deg": (1, 2, 3, 0),
+    "rotated by 180 deg": (2, 3, 0, 1),
+    "rotated by 270 deg": (3, 0, 1, 2),
+    "mirrored, left for right": (1, 0, 3, 2),
+    "mirrored, top for bottom": (3, 2, 1, 0),
+    "mirrored about a diagonal": (0, 3, 2, 1),
+    "mirrored about the other diagonal": (2, 1, 0, 3),
+}
 
 
 @dataclass(frozen=True)
@@ -50,12 +67,89 @@ def read_photograph(path: Path, gamma: float = 1.0) -> Photograph:
 
 
 def lit_only(on: Photograph, off: Photograph | None) -> Photograph:
-    """The light of the LED alone: ``on`` less ``off``, taken with the LED off and the same exposure."""
+    """Subtract ``off``, taken with the LED off and the same exposure, from ``on``."""
     if off is None:
         return on
     if on.light.shape != off.light.shape:
         raise InputError(
-            f"--off: {off.light.shape[1]} x {off.light.shape[0]} pixels, --on has "
+            f"off: {off.light.shape[1]} x {off.light.shape[0]} pixels, the photograph with the LED on has "
             f"{on.light.shape[1]} x {on.light.shape[0]}; take both with the same camera settings"
         )
     return Photograph(on.light - off.light, on.clipped)
+
+
+def rectify(
+    picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2"], target_mm: float, grid: PixelGrid
+) -> Float[np.ndarray, "p p"]:
+    """Average ``picture`` over each pixel of ``grid``, indexed [y, x] with y upwards.
+
+    ``corners``: column and row in the picture, 0 at the centre of the first pixel, of the corners of the centred square
+    of ``target_mm``: top left, top right, bottom right, bottom left as the simulation shows them. A camera behind the
+    panel sees them mirrored; given in this order, they turn the picture back. Light outside of the picture is NaN.
+    Raises :class:`InputError` for corners that do not bound a square seen from one side.
+    """
+    transform = _homography(corners, target_mm)
+    samples = _samples(corners, target_mm, grid)
+    fine = PixelGrid(grid.side_mm, grid.pixels * samples)
+    y, x = np.meshgrid(fine.axis_mm(), fine.axis_mm(), indexing="ij")
+    columns, rows = transform(np.stack([x.ravel(), y.ravel()], axis=1)).T
+    values = map_coordinates(picture, [rows, columns], order=1, mode="constant", cval=np.nan)
+    blocks = values.reshape(grid.pixels, samples, grid.pixels, samples)
+    mean: Float[np.ndarray, "p p"] = blocks.mean(axis=(1, 3))
+    return mean
+
+
+def _homography(corners: Float[np.ndarray, "4 2"], target_mm: float) -> Any:
+    """Homography from mm on the target to column and row: a ``skimage.transform.ProjectiveTransform``."""
+    from skimage.transform import ProjectiveTransform
+
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    if not (np.isfinite(corners).all() and ((turns > 1.0).all() or (turns < -1.0).all())):
+        raise InputError(f"corners {listed(corners)}: they bound no convex quadrilateral; the order is {_ORDER}")
+    half = target_mm / 2.0
+    square = np.array([[-half, half], [half, half], [half, -half], [-half, -half]])
+    return ProjectiveTransform.from_estimate(square, corners)
+
+
+def _samples(corners: Float[np.ndarray, "4 2"], target_mm: float, grid: PixelGrid) -> int:
+    """Samples along a side of a pixel: as many as the picture has pixels there, so that none is left out."""
+    longest = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).max()
+    return int(np.clip(np.ceil(longest / target_mm * grid.pitch_mm), 2, _MOST_SAMPLES))
+
+
+def listed(corners: Float[np.ndarray, "4 2"]) -> str:
+    """Corners as column,row to a tenth of a pixel, as the command line takes them."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+
+
+def require_upright(
+    measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"], corners: Float[np.ndarray, "4 2"]
+) -> None:
+    """Raise :class:`InputError` where ``measured`` is far more similar to ``simulated`` when rotated or mirrored.
+
+    Both are normalised. Either the camera was rotated, or stood behind the panel, or the lens itself is wrong: the
+    picture alone does not tell, so the user has to, with corners in that order or as they are.
+    """
+    upright = similarity(measured, simulated).nmse
+    other = {name: similarity(_turned(measured, order), simulated).nmse for name, order in _ORIENTATIONS.items()}
+    best = min(other, key=lambda name: other[name])
+    if other[best] < _CLEARLY * upright:
+        order = listed(corners[list(_ORIENTATIONS[best])])
+        raise InputError(
+            f"on: the light is more like the simulation if the picture is {best} (NMSE {other[best]:.2g}, upright "
+            f"{upright:.2g}); if the camera saw it so, give corners {order}; if not, give corners {listed(corners)}"
+        )
+
+
+def _turned(image: Float[np.ndarray, "p p"], order: tuple[int, ...]) -> Float[np.ndarray, "p p"]:
+    """``image`` ([y, x], y upwards) as rectified by its corners in another ``order``."""
+    # The corners of the image, in their order, as places in it: the corner ``order[k]`` comes to place k.
+    place = np.array([[1, 0], [1, 1], [0, 1], [0, 0]])  # (y, x) of top left, top right, bottom right, bottom left
+    taken = place[list(order)]
+    if taken[0, 0] == taken[1, 0]:  # along the top, x still runs
+        return image[:: 1 if taken[0, 0] else -1, :: 1 if taken[1, 1] else -1]
+    turned = image.T
+    # Transposed, the new x runs along the old y.
+    return turned[:: 1 if taken[0, 1] > taken[3, 1] else -1, :: 1 if taken[1, 0] > taken[0, 0] else -1]

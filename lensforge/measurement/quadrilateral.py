@@ -1,4 +1,4 @@
-"""A bright quadrilateral in a picture: around a region first, then by straight lines through its edges.
+"""Bright quadrilaterals in a picture: enclosing a region first, then by straight lines through its edges.
 
 Points are (column, row) in pixels, 0 at the centre of the first pixel, rows downwards.
 """
@@ -34,9 +34,9 @@ class Sides:
 
 
 def enclosing(region: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "4 2"] | None:
-    """A quadrilateral of nearly the least area around ``region``; None for a region without an area.
+    """Enclose ``region`` by a quadrilateral of nearly the least area; None for a region without an area.
 
-    The convex hull loses its edges one by one, always the one whose neighbours, drawn out until they meet, add least.
+    The convex hull loses its edges one by one, always the one whose neighbours, extended until they meet, add least.
     """
     rows, columns = np.nonzero(region)
     if np.ptp(rows) < 2 or np.ptp(columns) < 2:
@@ -55,7 +55,7 @@ def enclosing(region: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "4 2"] | Non
 
 
 def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
-    """Where the neighbours of each edge meet, and the area that this adds; infinite where they never do."""
+    """Points where the neighbours of each edge meet, and the area that this adds; infinite where they never do."""
     start, end = outline, np.roll(outline, -1, axis=0)
     before, after = start - np.roll(outline, 1, axis=0), end - np.roll(outline, -2, axis=0)
     turn = _cross(before, after)
@@ -69,7 +69,7 @@ def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndar
 
 
 def clockwise(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
-    """The same corners from the top left on, clockwise as seen."""
+    """Sort corners from the top left on, clockwise as seen."""
     offset = corners - corners.mean(axis=0)
     ordered = corners[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))]  # rows run down: clockwise as seen
     return np.roll(ordered, -int(np.argmin(ordered.sum(axis=1))), axis=0)
@@ -81,7 +81,7 @@ def area(corners: Float[np.ndarray, "4 2"]) -> float:
 
 
 def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2"], reach: float) -> Sides | None:
-    """Lines through the steepest descents from bright inside to dark outside, up to ``reach`` pixels off the sides.
+    """Fit lines through the steepest descents from bright inside to dark outside, up to ``reach`` pixels off the sides.
 
     Robust: Theil and Sen's slope first, then least squares of the points on that line. None where an edge has no points
     or two lines do not meet.

@@ -1,4 +1,4 @@
-"""How alike two pictures of the same receiver are, whatever their exposure."""
+"""Similarity of two images of the same receiver, whatever their exposure."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,13 +11,13 @@ _SUBPIXEL = 50
 
 
 def normalised(image: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """``image`` with a mean of 1: what is left of it is its shape."""
+    """Scale ``image`` to a mean of 1."""
     scaled: Float[np.ndarray, "p p"] = image / image.mean()
     return scaled
 
 
 def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Similarity:
-    """Compare two normalised pictures of at least 11 x 11 pixels.
+    """Compare two normalised images of at least 11 x 11 pixels.
 
     SSIM as in Z. Wang et al., "Image quality assessment: from error visibility to structural similarity", IEEE Trans.
     Image Process. 13 (2004): Gaussian window of 1.5 pixels, K = (0.01, 0.03), the dynamic range that of ``simulated``.
@@ -36,7 +36,7 @@ def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, 
 
 
 def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "2"]:
-    """How far (pixels along x, y) the pattern of ``measured`` lies from that of ``simulated``, by cross-correlation."""
+    """Displacement (pixels along x, y) of the pattern ``measured`` from ``simulated``, by cross-correlation."""
     from skimage.registration import phase_cross_correlation
 
     back = phase_cross_correlation(
@@ -46,6 +46,6 @@ def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray
 
 
 def moved_back(image: Float[np.ndarray, "p p"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "p p"]:
-    """``image`` with a displacement (pixels along x, y) undone; the edge is repeated outwards."""
+    """Undo a displacement of ``image`` (pixels along x, y); the edge is repeated outwards."""
     moved: Float[np.ndarray, "p p"] = shift(image, -by[::-1], order=3, mode="nearest")
     return moved

@@ -1,4 +1,4 @@
-"""``lensforge compare --points``: a measured surface against the design's, and the light that it would make."""
+"""A measured surface against the design's: registration, form deviation, and the light of the lens with it."""
 
 from dataclasses import dataclass
 from typing import get_args
@@ -8,17 +8,16 @@ import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import Preset
+from lensforge.criteria import Criterion, at_least
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_traced
-from lensforge.evaluation.light import Judged
+from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.gates import Gate, at_least
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
-from lensforge.measurement.comparison import Departure, Side, SurfaceComparison
-from lensforge.measurement.comparison import Pose as PoseRecord
-from lensforge.measurement.deviation import Deviation, coverage, fit_deviation
-from lensforge.measurement.registration import Freedom, Pose, distances, over_surface, register
+from lensforge.measurement.comparison import DeviationExtent, Pose, Registration, Side, SurfaceComparison
+from lensforge.measurement.deviation import FormDeviation, coverage, fit_deviation
+from lensforge.measurement.point_cloud import RigidMotion, distances, over_surface, register
 from lensforge.sources.bundle import Source
 from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.spline import tabulate
@@ -32,12 +31,15 @@ COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is 
 
 @dataclass(frozen=True)
 class Form:
-    """The measured surface in lens coordinates: pose, registered points (mm), their distance (mm), the smooth fit."""
+    """The measured surface in lens coordinates: motion, registered points and distances (mm), and the fit.
 
-    pose: Pose
+    ``used``: share of the points over the surface; ``covered``: share of the surface that was measured.
+    """
+
+    motion: RigidMotion
     points: Float[np.ndarray, "n 3"]
     distances: Float[np.ndarray, " n"]
-    deviation: Deviation
+    deviation: FormDeviation
     used: float
     covered: float
 
@@ -50,40 +52,40 @@ def compare_surface(
     source: Source,
     preset: Preset,
     rays: int | None = None,
-    freedom: Freedom = "rigid",
+    registration: Registration = "rigid",
 ) -> SurfaceComparison:
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
 
     Deviations are along the normal, positive away from the origin: too much material on the outer surface, too little
-    on the inner one. What ``freedom`` registers is taken out, and the rest is form; the other surface is the design's.
-    Raises :class:`InputError` for points that cannot be registered, and for a ``freedom`` that is none.
+    on the inner one. The motion that ``registration`` allows is taken out, the rest is form; the other surface is the
+    design's. Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
-    if freedom not in get_args(Freedom):
-        raise InputError(f"registration = {freedom!r}: must be one of {', '.join(get_args(Freedom))}")
+    if registration not in get_args(Registration):
+        raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
     patch = fit_patch(getattr(lens, side))
-    form = measure_form(patch, lens.basis, cloud, freedom)
+    form = measure_form(patch, lens.basis, cloud, registration)
     count = rays or min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
-    design = TracedLens.of(lens, preset.judge_nodes_per_sigma)
+    design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
     chart, height = _map(patch, form.deviation.surface)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
         surface=side,
-        registration=freedom,
+        registration=registration,
         point_count=len(cloud),
         used_share=form.used,
         covered_share=form.covered,
-        pose=_pose(form.pose),
-        point_deviation_um=_departure(1e3 * form.distances),
-        form_deviation_um=_departure(height[np.isfinite(height)]),
+        pose=_pose(form.motion),
+        point_deviation_um=_extent(1e3 * form.distances),
+        form_deviation_um=_extent(height[np.isfinite(height)]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
         rays=count,
         receiver_mm=before.receiver_mm,
-        design=Judged.of(before),
-        measured=Judged.of(after),
+        design=LightMetrics.of(before),
+        measured=LightMetrics.of(after),
         nmse_between=float(np.sum((after.map - before.map) ** 2) / np.sum(before.map**2)),
-        gates=tuple(_gates(form)),
+        criteria=tuple(_criteria(form)),
         points=form.points,
         distance_um=1e3 * form.distances,
         chart=chart,
@@ -94,16 +96,18 @@ def compare_surface(
     )
 
 
-def measure_form(patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], freedom: Freedom = "rigid") -> Form:
+def measure_form(
+    patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid"
+) -> Form:
     """Register ``cloud`` (mm) to the surface of ``patch``, and fit its radial deviation by ``basis``."""
-    pose = register(patch, cloud, freedom)
-    placed = pose.apply(cloud)
+    motion = register(patch, cloud, registration)
+    placed = motion.apply(cloud)
     over = over_surface(placed)
     points = placed[over]
     radius = np.linalg.norm(points, axis=1)
     directions = points / radius[:, None]
     return Form(
-        pose=pose,
+        motion=motion,
         points=points,
         distances=distances(patch, points)[0],
         deviation=fit_deviation(basis, directions, radius - patch.radius(directions)),
@@ -113,7 +117,7 @@ def measure_form(patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"]
 
 
 def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> TracedLens:
-    """The design's tables, one of them with the deviation on it: tables are linear in the radius."""
+    """The design with the deviation added to one table: tables are linear in the radius."""
     tables = {"inner": design.inner, "outer": design.outer}
     tables[side] = tables[side] + torch.from_numpy(tabulate(design.scene.grid, deviation))
     return TracedLens(design.scene, tables["inner"], tables["outer"], design.table_error_nm)
@@ -131,12 +135,12 @@ def _map(patch: Patch, deviation: SrbfSurface) -> tuple[Float[np.ndarray, " m"],
     return axis, height
 
 
-def _pose(pose: Pose) -> PoseRecord:
-    return PoseRecord(
-        rotation_deg=_triple(np.degrees(pose.rotation_rad)),
-        rotation_standard_error_deg=_triple(np.degrees(pose.rotation_error_rad)),
-        translation_mm=_triple(pose.translation_mm),
-        translation_standard_error_mm=_triple(pose.translation_error_mm),
+def _pose(motion: RigidMotion) -> Pose:
+    return Pose(
+        rotation_deg=_triple(np.degrees(motion.rotation_rad)),
+        rotation_standard_error_deg=_triple(np.degrees(motion.rotation_error_rad)),
+        translation_mm=_triple(motion.translation_mm),
+        translation_standard_error_mm=_triple(motion.translation_error_mm),
     )
 
 
@@ -144,8 +148,8 @@ def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])
 
 
-def _departure(values: Float[np.ndarray, " n"]) -> Departure:
-    return Departure(
+def _extent(values: Float[np.ndarray, " n"]) -> DeviationExtent:
+    return DeviationExtent(
         pv=float(np.ptp(values)),
         rms=float(np.sqrt(np.mean(values**2))),
         min=float(values.min()),
@@ -153,7 +157,7 @@ def _departure(values: Float[np.ndarray, " n"]) -> Departure:
     )
 
 
-def _gates(form: Form) -> list[Gate]:
+def _criteria(form: Form) -> list[Criterion]:
     other = "give the points of this surface alone, near to lens coordinates"
     more = "measure more of the surface"
     return [

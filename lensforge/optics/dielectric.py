@@ -30,6 +30,6 @@ def refract(directions: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], rat
 def fresnel_transmittance(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Tensor, " n"]:
     """Transmitted share of unpolarised flux (Born & Wolf, Principles of Optics, 1.5.2). Mask total reflection first."""
     behind = torch.sqrt(transmitted_cosine_squared(cosine, ratio))
-    senkrecht = (ratio * cosine - behind) / (ratio * cosine + behind)
-    parallel = (cosine - ratio * behind) / (cosine + ratio * behind)
-    return 1.0 - 0.5 * (senkrecht**2 + parallel**2)
+    r_s = (ratio * cosine - behind) / (ratio * cosine + behind)
+    r_p = (cosine - ratio * behind) / (cosine + ratio * behind)
+    return 1.0 - 0.5 * (r_s**2 + r_p**2)

@@ -1,4 +1,4 @@
-"""Refractive index against wavelength: dispersion formulas, and the lens materials whose coefficients are published.
+"""Refractive index of lens materials: dispersion formulas with published coefficients; transmittance of a surface.
 
 Wavelengths are in nm at the boundary and in um inside of the formulas, as the coefficients are published. NumPy only.
 """
@@ -137,3 +137,8 @@ MATERIALS = _catalogue([
         _MALITSON,
     ),
 ])  # fmt: skip
+
+
+def normal_transmittance(refractive_index: float) -> float:
+    """Transmittance of one surface at normal incidence; two of them bound a lens's efficiency, 0.923 for PMMA."""
+    return 1.0 - ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2

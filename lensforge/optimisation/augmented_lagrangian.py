@@ -1,6 +1,6 @@
 """Constraints in a search: sequential unconstrained minimisation with multipliers.
 
-The paper takes the minimum over the hemisphere, whose gradient sees one point. Here every watched point carries its
+The paper takes the minimum over the hemisphere, whose gradient sees one point. Here every point carries its
 own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, a smoother way there.
 """
 
@@ -10,28 +10,28 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.optimisation.chart_points import ChartOperator, constraint_points
 from lensforge.optimisation.constraints import Constraint, constraints_of
-from lensforge.optimisation.watch import Watch, watched_points
 from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid
 
 
 @dataclass
 class AugmentedLagrangian:
-    """Multipliers of ``c`` constraints at ``k`` watched points; the fields are scaled by each constraint's share."""
+    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's share."""
 
     constraints: tuple[Constraint, ...]
-    watch: Watch
-    stringency: float = 2e4
+    watch: ChartOperator
+    penalty: float = 2e4
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
     @staticmethod
-    def of(spec: Spec, grid: TableGrid, stringency: float = 2e4) -> "AugmentedLagrangian":
-        """For the spec's constraints, watched on ``grid``."""
+    def of(spec: Spec, grid: TableGrid, penalty: float = 2e4) -> "AugmentedLagrangian":
+        """The spec's constraints at points of ``grid``."""
         constraints = constraints_of(spec)
         derivatives = any(constraint.derivatives for constraint in constraints)
-        points = watched_points(grid, spec.lens.basis.symmetry)
-        return AugmentedLagrangian(constraints, Watch.of(grid, points, derivatives), stringency)
+        points = constraint_points(grid, spec.lens.basis.symmetry)
+        return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives), penalty)
 
     def __post_init__(self) -> None:
         area = self.watch.points.scale**2
@@ -45,12 +45,12 @@ class AugmentedLagrangian:
         )
         self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
 
-    def fresh(self, stringency: float) -> "AugmentedLagrangian":
+    def fresh(self, penalty: float) -> "AugmentedLagrangian":
         """The same constraints with multipliers of 0."""
-        return AugmentedLagrangian(self.constraints, self.watch, stringency)
+        return AugmentedLagrangian(self.constraints, self.watch, penalty)
 
     def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
-        """The constraints at the watched points of two tables, each times its share."""
+        """The constraints at the points of two tables, each times its share."""
         at_inner, at_outer = self.watch.jets(inner, outer)
         values = [each.field(at_inner, at_outer, self.watch.points) for each in self.constraints]
         return self._share * torch.stack(values)
@@ -63,10 +63,10 @@ class AugmentedLagrangian:
     def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
         push = self._push(fields)
-        return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.stringency)
+        return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.penalty)
 
     def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
-        """What the worst point lacks, as a multiple of its constraint's margin: 1 at the limit, 0 where all is kept."""
+        """Violation at the worst point, in margins of its constraint: 1 at the limit, 0 where all are kept."""
         return float(torch.clamp(1.0 - fields.detach() / self._margin, min=0.0).max())
 
     def update(self, fields: Float[Tensor, "c k"]) -> None:
@@ -74,4 +74,4 @@ class AugmentedLagrangian:
         self.multipliers = self._push(fields.detach())
 
     def _push(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, "c k"]:
-        return torch.clamp(self.multipliers - self.stringency * (fields - self._margin), min=0.0)
+        return torch.clamp(self.multipliers - self.penalty * (fields - self._margin), min=0.0)

@@ -14,11 +14,11 @@ from lensforge.lens import Lens
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes
 
-_ANEW = "delete it, or run without --resume"
+_ANEW = "delete it, or start anew without resume"
 
 
 def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device: torch.device | None) -> str:
-    """What a checkpoint belongs to: another spec, seed, preset, start or device must not resume from it."""
+    """Digest of what a checkpoint belongs to: another spec, seed, preset, start or device must not resume from it."""
     searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
     files = input_hashes(spec)
     text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
@@ -38,7 +38,7 @@ def load_checkpoint(path: Path, key: str) -> dict[str, Any]:
     try:
         content = torch.load(path, weights_only=True)
     except FileNotFoundError:
-        raise InputError(f"{path}: no checkpoint to resume from; run without --resume") from None
+        raise InputError(f"{path}: no checkpoint to resume from; start anew without resume") from None
     except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
         raise InputError(f"{path}: damaged checkpoint ({type(error).__name__}); {_ANEW}") from None
     if not isinstance(content, dict) or not isinstance(content.get("state"), dict):

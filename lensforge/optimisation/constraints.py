@@ -1,4 +1,4 @@
-"""What makes a lens feasible: the paper's three constraints, Eqs. (10) to (14), and those of the shop on request.
+"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and those of the shop on request.
 
 The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. On request no hollow is tighter than the
 ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould
@@ -14,8 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
 from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
-from lensforge.optimisation.watch import ChartPoints, RadiusJet
 from lensforge.spec import Spec
 
 # The search aims this far inside of the limits, relative to the largest radius, to the cutter's curvature, and in
@@ -51,7 +51,7 @@ class Constraint:
 
     @property
     def name(self) -> str:
-        """As the gate calls it."""
+        """Name of its criterion."""
         return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
@@ -103,7 +103,7 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
             Constraint(
                 f"{surface}_curvature_margin_per_mm",
                 "1/mm",
-                partial(_room_for_ball, surface, air, 1.0 / limit_mm),
+                partial(_curvature_margin, surface, air, 1.0 / limit_mm),
                 share=0.5 * sigma**2 * spec.constraints.max_radius_mm,
                 margin=_CURVATURE_MARGIN / limit_mm,
                 tolerance=_CURVATURE_TOLERANCE / limit_mm,
@@ -120,7 +120,7 @@ def _of_mould(spec: Spec) -> list[Constraint]:
         Constraint(
             f"{surface}_draft_margin_deg",
             "deg",
-            partial(_draft_to_spare, surface, limit_deg),
+            partial(_draft_margin, surface, limit_deg),
             share=radians(sigma),
             margin=_DRAFT_MARGIN_DEG,
             tolerance=_DRAFT_TOLERANCE_DEG,
@@ -135,14 +135,14 @@ def _of_mould(spec: Spec) -> list[Constraint]:
     ]
 
 
-def _room_for_ball(
+def _curvature_margin(
     surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
-    """By how much (1/mm) the surface may still be hollowed until the ball of the given curvature touches twice."""
+    """Concave curvature (1/mm) left until the ball of the given curvature touches twice."""
     return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
 
 
-def _draft_to_spare(
+def _draft_margin(
     surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
     """Draft (deg) beyond the limit."""

@@ -1,22 +1,29 @@
-"""The result of the design stage: the lens, how it was found, and by how much it keeps its constraints."""
+"""The result of the design stage: the lens, how it was found, and by how much it keeps its constraints.
 
+What a search tells of itself after every gradient step, and how it is told to stop.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import model_validator
 
-from lensforge.gates import Gate
+from lensforge.criteria import Criterion
 from lensforge.lens import Lens
 from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult
-from lensforge.sources.account import SourceAccount
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
 
 Quantity = Literal["nmse", "loss", "efficiency"]
 
 
 class Margins(Record):
-    """By how much a lens keeps its constraints, Eqs. (10) to (14), at the worst place; below 0 it does not.
+    """Margins by which a lens keeps its constraints, Eqs. (10) to (14), at the worst place; negative where it does not.
 
     ``cavity_clearance_mm``: what the paraboloid of the cavity leaves free. ``wall_margin_mm``: wall beyond the least
     one. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec asks for it: curvature that
@@ -68,10 +75,10 @@ class Design(StageResult):
     max_radius_mm: Positive
     height_mm: Positive
     constraints: Margins
-    source: SourceAccount
+    source: SourceSummary
     source_outline_mm: tuple[Point, ...]
     history: tuple[Level, ...]
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
 
     @model_validator(mode="after")
     def _every_constraint_has_its_history(self) -> "Design":
@@ -95,3 +102,26 @@ class Design(StageResult):
             curves[f"{level.functions} functions"] = (range(start, start + len(values)), values)
             start += len(values)
         return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The state of a search; ``lens()`` makes the lens as it is now, for those who ask.
+
+    ``level`` counts from 0; ``functions``: how many of each surface move in it. ``level_done``: this was its last step.
+    """
+
+    level: int
+    step: int
+    steps_done: int
+    steps_total: int
+    nmse: float
+    efficiency: float
+    functions: int
+    level_done: bool
+    accuracy: Accuracy
+    lens: Callable[[], Lens]
+
+
+# Called after every gradient step; a search whose observer returns False stops, all else goes on.
+Observer = Callable[[Progress], object]

@@ -1,15 +1,22 @@
-"""Whether the finished lens is feasible: its constraints by the exact sum, and a gate for each."""
+"""Feasibility: constraints of a finished lens by the exact sum, and the projection of a search's end onto them.
+
+A search of a few hundred noisy steps ends close to its limits, on either side of them: its multipliers still swing by
+some micrometres. Where a limit is missed, the parameters are projected to the feasible set, which the light does not
+notice. A search that ended inside of its limits is left as it is, to the bit.
+"""
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.gates import Gate, at_least
+from lensforge.criteria import Criterion, at_least
 from lensforge.lens import Lens
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.chart_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.optimisation.constraints import Constraint, constraints_of
 from lensforge.optimisation.design import Margins
-from lensforge.optimisation.watch import ChartPoints, RadiusJet, Watch, watched_points
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
@@ -33,13 +40,13 @@ def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
-        everywhere = watched_points(grid, lens.spec.lens.basis.symmetry)
+        everywhere = constraint_points(grid, lens.spec.lens.basis.symmetry)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
     return Margins.model_validate(found)
 
 
-def constraint_gates(spec: Spec, measured: Margins) -> tuple[Gate, ...]:
-    """One gate for each constraint of ``spec``: at least 0 but for its tolerance."""
+def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
+    """One criterion for each constraint of ``spec``: at least 0 but for its tolerance."""
     return tuple(
         at_least(each.name, getattr(measured, each.key), -each.tolerance, each.unit, each.remedy)
         for each in constraints_of(spec)
@@ -61,10 +68,55 @@ def _least(
     """The minimum over ``points``, then over finer ones around where it is."""
     least, step = np.inf, grid.step
     for _ in range(2):
-        watch = Watch.of(grid, points, derivatives=True)
+        watch = ChartOperator.of(grid, points, derivatives=True)
         inner, outer = watch.jets(*tables)
         field = constraint.field(inner, outer, watch.points)
         least, at = min(least, float(field.min())), points[int(field.argmin())]
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
     return least
+
+
+_ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
+_INSIDE = 0.7  # of the margin may be missing: the peak between the watched points is a little higher than they are
+_PROGRESS = 0.8  # a round that leaves more of the shortfall than this leads nowhere
+
+
+def project_to_feasible(
+    parametrisation: Parametrisation,
+    constraints: AugmentedLagrangian,
+    weights: Float[Tensor, "m 2"],
+    offsets: Float[Tensor, "2"],
+) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
+    """``weights`` and ``offsets`` moved by as little as makes the watched points feasible, with some of the margin.
+
+    Least squares in the relative parameters, by augmented Lagrangian. What is too far off for that is left as it is.
+    """
+    constraints = constraints.fresh(_PENALTY)
+    moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
+
+    def fields() -> Float[Tensor, "c k"]:
+        return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
+
+    lacking = constraints.shortfall(fields())
+    for _ in range(_ROUNDS):
+        if lacking <= _INSIDE:
+            break
+        optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
+
+        def closure(optimiser: torch.optim.LBFGS = optimiser) -> Tensor:
+            optimiser.zero_grad()
+            loss = 0.5 * torch.sum(moved**2) + constraints.term(fields())
+            loss.backward()
+            return loss
+
+        optimiser.step(closure)
+        with torch.no_grad():
+            now = fields()
+        constraints.update(now)
+        before, lacking = lacking, constraints.shortfall(now)
+        if lacking > _PROGRESS * before:
+            break
+    if lacking > 1.0:
+        return weights, offsets
+    return weights + moved[1:].detach(), offsets + moved[0].detach()

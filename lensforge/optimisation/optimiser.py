@@ -11,21 +11,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge import seeds
 from lensforge.accuracy import PRESETS
-from lensforge.errors import Cancelled
+from lensforge.errors import Cancelled, remedy
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.checkpoint import fingerprint, load_checkpoint, save_checkpoint
-from lensforge.optimisation.design import Design, Level
-from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
-from lensforge.optimisation.objective import Evaluated, Objective
+from lensforge.optimisation.design import Design, Level, Observer, Progress
+from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints, project_to_feasible
+from lensforge.optimisation.merit import Evaluated, MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.optimisation.polish import nearest_feasible
-from lensforge.optimisation.progress import Observer, Progress
-from lensforge.optimisation.rays_ahead import rays_ahead
-from lensforge.optimisation.schedule import Stage, plan
+from lensforge.optimisation.schedule import Stage, plan, rays_ahead
 from lensforge.optimisation.symmetry import settled_symmetry
-from lensforge.sources.build import account_of
+from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import input_hashes, section_sha256
@@ -34,7 +32,6 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 _ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, where radius and height are read off
-_SEED_STRIDE = 1_000_003  # a scramble of its own for every step, whatever step the run was resumed at
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ def search(
     resume: bool = False,
     progress: Observer | None = None,
 ) -> Design:
-    """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by their twin on ``device``.
+    """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
     ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on.
     ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and ends
@@ -76,22 +73,22 @@ def search(
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     stages = plan(spec, preset) if start is None else plan(spec, preset)[-1:]
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
-    objective = Objective.of(spec, source, parametrisation, device)
+    merit = MeritFunction.of(spec, source, parametrisation, device)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     key = fingerprint(spec, seed, accuracy, start, device)
     state = _fresh_state(parametrisation, constraints, start)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))
-    run = _Search(source, objective, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
+    run = _Search(source, merit, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
     run.run(checkpoint, key)
     state = run.state
-    weights, offsets = nearest_feasible(parametrisation, constraints, state.weights, state.offsets)
+    weights, offsets = project_to_feasible(parametrisation, constraints, state.weights, state.offsets)
     lens = parametrisation.lens(weights, offsets, spec, seed, accuracy)
     return _design(lens, source, state, stages[-1].rays)
 
 
 def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> Design:
-    """What a finished search is worth to its reader."""
+    """The record of a finished search."""
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     radius, margins = lens.outer.radius(directions), measure_constraints(lens)
     steps = sum(len(level["nmse"]) for level in state.history)
@@ -105,10 +102,10 @@ def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> De
         max_radius_mm=float(radius.max()),
         height_mm=float((radius * directions[:, 2]).max()),
         constraints=margins,
-        source=account_of(source, lens.spec.source),
+        source=summarise(source, lens.spec.source),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
         history=tuple(_level(level) for level in state.history),
-        gates=constraint_gates(lens.spec, margins),
+        criteria=constraint_criteria(lens.spec, margins),
     )
 
 
@@ -129,7 +126,7 @@ def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrang
 @dataclass
 class _Search:
     source: Source
-    objective: Objective
+    merit: MeritFunction
     constraints: AugmentedLagrangian
     stages: list[Stage]
     seed: int
@@ -161,12 +158,13 @@ class _Search:
         self.constraints.multipliers = self.state.multipliers
         earlier = sum(before.steps for before in self.stages[: self.state.stage])
         steps = range(self.state.step, stage.steps)
-        seeds = (self.seed * _SEED_STRIDE + earlier + step for step in steps)
+        own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         started = time.perf_counter()
-        for step, rays in zip(steps, rays_ahead(self.source, stage.rays, seeds), strict=True):
+        for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
             for group in optimiser.param_groups:
                 group["lr"] = stage.rate(step)
-            result = self.objective.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
+            with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
+                result = self.merit.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step()
@@ -185,16 +183,16 @@ class _Search:
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
             if self.observer(self._progress(stage, earlier, result)) is False:
-                raise Cancelled(f"{self.objective.spec.name}: cancelled after step {earlier + self.state.step}")
+                raise Cancelled(f"{self.merit.spec.name}: cancelled after step {earlier + self.state.step}")
             yield
             started = time.perf_counter()
 
     def _progress(self, stage: Stage, earlier: int, result: Evaluated) -> Progress:
-        state, objective = self.state, self.objective
+        state, merit = self.state, self.merit
 
         def lens() -> Lens:
-            make = objective.parametrisation.lens
-            return make(state.weights, state.offsets, objective.spec, self.seed, self.accuracy)
+            make = merit.parametrisation.lens
+            return make(state.weights, state.offsets, merit.spec, self.seed, self.accuracy)
 
         return Progress(
             level=stage.level,
@@ -210,7 +208,7 @@ class _Search:
         )
 
     def _values(self, result: Evaluated) -> dict[str, float]:
-        """What the history keeps of a step."""
+        """History of one step."""
         least = self.constraints.least(result.fields)
         return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
 

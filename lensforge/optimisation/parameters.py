@@ -1,4 +1,4 @@
-"""What the optimiser turns: relative weights and offsets of the free surfaces, and the tables of both."""
+"""Parameters of a search: relative weights and offsets of the free surfaces, and the tables of both."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,9 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from lensforge.errors import remedy
+from lensforge.kernels.sparse import SparseMatrix
 from lensforge.lens import Lens
-from lensforge.optimisation.sparse import SparseMatrix
-from lensforge.receivers.losses import mirror_mean
+from lensforge.optimisation.symmetry import mirror_mean
 from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
@@ -40,7 +41,7 @@ class LevelMap:
         return count
 
     def coefficients(self, weights: Float[Tensor, "m c"]) -> Float[Tensor, "side side c"]:
-        """Table coefficients of ``c`` sets of weights, first index Y."""
+        """Table coefficients of ``c`` sets of weights, first index Y: the product ends with it."""
         side, nodes = self.refine.rows.shape
         samples = (self.samples @ weights).reshape(nodes, -1)
         along_x = (self.refine @ samples).reshape(side, nodes, -1)
@@ -67,8 +68,9 @@ class Parametrisation:
         """For the spec's lens, on a grid that resolves its narrowest feature."""
         lens, basis = spec.lens, spec.lens.basis
         details = [basis.detail_rad, *(surface.detail_rad for surface in lens.fixed if surface is not None)]
-        grid = grid_for(min(details), nodes_per_sigma)
-        levels = tuple(LevelMap.of(level) for level in weight_maps(grid, basis))
+        with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
+            grid = grid_for(min(details), nodes_per_sigma)
+            levels = tuple(LevelMap.of(level) for level in weight_maps(grid, basis))
         return Parametrisation(basis, grid, levels, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
 
     def tables(
@@ -80,10 +82,9 @@ class Parametrisation:
             if first < len(weights):
                 total = total + level.coefficients(weights[first : first + level.functions])
             first += level.functions
-        images = ((total + offsets) * self.scale_mm).unbind(dim=-1)
-        # images have y in their rows, tables X
+        free = ((total + offsets) * self.scale_mm).unbind(dim=-1)
         inner, outer = (
-            mirror_mean(images[i], self.basis.symmetry).T if still is None else still
+            mirror_mean(free[i].T, self.basis.symmetry, x_axis=0) if still is None else still
             for i, still in enumerate(self._fixed_tables)
         )
         return inner.contiguous(), outer.contiguous()

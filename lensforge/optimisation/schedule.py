@@ -1,9 +1,12 @@
-"""Coarse to fine: which SRBF levels move, for how many steps, how boldly."""
+"""Coarse to fine: which SRBF levels move, for how many steps and how far; and the fresh rays of every step."""
 
 import math
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from lensforge.accuracy import Preset
+from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 
 # Step sizes relative to the starting offset: bold while the functions are few and broad, small at the end.
@@ -44,3 +47,15 @@ def plan(spec: Spec, preset: Preset) -> list[Stage]:
             )
         )  # fmt: skip
     return stages
+
+
+def rays_ahead(source: Source, count: int, seeds: Iterable[int]) -> Iterator[RayBundle]:
+    """A sample of ``count`` rays for each of ``seeds``, in their order; one more than is in use is kept in memory."""
+    with ThreadPoolExecutor(1) as pool:
+        following = None
+        for seed in seeds:
+            current, following = following, pool.submit(source.sample, count, seed)
+            if current is not None:
+                yield current.result()
+        if following is not None:
+            yield following.result()

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optimisation.watch import ChartPoints, RadiusJet
+from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
 
 _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the derivative of the root finite
 
@@ -47,7 +47,7 @@ def pull_cosine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
 
 
 def _gradient(jet: RadiusJet, points: ChartPoints) -> tuple[Float[Tensor, " k"], Float[Tensor, " k"]]:
-    """Of ``ln(rho)`` on the unit sphere, along the chart's axes."""
+    """Gradient of ``ln(rho)`` on the unit sphere, along the chart's axes."""
     rho_x, rho_y = jet.derivatives[:2]
     per_angle = 1.0 / (jet.rho * points.scale)
     return rho_x * per_angle, rho_y * per_angle

@@ -1,9 +1,10 @@
-"""The mirror symmetry that source and target share: a lens may have it, and no larger one."""
+"""Mirror symmetry that source and target share: a lens may have it, and no larger one."""
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from lensforge.errors import InputError
-from lensforge.receivers.losses import mirror_mean
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import Source
@@ -30,3 +31,17 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
 def _in_target(spec: Spec, name: str) -> bool:
     wanted = torch.from_numpy(target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.optimise.pixels)))
     return torch.allclose(mirror_mean(wanted, name), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max()))
+
+
+def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str, x_axis: int = 1) -> Float[Tensor, "p p"]:
+    """Mean over the mirror images of values on a square grid about the axis, x along ``x_axis``.
+
+    On an image (row y, column x) of a scene that has this symmetry: the same light from up to 8 times the rays.
+    """
+    if symmetry in ("mirror_x", "rectangle", "square"):
+        grid = 0.5 * (grid + grid.flip(x_axis))
+    if symmetry in ("mirror_y", "rectangle", "square"):
+        grid = 0.5 * (grid + grid.flip(1 - x_axis))
+    if symmetry == "square":
+        grid = 0.5 * (grid + grid.T)
+    return grid

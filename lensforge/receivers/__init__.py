@@ -1,1 +1,1 @@
-"""From exit rays to irradiance, and from irradiance to a number."""
+"""Receivers: exit rays become irradiance on pixels; and the irradiance that is wanted there."""

@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from lensforge.kernels.jit import in_chunks
+from lensforge.kernels.landing import LEAST_RISE, land
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane_kernel import LEAST_RISE, land
 from lensforge.receivers.receiver import Landings
 from lensforge.spec import Target
-from lensforge.tracing.chunks import in_chunks
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 
@@ -48,7 +48,7 @@ class PlaneReceiver:
         return Sensitivities(self.distance_mm, by_hits, np.empty((0, 3)))
 
     def land_in_torch(self, rays: ExitRays) -> Landings:
-        """The twin of ``land`` in plain torch, on any device and in any precision; differentiable."""
+        """``land`` in plain torch, on any device and in any precision; differentiable."""
         landed = rays.left_lens & (rays.directions[:, 2].detach() > LEAST_RISE)
         rows = torch.nonzero(landed)[:, 0]
         points, directions = rays.points[rows], rays.directions[rows]

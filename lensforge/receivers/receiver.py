@@ -1,10 +1,10 @@
-"""The protocol of every receiver: it knows where exit rays land, and no lens."""
+"""Protocol of every receiver: it knows where exit rays land, and no lens; and its landings, as arrays too."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from lensforge.receivers.pixels import PixelGrid
@@ -16,13 +16,13 @@ class Landings:
     """Exit rays on a receiver, in their order.
 
     ``hits``: position on the pixel grid (mm), also beside it; ``flux``: W; both 0 where a ray did not land. ``landed``:
-    rays that reach the surface in which the receiver lies. ``averted``: rays that left the lens and never reach it.
+    rays that reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     """
 
     hits: Float[Tensor, "n 2"]
     flux: Float[Tensor, " n"]
     landed: Bool[Tensor, " n"]
-    averted: Bool[Tensor, " n"]
+    missed_receiver: Bool[Tensor, " n"]
 
 
 @runtime_checkable
@@ -44,9 +44,31 @@ class Receiver(Protocol):
         ...
 
     def sensitivities(self, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
-        """Sensitivities to exit rays from those to their hits, which are 0 for averted rays."""
+        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
         ...
 
     def land_in_torch(self, rays: ExitRays) -> Landings:
-        """The twin of ``land`` in plain torch, on any device and in any precision; differentiable."""
+        """``land`` in plain torch, on any device and in any precision; differentiable."""
         ...
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Hits (mm) and flux (W) of rays on a receiver; 0 for rays that did not land."""
+
+    hits: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+
+    @staticmethod
+    def of(landings: Landings) -> "Hits":
+        """The arrays of ``landings``, in float64 and without a gradient."""
+        return Hits(*(tensor.detach().cpu().double().numpy() for tensor in (landings.hits, landings.flux)))
+
+    @property
+    def arrived(self) -> Bool[np.ndarray, " n"]:
+        """Rays that brought flux."""
+        return self.flux > 0.0
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Hits":
+        """Hits of some of the rays."""
+        return Hits(self.hits[rows], self.flux[rows])

@@ -1,18 +1,20 @@
-"""What a result is made of: frozen records whose every field is typed, finite and within its range, and their files."""
+"""Records: frozen, every field typed, finite and within its range; results of stages are records with files."""
 
-from lensforge.records.arrays import Array
+from lensforge.records.arrays import Array, Image, Line
 from lensforge.records.fields import (
     Count,
+    Extent,
     Flag,
+    Metric,
     NotNegative,
     Number,
     Point,
     Positive,
     Sha256,
     Share,
+    State,
     Text,
 )
-from lensforge.records.metric import Extent, Metric, State
 from lensforge.records.record import Record, Scalar
 from lensforge.records.result import Given, InFile, StageResult
 
@@ -22,7 +24,9 @@ __all__ = [
     "Extent",
     "Flag",
     "Given",
+    "Image",
     "InFile",
+    "Line",
     "Metric",
     "NotNegative",
     "Number",

@@ -1,8 +1,10 @@
-"""Types of a record's fields: strict, so that a text is never taken for a number, and each with its range."""
+"""Types of a record's fields: numbers with their ranges, strict, so that text is never taken for a number; metrics."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
+
+from lensforge.records.record import Record
 
 _ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by that much
 
@@ -15,3 +17,28 @@ Flag = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True)]
 Sha256 = Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{64}$")]
 Point = tuple[Number, Number, Number]  # x, y, z in mm
+
+
+class Metric(Record):
+    """``value`` in ``unit`` ("" for a ratio) and its standard error; None where one sample alone was taken."""
+
+    value: Number
+    unit: Text = ""
+    standard_error: NotNegative | None = None
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        error = "" if self.standard_error is None else f" ± {self.standard_error:.2g}"
+        return f"{self.value:.6g}{error}{' ' if self.unit else ''}{self.unit}"
+
+
+class Extent(Record):
+    """Largest absolute value and root mean square of a quantity; its unit stands in the name of the field."""
+
+    max: NotNegative
+    rms: NotNegative
+
+
+State = Literal["pass", "fail", "undecided"]

@@ -1,17 +1,15 @@
 """The base of all records: frozen, validated, equal to the bit, and one flat row for a table."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from html import escape
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 from pydantic.fields import FieldInfo
 
-from lensforge.errors import InputError
 from lensforge.records.arrays import Array, bind
+from lensforge.records.html import table_html
+from lensforge.records.validation import same
 
 Scalar = float | int | bool | str | None
 _Mark = TypeVar("_Mark")
@@ -19,6 +17,8 @@ _Mark = TypeVar("_Mark")
 
 class Record(BaseModel):
     """Frozen; every field has a type and a range, and a field that is not known is refused."""
+
+    unions: ClassVar[tuple[str, ...]] = ()  # fields that are one of several records, by their ``kind``
 
     model_config = ConfigDict(
         frozen=True,
@@ -30,7 +30,7 @@ class Record(BaseModel):
     )
 
     def __eq__(self, other: object) -> bool:
-        """Whether ``other`` has the same class and the same bits in every field."""
+        """True where ``other`` has the same class and the same bits in every field."""
         if type(self) is not type(other):
             return NotImplemented
         return all(same(getattr(self, name), getattr(other, name)) for name in type(self).model_fields)
@@ -54,11 +54,8 @@ class Record(BaseModel):
         return dict(_flat(self, ""))
 
     def _repr_html_(self) -> str:
-        """For a notebook: the row as a table."""
-        cells = (
-            f"<tr><th>{escape(key)}</th><td>{escape(_shown(value))}</td></tr>" for key, value in self.row().items()
-        )
-        return f"<table>{''.join(cells)}</table>"
+        """HTML for a notebook: the row as a table."""
+        return table_html({key: _shown(value) for key, value in self.row().items()})
 
 
 def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
@@ -68,34 +65,6 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
         if get_origin(part) is Annotated:
             found += [each for each in get_args(part)[1:] if isinstance(each, kind)]
     return found[0] if found else None
-
-
-def same(one: Any, other: Any) -> bool:
-    """Whether two values are the same, arrays to the bit."""
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return (
-            isinstance(one, np.ndarray)
-            and isinstance(other, np.ndarray)
-            and one.dtype == other.dtype
-            and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
-        )
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(same, one, other))
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
-    return bool(one == other)
-
-
-def refused(error: ValidationError, origin: str, remedy: str = "") -> InputError:
-    """The one line for the first wrong field of what ``origin`` names."""
-    first = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
-    value = json.dumps(first["input"]) if isinstance(first["input"], str | int | float | bool) else ""
-    shown = f" = {value if len(value) <= 60 else value[:57] + '...'}" if value else ""
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    parts = [part for part in (origin, f"{field}{shown}" if field else "", f"{message}{more}") if part]
-    return InputError(": ".join(parts) + (f"; {remedy}" if remedy else ""))
 
 
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:

@@ -1,7 +1,7 @@
-"""Results of a stage: a record with a name, a version, the hashes of its inputs, and files to be kept in.
+"""The result of a stage: a record with a name, a version, the hashes of its inputs, and its files.
 
-What is an array goes into the stage's npz file, what is marked :class:`InFile` into a file of its own, all else into
-its JSON file. What is marked :class:`Given` belongs to another stage: the reader hands it in.
+An array is kept in the stage's npz file, a field marked :class:`InFile` in a file of its own, all else in the JSON
+file. A field marked :class:`Given` belongs to another stage: the reader hands it in.
 """
 
 import hashlib
@@ -14,19 +14,21 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.files import read_json, replacing
+from lensforge.files import replacing
 from lensforge.records.arrays import Array
 from lensforge.records.fields import Sha256, Text
-from lensforge.records.pictures import PICTURES, drawn, picture_html
-from lensforge.records.record import Record, Scalar, marker, refused
-from lensforge.records.stored import lacking, read_arrays, read_bytes, reject_outdated
+from lensforge.records.html import PLOT_KINDS, plot_file, plot_html
+from lensforge.records.record import Record, Scalar, marker
+from lensforge.records.stored import read_arrays, read_bytes, read_object, validated
+from lensforge.records.validation import its_type
 from lensforge.version import __version__
 
-_ARRAYS = "arrays_sha256"  # of the npz file beside the JSON, which alone vouches for it
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
+_ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
+_UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # the same result may take another time
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class InFile:
 
 
 class StageResult(Record):
-    """What one stage found. ``inputs``: SHA-256 of what it was made from, by name."""
+    """Result of one stage. ``inputs``: SHA-256 of what it was made from, by name."""
 
     stage: ClassVar[str]
     command: ClassVar[str] = ""  # what makes it anew, where that is not the stage's name
@@ -58,7 +60,7 @@ class StageResult(Record):
 
     @classmethod
     def again(cls) -> str:
-        """What to run when the files are no use."""
+        """The remedy for files that cannot be used: the command that makes them anew."""
         return f"run `lensforge {cls.command or cls.stage}` again"
 
     @classmethod
@@ -99,9 +101,9 @@ class StageResult(Record):
         return {key: value for key, value in super().row().items() if key.split(".")[0] not in elsewhere}
 
     def _repr_html_(self) -> str:
-        """For a notebook: the plot, and the row as a table."""
+        """HTML for a notebook: the plot, and the row as a table."""
         draw = getattr(self, "plot", None)
-        return (picture_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
+        return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Every file of the result by name: JSON, npz, and what stands in files of its own."""
@@ -161,11 +163,11 @@ class StageResult(Record):
             return
         if suffix in products:
             content = products[suffix]
-        elif suffix in PICTURES and draw is not None:
-            content = drawn(draw, suffix[1:])
+        elif suffix[1:] in PLOT_KINDS and draw is not None:
+            content = plot_file(draw, suffix[1:])
         else:
-            kinds = ", ".join([*products, ".json", *(PICTURES if draw is not None else ())])
-            raise InputError(f"{path}: a {type(self).__name__} is saved as one of {kinds}; give such a name")
+            kinds = ", ".join([*products, ".json", *(f".{kind}" for kind in (PLOT_KINDS if draw is not None else ()))])
+            raise InputError(f"{path}: {its_type(self)} is saved as one of {kinds}; give such a name")
         with replacing(path) as temporary:
             temporary.write_bytes(content)
 
@@ -174,12 +176,9 @@ class StageResult(Record):
         """Read what :meth:`write` wrote; ``given``: the fields marked so. Raises :class:`InputError`, one line."""
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
-        content = read_json(path, f"run `lensforge {cls.command or cls.stage}` first")
-        if not isinstance(content, dict):
-            raise InputError(f"{path}: holds a {type(content).__name__}, must be an object; {cls.again()}")
-        reject_outdated(content, cls.schema_name(), path, cls.again())
-        arrays_sha256 = content.get(_ARRAYS)
-        content = {key: value for key, value in content.items() if key not in ("schema", _ARRAYS)}
+        first = f"run `lensforge {cls.command or cls.stage}` first"
+        content = read_object(path, cls.schema_name(), cls.again(), first)
+        arrays_sha256 = content.pop(_ARRAYS, None)
         for field in cls.stored_elsewhere():
             if field in content:
                 raise InputError(f"{path}: {field}: has no place in the JSON file; {cls.again()}")
@@ -191,12 +190,8 @@ class StageResult(Record):
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
                 content[field] = read_bytes(folder / own.name, info.is_required(), cls.again())
-        try:
-            result = cls.model_validate(content)
-        except ValidationError as error:
-            raise refused(error, str(path), cls.again()) from None
-        missing = lacking(result.model_dump(mode="json", exclude={*cls.stored_elsewhere()}), content)
-        missing = missing or next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
+        result = validated(cls, content, path, cls.again(), cls.stored_elsewhere())
+        missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
         return result
@@ -204,13 +199,10 @@ class StageResult(Record):
 
 def _without_times(content: object) -> object:
     if isinstance(content, dict):
-        return {key: _without_times(value) for key, value in content.items() if key not in _NOT_OF_THE_RESULT}
+        return {key: _without_times(value) for key, value in content.items() if key not in _UNHASHED}
     return [_without_times(value) for value in content] if isinstance(content, list) else content
 
 
 def type_fields(cls: type[Record]) -> Mapping[str, Any]:
     """The fields of a record's class by name."""
     return cls.model_fields
-
-
-_NOT_OF_THE_RESULT = ("seconds", "cast_seconds", "rate", "version")  # the same result may take another time

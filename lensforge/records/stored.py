@@ -1,19 +1,41 @@
-"""What is read of a result's files before it is a record: each thing that can be wrong with them is one line."""
+"""Reading a record from its files: each thing that can be wrong with them is one line, with its remedy."""
 
 import hashlib
 import io
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 
 from lensforge.errors import InputError, OutdatedResult
+from lensforge.files import read_json
+from lensforge.records.record import Record
+from lensforge.records.validation import input_error, its_type
+
+_Record = TypeVar("_Record", bound=Record)
 
 
-def reject_outdated(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
-    """Raise :class:`InputError` unless ``content`` states ``schema``; :class:`OutdatedResult` for an earlier one."""
+def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
+    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for no file at all.
+
+    Raises :class:`InputError` for anything else, :class:`OutdatedResult` for an earlier version of the schema.
+    """
+    return stated(read_json(path, first or remedy), schema, path, remedy)
+
+
+def stated(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
+    """``content`` of a file as an object that states ``schema``, without that entry; errors as :func:`read_object`."""
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds {its_type(content)}, must be an object; {remedy}")
+    _require_schema(content, schema, path, remedy)
+    return {key: value for key, value in content.items() if key != "schema"}
+
+
+def _require_schema(content: Mapping[str, object], schema: str, path: Path, remedy: str) -> None:
     found = content.get("schema")
     if found == schema:
         return
@@ -23,23 +45,37 @@ def reject_outdated(content: Mapping[str, object], schema: str, path: Path, reme
     raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
 
 
-def lacking(whole: object, content: object) -> str:
+def validated(
+    kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str, stored_elsewhere: Collection[str] = ()
+) -> _Record:
+    """``content`` of a file as a record that has every field of its own there, but those ``stored_elsewhere``."""
+    try:
+        record = kind.model_validate(content)
+    except ValidationError as error:
+        raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
+    missing = _lacking(record.model_dump(mode="json", exclude={*stored_elsewhere}), content)
+    if missing:
+        raise InputError(f"{path}: {missing}: missing; {remedy}")
+    return record
+
+
+def _lacking(whole: object, content: object) -> str:
     """The dotted name of the first field of ``whole`` that ``content`` has not; empty where it has all."""
     if isinstance(whole, dict) and isinstance(content, dict):
         for name, value in whole.items():
             if name not in content:
                 return str(name)
-            if deeper := lacking(value, content[name]):
+            if deeper := _lacking(value, content[name]):
                 return f"{name}.{deeper}"
     elif isinstance(whole, list) and isinstance(content, list | tuple):
         for index, (value, given) in enumerate(zip(whole, content, strict=False)):
-            if deeper := lacking(value, given):
+            if deeper := _lacking(value, given):
                 return f"{index}.{deeper}"
     return ""
 
 
 def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
-    """What a file of its own holds; None for one that need not be there."""
+    """The content of a file; None for one that is not there and not ``required``."""
     try:
         return path.read_bytes()
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""The handful of numbers that say how good the lens is, each with the line that puts it into place."""
+"""The headline numbers of a lens, one card each: value, unit, and a line that puts it into place."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,13 +8,12 @@ import numpy as np
 from lensforge.evaluation.light import Light
 from lensforge.figures.light_unit import WATTS
 from lensforge.geometry.part import Part
-from lensforge.manufacturing.cut import Check, FaceResult
+from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.optimisation.design import Design
 from lensforge.records import Metric
-from lensforge.report.headline import gates_state
-from lensforge.report.numerals import number, percent
-from lensforge.report.task import unit_of_light
+from lensforge.report.headline import criteria_state
+from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.results import Results
 from lensforge.verification.proof import Proof, StrayLight
 
@@ -23,7 +22,7 @@ from lensforge.verification.proof import Proof, StrayLight
 class Card:
     """One large number, its unit, and a line that puts it into place.
 
-    ``state``: "pass" or "fail" where the number is held against a limit, "open" where the shop must decide, else "".
+    ``state``: "pass" or "fail" where the number has a limit, "open" where the shop must decide, else "".
     """
 
     label: str
@@ -47,8 +46,8 @@ def cards(results: Results) -> list[Card]:
 
 
 def _state(results: Results, *names: str) -> str:
-    """What the gates called ``names`` say together; ``""`` where none of them has been judged."""
-    return gates_state((gate for _, gate in results.gates()), *names)
+    """``pass`` if all criteria called ``names`` are met, else ``fail``; ``""`` where none has been evaluated."""
+    return criteria_state((criterion for _, criterion in results.criteria()), *names)
 
 
 def _light_cards(results: Results) -> Iterator[Card]:
@@ -81,7 +80,7 @@ def _error(metric: Metric) -> str:
 
 
 def _level_cards(results: Results) -> Iterator[Card]:
-    """How bright: the mean in the mask, or the peak where the spec names no mask."""
+    """Mean level of light in the mask, or its peak where the spec names no mask."""
     light = results.find(Light)
     if light is None:
         return
@@ -97,15 +96,15 @@ def _level_cards(results: Results) -> Iterator[Card]:
 
 
 def _size_cards(results: Results) -> Iterator[Card]:
-    record, asked = results.find(Design), results.spec.constraints
+    record, limits = results.find(Design), results.spec.constraints
     if record is None:
         return
     within, clear = (_state(results, name) for name in ("radius margin", "cavity clearance"))
-    limit = f"the largest; asked: at most {asked.max_radius_mm:g} mm"
-    yield Card("Lens radius", number(record.max_radius_mm, 4), "mm", limit, within)
+    largest = f"the largest; at most {limits.max_radius_mm:g} mm allowed"
+    yield Card("Lens radius", number(record.max_radius_mm, 4), "mm", largest, within)
     yield Card("Lens height", number(record.height_mm, 4), "mm", "above the source plane, without the base")
-    room = f"beyond the {asked.cavity_height_mm:g} mm high, {2.0 * asked.cavity_radius_mm:g} mm wide space asked for"
-    yield Card("Cavity room", number(record.constraints.cavity_clearance_mm, 3), "mm", room, clear)
+    keep_out = f"to the {limits.cavity_height_mm:g} mm high, {2.0 * limits.cavity_radius_mm:g} mm wide keep-out space"
+    yield Card("Cavity clearance", number(record.constraints.cavity_clearance_mm, 3), "mm", keep_out, clear)
 
 
 def _file_cards(results: Results) -> Iterator[Card]:
@@ -123,10 +122,10 @@ def _mill_cards(results: Results) -> Iterator[Card]:
     tightest = min((record.inner, record.outer), key=_largest_mill)
     largest = tightest.cutter.largest_radius_mm
     fits = largest is None or largest >= tightest.cutter.radius_mm
-    asked = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm"
+    note = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm"
     value, unit = ("any", "") if largest is None else (number(largest, 3), "mm")
-    yield Card("Ball mill", value, unit, asked, "pass" if fits else "open")
-    wall = f"along the cavity's normal; asked: {results.spec.constraints.min_thickness_mm:g} mm radially"
+    yield Card("Ball mill", value, unit, note, "pass" if fits else "open")
+    wall = f"along the cavity's normal; required: {results.spec.constraints.min_thickness_mm:g} mm radially"
     yield Card("Thinnest wall", number(record.min_wall_mm, 4), "mm", wall, _state(results, "radial wall"))
 
 
@@ -139,12 +138,12 @@ def _proof_cards(results: Results) -> Iterator[Card]:
     record = results.find(Proof)
     if record is not None:
         floor = number(record.noise_floor_nmse, 2)
-        note = f"NMSE against the design, by {number(record.rays)} rays through it; noise makes {floor}"
+        note = f"NMSE against the design, by {number(record.rays)} rays through it; ray noise alone: {floor}"
         yield Card("Exported part", number(record.nmse_vs_design, 3), "", note, _state(results, "nmse_vs_design"))
 
 
 def _part_cards(results: Results) -> Iterator[Card]:
-    """Of what not every design has: stray light followed, a photograph, measured surfaces."""
+    """Cards of optional results: stray light, a photograph, measured surfaces."""
     stray, photo = results.find(StrayLight), results.find(PhotoComparison)
     if stray is not None:
         base = f"of the emitted flux within the window, by reflections; the base is {stray.base}"

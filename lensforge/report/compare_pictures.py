@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from lensforge.evaluation.light import Light
 from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.measurement.comparison import PhotoComparison
-from lensforge.report.drawing import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_house_style, new_figure
+from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
-from lensforge.report.measured_pictures import RELATIVE
-from lensforge.report.numerals import number
-from lensforge.report.pictures import Picture, picture, source_outline
+from lensforge.report.measured import RELATIVE
+from lensforge.report.numerals import number, unit_of_light
+from lensforge.report.pictures import PagePicture, picture, source_outline
 from lensforge.report.section_figures import lens_section, reach_mm
-from lensforge.report.task import unit_of_light
 from lensforge.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
@@ -35,25 +34,25 @@ class ComparedPictures:
 
     @cached_property
     def _units(self) -> list[LightUnit]:
-        """Of the lit designs: lux only where all of them know their lumens."""
+        """Unit of each simulated design: lux only where all of them know their lumens."""
         units = [unit_of_light(spec) for _, spec, _ in self._lit]
         return units if WATTS not in units else [WATTS] * len(units)
 
     @cached_property
     def one_scale(self) -> bool:
-        """Whether maps of all designs can be read with the same colours and millimetres."""
+        """True where the maps of all designs are legible with the same colours and millimetres."""
         sides = [light.receiver_mm for _, _, light in self._lit]
         return _spread(self._peaks) <= _APART and _spread(sides) <= _APART
 
     @cached_property
     def _peaks(self) -> list[float]:
-        """Of the lit designs, each in its unit."""
+        """Peak of each simulated design in its unit."""
         lit = zip(self._lit, self._units, strict=True)
         return [unit.per_w_m2 * float(light.map.max()) for (_, _, light), unit in lit]
 
     @cached_property
-    def maps(self) -> list[Picture]:
-        """Irradiance, every map with the same colours and the same millimetres where that can be read."""
+    def maps(self) -> list[PagePicture]:
+        """Irradiance maps, all with the same colours and millimetres where that is legible."""
         lit = list(zip(self._lit, self._units, self._peaks, strict=True))
         widest = max((light.receiver_mm for _, _, light in self._lit), default=0.0)
         pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
@@ -67,7 +66,7 @@ class ComparedPictures:
         return pictures
 
     @cached_property
-    def curves(self) -> list[Picture]:
+    def curves(self) -> list[PagePicture]:
         """Lines across the receivers and encircled energy, all designs in one picture."""
         if not self._lit:
             return []
@@ -78,7 +77,7 @@ class ComparedPictures:
         ]
 
     @cached_property
-    def photographs(self) -> list[Picture]:
+    def photographs(self) -> list[PagePicture]:
         """Photographs of the machined parts' light, each scaled to a mean of 1, on one scale."""
         found = ((name, design.find(PhotoComparison)) for name, design in self._designs)
         taken = [(name, photo) for name, photo in found if photo is not None]
@@ -91,7 +90,7 @@ class ComparedPictures:
         return pictures
 
     @cached_property
-    def sections(self) -> list[Picture]:
+    def sections(self) -> list[PagePicture]:
         """Sections at 0 deg, all to one scale."""
         reach = max(reach_mm(design.lens) for _, design in self._designs)
         return [
@@ -99,7 +98,7 @@ class ComparedPictures:
             for index, (name, design) in enumerate(self._designs)
         ]
 
-    @in_house_style
+    @in_report_style
     def _lines(self, direction: tuple[float, float]) -> Figure:
         figure, axes = new_figure(NARROW, 2.6)
         for (_, _, light), unit, colour in zip(self._lit, self._units, _COLOURS, strict=False):
@@ -111,7 +110,7 @@ class ComparedPictures:
         axes.set_ylim(bottom=0.0)
         return self._named(figure, axes)
 
-    @in_house_style
+    @in_report_style
     def _circles(self) -> Figure:
         figure, axes = new_figure(NARROW, 2.6)
         for (_, _, light), colour in zip(self._lit, _COLOURS, strict=False):

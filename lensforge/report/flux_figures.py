@@ -1,4 +1,4 @@
-"""Where the light went: what is emitted, less each loss, is what arrives."""
+"""Flux budget as a waterfall: the emitted flux less each loss is the detected flux."""
 
 from collections.abc import Sequence
 
@@ -7,37 +7,37 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from lensforge.evaluation.light import Flux, MissedByCause
-from lensforge.report.drawing import BLUE, GREEN, NARROW, ORANGE, in_house_style, new_figure
+from lensforge.report.figure_style import BLUE, GREEN, NARROW, ORANGE, in_report_style, new_figure
 
 _WORDS = {
     "backward": "emitted backwards",
     "outside_cavity": "started outside the cavity",
-    "base": "ran into the base",
-    "averted": "left away from the receiver",
-    "crossed": "met crossed surfaces",
+    "base": "hit the base",
+    "missed_receiver": "missed the receiver",
+    "surfaces_intersect": "met intersecting surfaces",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",
-    "absorbed_fresnel": "reflected at the surfaces",
+    "reflected": "reflected at the surfaces",
     "outside": "landed outside the window",
 }
 
 
 def losses(flux: Flux, missed: MissedByCause) -> list[tuple[str, float]]:
-    """(what happened, share of the emitted flux) of every loss above zero, in the order in which light meets them."""
+    """Every loss above zero as (words, share of the emitted flux), in the order in which light meets them."""
     shares = {**missed.model_dump(), **flux.model_dump()}
     return [(words, shares[name]) for name, words in _WORDS.items() if shares[name] > 0.0]
 
 
-def flux_account(flux: Flux, missed: MissedByCause) -> Figure:
+def flux_budget(flux: Flux, missed: MissedByCause) -> Figure:
     """A waterfall from the emitted flux through each loss to the detected flux; shares of the emitted flux."""
     return waterfall(losses(flux, missed), [("detected", flux.detected)])
 
 
-@in_house_style
+@in_report_style
 def waterfall(lost: Sequence[tuple[str, float]], kept: Sequence[tuple[str, float]]) -> Figure:
-    """From all of the emitted flux through what is ``lost``, step by step, to what is ``kept``, side by side from 0.
+    """A bar for the emitted flux, one for each share of it that is ``lost``, one for each that is ``kept``.
 
-    Both as (what it is, share of the emitted flux).
+    Both as (words, share of the emitted flux). Bars of ``kept`` stand end to end from 0.
     """
     count = len(lost) + len(kept)
     figure, axes = new_figure(NARROW, max(2.75, 0.55 + 0.4 * (count + 1)))
@@ -59,7 +59,7 @@ def waterfall(lost: Sequence[tuple[str, float]], kept: Sequence[tuple[str, float
 
 
 def _bar(axes: Axes, row: int, label: str, left: float, width: float, colour: str) -> None:
-    """One bar, what it is and how much above it: there is room for it whatever the width of the bar."""
+    """One bar; its label and share stand above it, where they fit whatever its width."""
     axes.barh(row + 0.16, width, left=left, height=0.42, color=colour, linewidth=0)
     axes.text(0.0, row - 0.12, label, ha="left", va="bottom")
     share = "< 0.01 %" if 0.0 < width < 5e-5 else f"{100.0 * width:.2f} %"

@@ -1,13 +1,15 @@
-"""What a reader wants first: are light, files and cutting as they should be, which gates fail, and what to try."""
+"""The top of a page: the task in words, the verdict on light, files and cutting, and the criteria with remedies."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from lensforge.gates import Gate
+from lensforge.criteria import Criterion
 from lensforge.records import State
 from lensforge.report.numerals import number
 from lensforge.results import Results
+from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget
+from lensforge.spec.target import ArrayTarget
 
 Shown = Literal["pass", "fail", "open"]  # the style in which a verdict is set
 
@@ -20,7 +22,7 @@ _STEMS = {
 }
 
 _REMARKS = {
-    "design": "There is no design.json, so how the lens was found is not known; run lensforge design.",
+    "design": "There is no design.json, so the search is not documented; run lensforge design.",
     "evaluate": "There is no evaluate.json: the finished lens has not been simulated; run lensforge evaluate.",
     "export": "There is no export.json: no file for a shop has been written; run lensforge export.",
     "check": "There is no check.json: the lens has not been checked for manufacture; run lensforge check.",
@@ -29,8 +31,8 @@ _REMARKS = {
 
 
 @dataclass(frozen=True)
-class GateRow:
-    """One line of the table of gates."""
+class CriterionRow:
+    """One line of the table of criteria."""
 
     stage: str
     name: str
@@ -42,7 +44,7 @@ class GateRow:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class VerdictBadge:
     """The verdict on light, on files or on cutting: its name, the word for its state, its style, and its reasons."""
 
     name: str
@@ -53,38 +55,61 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Headline:
-    """The top of a page: the three verdicts, and a sentence on the gates with its style."""
+    """The top of a page: the three verdicts, and a sentence on the criteria with its style."""
 
-    parts: tuple[Judgement, ...]
+    parts: tuple[VerdictBadge, ...]
     shown: Shown
     sentence: str
 
 
 def headline(results: Results) -> Headline:
-    """The verdict, and whether all gates hold, some fail, or there is more to be run first."""
+    """The verdict, and the state of the criteria: all met, some missed, or stages still to run."""
     verdict = results.verdict
     states: dict[str, State] = {"light": verdict.light, "files": verdict.files, "cutting": verdict.cutting}
     parts = tuple(
-        Judgement(name.capitalize(), state, _SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
+        VerdictBadge(name.capitalize(), state, _SHOWN[state], verdict.reasons_of(name))
+        for name, state in states.items()
     )
-    shown, sentence = _on_gates(results)
+    shown, sentence = _on_criteria(results)
     return Headline(parts, shown, sentence)
 
 
-def _on_gates(results: Results) -> tuple[Shown, str]:
-    gates = [gate for _, gate in results.gates()]
-    failed = [gate for gate in gates if not gate.passed]
+def task(spec: Spec) -> str:
+    """Source, lens and target in one line."""
+    lens = spec.lens
+    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}"
+    return f"{spec.source.title} · {body} · {_target(spec)} at {spec.target.distance_mm:g} mm"
+
+
+def _target(spec: Spec) -> str:
+    target = spec.target
+    if isinstance(target, FlatTopTarget):
+        return f"square flat top, {2.0 * target.half_width_mm:g} mm wide"
+    if isinstance(target, CrossTarget):
+        return f"cross, {target.length_mm:g} mm long"
+    if isinstance(target, TextTarget):
+        return f"“{target.text}”, {target.width_mm:g} mm wide"
+    if isinstance(target, ArrayTarget):
+        return f"given pattern, {target.width_mm:g} mm wide"
+    return f"{target.file.name}, {target.width_mm:g} mm wide"
+
+
+def _on_criteria(results: Results) -> tuple[Shown, str]:
+    criteria = [criterion for _, criterion in results.criteria()]
+    failed = [criterion for criterion in criteria if not criterion.passed]
     waiting = _waiting(results)
     if failed:
-        names = ", ".join(gate.name.replace("_", " ") for gate in failed)
-        return "fail", f"{len(failed)} of {len(gates)} gates fail: {names}.{waiting}"
-    if not gates:
-        return "open", f"Nothing has been judged.{waiting}"
-    return "open" if results.missing else "pass", f"All {len(gates)} gates hold.{waiting}"
+        names = ", ".join(criterion.name.replace("_", " ") for criterion in failed)
+        noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
+        return "fail", f"{len(failed)} of {len(criteria)} {noun} {verb} not met: {names}.{waiting}"
+    if not criteria:
+        return "open", f"No criterion has been evaluated.{waiting}"
+    all_met = "The only criterion is met." if len(criteria) == 1 else f"All {len(criteria)} criteria are met."
+    return "open" if results.missing else "pass", f"{all_met}{waiting}"
 
 
 def _waiting(results: Results) -> str:
-    """Which stages of a whole run have yet to run, or to run again."""
+    """Stages of a whole run that have yet to run, or to run again, as a sentence."""
     never = [stage for stage in results.missing if stage not in results.outdated]
     again = [stage_name(stem) for stem in results.outdated]
     return "".join(
@@ -93,7 +118,7 @@ def _waiting(results: Results) -> str:
 
 
 def outdated(results: Results) -> list[str]:
-    """A sentence for each file that belongs to another lens, part or version: which, and why it does not count."""
+    """A sentence for each file that belongs to another lens, part or version: its name, and the reason."""
     return [
         f"{stem}.json does not count: {why.rpartition(f'{stem}.json: ')[2]}." for stem, why in results.outdated.items()
     ]
@@ -106,34 +131,34 @@ def missing(results: Results) -> dict[str, str]:
 
 
 def stage_name(stem: str) -> str:
-    """What the result in ``stem``.json is called on a page."""
+    """Name on the page of the result in ``stem``.json."""
     return _STEMS.get(stem, stem)
 
 
-def gate_rows(results: Results) -> list[GateRow]:
-    """Every gate of every stage that has run."""
-    return [_gate_row(stage_name(stem), gate) for stem, gate in results.gates()]
+def criterion_rows(results: Results) -> list[CriterionRow]:
+    """A row for every criterion of every stage that has run."""
+    return [_criterion_row(stage_name(stem), criterion) for stem, criterion in results.criteria()]
 
 
-def _gate_row(stage: str, gate: Gate) -> GateRow:
-    sense = {"<=": "≤", ">=": "≥"}[gate.sense]
-    return GateRow(
+def _criterion_row(stage: str, criterion: Criterion) -> CriterionRow:
+    sense = {"<=": "≤", ">=": "≥"}[criterion.sense]
+    return CriterionRow(
         stage=stage,
-        name=gate.name.replace("_", " "),
-        value=number(gate.value, 4),
-        limit=f"{sense} {number(gate.limit, 4)}",
-        unit=gate.unit,
-        passed=gate.passed,
-        remedy=gate.remedy,
+        name=criterion.name.replace("_", " "),
+        value=number(criterion.value, 4),
+        limit=f"{sense} {number(criterion.limit, 4)}",
+        unit=criterion.unit,
+        passed=criterion.passed,
+        remedy=criterion.remedy,
     )
 
 
-def failed_rows(results: Results) -> list[GateRow]:
-    """The gates that do not hold: what a reader must see first."""
-    return [row for row in gate_rows(results) if not row.passed]
+def failed_rows(results: Results) -> list[CriterionRow]:
+    """Rows of the criteria that are not met, which stand at the top of the page."""
+    return [row for row in criterion_rows(results) if not row.passed]
 
 
-def gates_state(gates: Iterable[Gate], *names: str) -> Literal["pass", "fail", ""]:
-    """What those of ``gates`` that are called ``names`` say together; ``""`` where none of them was judged."""
-    judged = [gate.passed for gate in gates if gate.name in names]
-    return ("pass" if all(judged) else "fail") if judged else ""
+def criteria_state(criteria: Iterable[Criterion], *names: str) -> Literal["pass", "fail", ""]:
+    """``pass`` if all of ``criteria`` called ``names`` are met, else ``fail``; ``""`` where there is none of them."""
+    met = [criterion.passed for criterion in criteria if criterion.name in names]
+    return ("pass" if all(met) else "fail") if met else ""

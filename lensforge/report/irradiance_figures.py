@@ -1,4 +1,4 @@
-"""Light on the receiver: maps, their difference, lines across them, and how the flux gathers around the axis.
+"""Figures of light on the receiver: maps, their difference, lines across them, isolines and encircled energy.
 
 Images are irradiance in W/m^2, indexed [row y, column x], y upwards, and are drawn in the unit of light that a figure
 is given; ``receiver_mm`` is the side of the square.
@@ -14,17 +14,16 @@ from PIL import Image as PictureFile
 from scipy.ndimage import map_coordinates
 
 from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.report.drawing import BLUE, INK, NARROW, add_colour_bar, in_house_style, new_figure, new_map
+from lensforge.records import Image
+from lensforge.report.figure_style import BLUE, INK, NARROW, add_colour_bar, in_report_style, new_figure, new_map
 from lensforge.report.numerals import number
-
-Image = Float[np.ndarray, "p p"]
 
 _LINE_HEIGHT = 2.4
 ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
 MOST_DRAWN = 512  # pixels a side of a map: more than any screen gives a third of its width
 
 
-@in_house_style
+@in_report_style
 def irradiance_map(
     image: Image,
     receiver_mm: float,
@@ -36,7 +35,7 @@ def irradiance_map(
 ) -> Figure:
     """``image`` in false colour from 0 to ``top`` W/m^2, with the line at half of the peak of ``outline``.
 
-    ``mask_mm``: side of the square in which uniformity is judged, drawn dashed. ``width``: of the figure, in inches.
+    ``mask_mm``: side of the square in which uniformity is measured, drawn dashed. ``width``: of the figure, in inches.
     """
     figure, axes, bar = new_map(width)
     shown = _show(axes, unit.per_w_m2 * image, receiver_mm, "inferno", 0.0, unit.per_w_m2 * top)
@@ -54,9 +53,9 @@ def irradiance_map(
     return figure
 
 
-@in_house_style
+@in_report_style
 def isolines(image: Image, receiver_mm: float, level: float, unit: LightUnit = WATTS) -> Figure:
-    """Lines of equal light at the ``ISO_SHARES`` of ``level`` (W/m^2), and how much that is."""
+    """Lines of equal light at the ``ISO_SHARES`` of ``level`` (W/m^2), with the value of each."""
     figure, axes, scale = new_map()
     image = drawn(image)
     axis = pixel_axis_mm(receiver_mm, len(image))
@@ -76,7 +75,7 @@ def isolines(image: Image, receiver_mm: float, level: float, unit: LightUnit = W
     return figure
 
 
-@in_house_style
+@in_report_style
 def difference_map(difference: Image, receiver_mm: float, unit: LightUnit = WATTS) -> Figure:
     """A difference of irradiances, its colours centred on zero."""
     figure, axes, bar = new_map()
@@ -87,7 +86,7 @@ def difference_map(difference: Image, receiver_mm: float, unit: LightUnit = WATT
     return figure
 
 
-@in_house_style
+@in_report_style
 def line_comparison(
     line: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]],
     wanted: Image,
@@ -115,7 +114,7 @@ def line_comparison(
     return figure
 
 
-@in_house_style
+@in_report_style
 def encircled_energy(wanted: Image, reached: Image, receiver_mm: float) -> Figure:
     """The share of the receiver's flux within a circle around the axis, over the circle's radius."""
     figure, axes = new_figure(NARROW, 2.75)
@@ -152,7 +151,7 @@ def along(
     return values
 
 
-def telling_lines(target: Image, receiver_mm: float) -> list[tuple[str, tuple[np.ndarray, np.ndarray]]]:
+def profile_lines(target: Image, receiver_mm: float) -> list[tuple[str, tuple[np.ndarray, np.ndarray]]]:
     """Names and ends (mm) of the lines y = 0, x = 0, and a third: the target's brightest row, else the diagonal.
 
     A pattern that is brightest on the axis gets its diagonal, where a square has its corners.

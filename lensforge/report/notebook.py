@@ -1,4 +1,4 @@
-"""Results as a notebook shows them: the verdicts, headline numbers, the light and a section."""
+"""Results in a notebook: the verdicts, headline numbers, the light and a section."""
 
 from html import escape
 
@@ -7,7 +7,7 @@ from lensforge.report.headline import headline
 from lensforge.report.pictures import first_picture, section_pictures
 from lensforge.results import Results
 
-_MARKS = {"pass": "✓", "fail": "✗", "open": "see shop", "": ""}
+_MARKS = {"pass": "✓", "fail": "✗", "open": "ask the shop", "": ""}
 
 
 def results_html(results: Results) -> str:

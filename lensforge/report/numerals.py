@@ -1,12 +1,48 @@
-"""Numbers as a reader wants them: rounded where digits mean nothing, with exponents as exponents."""
+"""Numbers and units for a page: rounded, with typographic exponents; the unit of a value by its path in a record."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
+
+from lensforge.figures.light_unit import LightUnit, light_unit
+from lensforge.spec import Spec
 
 _THIN_SPACE = "\u2009"
 _MINUS = "\u2212"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOTHING = "–"
+DIMENSIONLESS = ""
+
+# The longest suffix first: `_per_mm` ends in `_mm` too, `_lm_per_w` in `_w`.
+_SUFFIXES = (
+    ("_lm_per_w", "lm/W"),
+    ("_per_mm", "1/mm"),
+    ("_seconds", "s"),
+    ("_pixel2", "pixel²"),
+    ("_mrad", "mrad"),
+    ("_w_m2", "W/m²"),
+    ("_mm3", "mm³"),
+    ("_mm2", "mm²"),
+    ("_rad", "rad"),
+    ("_deg", "°"),
+    ("_mm", "mm"),
+    ("_um", "µm"),
+    ("_nm", "nm"),
+    ("_lm", "lm"),
+    ("_cd", "cd"),
+    ("_px", "pixel"),
+    ("_w", "W"),
+)
+_WHOLE_NAMES = {
+    "seconds": "s",
+    "bytes": "B",
+    "filter_variance": "pixel²",
+    "rate": "1/s",
+    "lumens": "lm",
+    "watts": "W",
+    "lumens_per_watt": "lm/W",
+}
+_PURE_NUMBERS = ("fraction", "share", "count", "nmse", "efficiency")
 
 
 def number(value: float | None, digits: int = 6) -> str:
@@ -49,6 +85,33 @@ def anything(value: object) -> str:
     return number(value) if isinstance(value, int | float) else str(value)
 
 
+def unit_of(names: Sequence[str]) -> str:
+    """The unit of the value at the path ``names``, outermost name first; ``""`` for a pure number.
+
+    The innermost name that implies a unit decides: ``form_error_nm.max`` is in nm, ``draft_deg.min`` in degrees, and
+    ``draft_deg.area_fraction`` is a pure number.
+    """
+    for name in reversed(names):
+        unit = _stated(name)
+        if unit is not None:
+            return unit
+    return DIMENSIONLESS
+
+
+def unit_of_light(spec: Spec) -> LightUnit:
+    """Lux where the spec says how many lumens a watt of its source is, without it W/m^2."""
+    return light_unit(spec.source.luminous_efficacy_lm_per_w)
+
+
 def _grouped(digits: str) -> str:
     sign, digits = (_MINUS, digits[1:]) if digits.startswith("-") else ("", digits)
     return sign + (f"{int(digits):,}".replace(",", _THIN_SPACE) if len(digits) > 4 else digits)
+
+
+def _stated(name: str) -> str | None:
+    if name in _WHOLE_NAMES:
+        return _WHOLE_NAMES[name]
+    for suffix, unit in _SUFFIXES:
+        if name.endswith(suffix):
+            return unit
+    return DIMENSIONLESS if any(word in name for word in _PURE_NUMBERS) else None

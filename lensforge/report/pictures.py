@@ -1,4 +1,4 @@
-"""Which pictures the page shows of the results at hand, and what is written under each."""
+"""Pictures of light, lens, faces and search with their titles and captions, as the page shows them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,15 +8,13 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from lensforge.evaluation.light import Light
-from lensforge.manufacturing.cut import Check, FaceResult
+from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.optimisation.design import Design
-from lensforge.report import flux_figures, history_figures, irradiance_figures, section_figures, surface_figures
-from lensforge.report.drawing import to_svg
-from lensforge.report.numerals import number, percent
-from lensforge.report.snapshot import Snapshot
-from lensforge.report.snapshot_figure import snapshot_figure
+from lensforge.report import flux_figures, irradiance_figures, search_figures, section_figures, surface_figures
+from lensforge.report.figure_style import to_svg
+from lensforge.report.numerals import number, percent, unit_of_light
+from lensforge.report.snapshots import Snapshot
 from lensforge.report.surface_figures import ChartMap
-from lensforge.report.task import unit_of_light
 from lensforge.results import Results
 from lensforge.spec.source import SquareSource
 
@@ -24,7 +22,7 @@ _FIRST = 4.6  # inches: half of the page
 
 
 @dataclass(frozen=True)
-class Picture:
+class PagePicture:
     """A figure as SVG, a short title and a caption."""
 
     svg: str
@@ -32,12 +30,12 @@ class Picture:
     caption: str
 
 
-def picture(name: str, figure: Figure, title: str, caption: str = "") -> Picture:
+def picture(name: str, figure: Figure, title: str, caption: str = "") -> PagePicture:
     """``figure`` as it enters a page; ``name`` is unique on the page."""
-    return Picture(to_svg(figure, name, title), title, caption)
+    return PagePicture(to_svg(figure, name, title), title, caption)
 
 
-def first_picture(results: Results) -> Picture | None:
+def first_picture(results: Results) -> PagePicture | None:
     """The light, as the page opens with it."""
     light = results.find(Light)
     if light is None:
@@ -47,7 +45,7 @@ def first_picture(results: Results) -> Picture | None:
     return picture("first", figure, "The light", f"Simulated {unit.quantity} at {light.distance_mm:g} mm.")
 
 
-def irradiance_pictures(results: Results) -> list[Picture]:
+def irradiance_pictures(results: Results) -> list[PagePicture]:
     """Target, simulated irradiance and their difference."""
     light = results.find(Light)
     if light is None:
@@ -73,7 +71,7 @@ def _typeset(text: str) -> str:
     return text.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
 
 
-def line_pictures(results: Results) -> list[Picture]:
+def line_pictures(results: Results) -> list[PagePicture]:
     """Cross-sections of target and simulation."""
     light = results.find(Light)
     if light is None:
@@ -81,44 +79,44 @@ def line_pictures(results: Results) -> list[Picture]:
     side, draw, unit = light.receiver_mm, irradiance_figures.line_comparison, unit_of_light(results.spec)
     return [
         picture(f"line{index}", draw(line, light.target_map, light.map, side, unit), f"Along {name}")
-        for index, (name, line) in enumerate(irradiance_figures.telling_lines(light.target_map, side))
+        for index, (name, line) in enumerate(irradiance_figures.profile_lines(light.target_map, side))
     ]
 
 
-def flux_pictures(results: Results) -> list[Picture]:
-    """Isolines, how the flux gathers around the axis, and the flux account."""
+def flux_pictures(results: Results) -> list[PagePicture]:
+    """Isolines, encircled energy, and the flux budget."""
     light = results.find(Light)
     if light is None:
         return []
     level, side = float(light.target_map.max()) or 1.0, light.receiver_mm
     lines = irradiance_figures.isolines(light.map, side, level, unit_of_light(results.spec))
-    gathered = irradiance_figures.encircled_energy(light.target_map, light.raw_map, side)
-    account = flux_figures.flux_account(light.flux, light.missed_by_cause)
+    encircled = irradiance_figures.encircled_energy(light.target_map, light.raw_map, side)
+    budget = flux_figures.flux_budget(light.flux, light.missed_by_cause)
     return [
         picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
-        picture("encircled", gathered, "Encircled energy", "Around the axis, out to the corners."),
-        picture("flux", account, "Flux account", f"Window: {light.window_mm:g} × {light.window_mm:g} mm."),
+        picture("encircled", encircled, "Encircled energy", "Around the axis, out to the corners."),
+        picture("flux", budget, "Flux budget", f"Window: {light.window_mm:g} × {light.window_mm:g} mm."),
     ]
 
 
-def history_pictures(results: Results) -> list[Picture]:
-    """Loss, pattern error, efficiency and constraints over the search."""
+def history_pictures(results: Results) -> list[PagePicture]:
+    """Merit function, pattern error, efficiency and constraints over the search."""
     design = results.find(Design)
     if design is None or not any(level.nmse for level in design.history):
         return []
-    levels, draw = design.history, history_figures.history
-    total = "All that the optimiser lessens: the pattern's error and what constraints and bounds add to it."
+    levels, draw = design.history, search_figures.history
+    total = "The optimiser minimises it: the error of the pattern plus the penalties of constraints and bounds."
     free = "Numbers above: functions of each surface that are free to move."
-    least = "Least room at the cavity, thickness and radius over the lens. Below 0 (red) the lens is not allowed."
+    least = "Least clearance of the cavity, thickness and radius over the lens. Below 0 (red) a constraint is violated."
     return [
-        picture("loss", draw(levels, "loss"), "Loss by level", total),
+        picture("loss", draw(levels, "loss"), "Merit function by level", total),
         picture("error", draw(levels, "nmse"), "Pattern error by level", free),
-        picture("gain", draw(levels, "efficiency"), "Efficiency by level"),
-        picture("margins", history_figures.constraint_history(levels), "Constraints by level", least),
+        picture("efficiency", draw(levels, "efficiency"), "Efficiency by level"),
+        picture("margins", search_figures.constraint_history(levels), "Constraints by level", least),
     ]
 
 
-def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[Picture]:
+def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
     """The levels of the search, all on one scale."""
     unit = unit_of_light(results.spec)
     steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
@@ -126,7 +124,7 @@ def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[Pictu
     return [
         picture(
             f"level{each.level}",
-            snapshot_figure(
+            search_figures.snapshot_figure(
                 each.surface_mm, each.slope, each.irradiance, each.receiver_mm, unit, steepest=steepest, top=top
             ),
             f"Level {each.level}: {each.functions} functions",
@@ -136,7 +134,7 @@ def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[Pictu
     ]
 
 
-def section_pictures(results: Results) -> list[Picture]:
+def section_pictures(results: Results) -> list[PagePicture]:
     """The lens in two sections."""
     outline = source_outline(results)
     return [
@@ -150,7 +148,7 @@ def section_pictures(results: Results) -> list[Picture]:
 
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
-    """A polygon (mm) around the emitting area: of the spec, or as the design noted it of a ray file."""
+    """A polygon (mm) around the emitting area: by the spec, or by the design's record for a ray file."""
     source, design = results.spec.source, results.find(Design)
     if isinstance(source, SquareSource):
         corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
@@ -159,8 +157,8 @@ def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
     return np.array(noted, dtype=np.float64) if noted else None
 
 
-def surface_pictures(results: Results) -> list[list[Picture]]:
-    """Sag, curvature and what the cutter leaves, for each face."""
+def surface_pictures(results: Results) -> list[list[PagePicture]]:
+    """Sag, curvature and uncut material, for each face."""
     check = results.find(Check)
     if check is None:
         return []
@@ -170,7 +168,7 @@ def surface_pictures(results: Results) -> list[list[Picture]]:
     ]
 
 
-def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, left: ChartMap) -> list[Picture]:
+def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, left: ChartMap) -> list[PagePicture]:
     sphere, cutter = face.best_fit_sphere, face.cutter
     pv, rms, radius = number(sphere.pv_mm, 4), number(sphere.rms_mm, 4), number(sphere.radius_mm, 5)
     face_name, pictures = f"{name.capitalize()} face", []
@@ -179,7 +177,7 @@ def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, 
         title = f"{face_name}: departure from a sphere"
         pictures.append(picture(f"sag-{name}", surface_figures.sag_map(sag), title, caption))
     if np.isfinite(kappa).any():
-        caption = f"Hollow is negative. Line: −1/R of the mill, R = {cutter.radius_mm:g} mm."
+        caption = f"Concave is negative. Line: −1/R of the mill, R = {cutter.radius_mm:g} mm."
         drawn = surface_figures.curvature_map(kappa, cutter.radius_mm)
         pictures.append(picture(f"curvature-{name}", drawn, f"{face_name}: curvature", caption))
     if (left > 0.0).any():

@@ -1,8 +1,10 @@
-"""What the exported files were shown to be, in two short tables: the STEP as read back, and the part under rays."""
+"""Section on verification: the STEP as read back, the exported part under rays, and its light against the design's."""
 
 from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part
-from lensforge.report.numerals import number, percent
+from lensforge.report import irradiance_figures
+from lensforge.report.numerals import number, percent, unit_of_light
+from lensforge.report.pictures import PagePicture, picture
 from lensforge.results import Results
 from lensforge.verification.proof import Proof
 
@@ -24,7 +26,7 @@ def step_facts(results: Results) -> Facts:
 
 
 def cast_facts(results: Results) -> Facts:
-    """The exported mesh against the design, under the same rays and against the converged picture."""
+    """The exported mesh against the design, under the same rays and against the converged irradiance."""
     record, light = results.find(Proof), results.find(Light)
     if record is None:
         return []
@@ -35,8 +37,26 @@ def cast_facts(results: Results) -> Facts:
     return [
         ("Rays", number(record.rays)),
         ("Landing, part against design", f"{number(deviation.rms, 3)} mm rms, {number(deviation.max, 3)} mm largest"),
-        ("NMSE against the design's picture", number(record.nmse_vs_design, 3)),
-        ("NMSE that the noise of so many rays makes", number(record.noise_floor_nmse, 3)),
+        ("NMSE against the design's irradiance", number(record.nmse_vs_design, 3)),
+        ("NMSE of the ray noise alone", number(record.noise_floor_nmse, 3)),
         ("NMSE against the design under the same rays", number(record.nmse_same_rays, 3)),
         ("Efficiency", efficiency),
+    ]
+
+
+def verification_pictures(results: Results) -> list[PagePicture]:
+    """Irradiance of the design, of the part, and their difference."""
+    proof = results.find(Proof)
+    if proof is None:
+        return []
+    side, unit = results.spec.target.receiver_mm, unit_of_light(results.spec)
+    design, part = proof.design_irradiance, proof.irradiance
+    top = float(max(design.max(), part.max())) or 1.0
+    rays = f"{number(proof.rays)} rays cast through the exported mesh."
+    noise = "Where the two agree, only the noise of the rays is left."
+    draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
+    return [
+        picture("design", draw(design, side, top, unit=unit), "Design"),
+        picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
+        picture("part-less-design", difference, "Part less design", noise),
     ]

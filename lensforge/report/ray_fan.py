@@ -1,16 +1,20 @@
-"""A few rays through the exact surfaces, for the drawing of the section and for nothing else.
+"""A few rays through the exact surfaces, for the drawing of a section only.
 
-The lens has no symmetry, so rays that start in a section leave it: what is drawn is their projection.
+The lens has no symmetry, so rays that start in a section leave it; their projection is drawn.
 """
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
+from torch import Tensor
 
 from lensforge.lens import Lens
-from lensforge.surfaces.surface import Surface
+from lensforge.optics.dielectric import refract, transmitted_cosine_squared
+from lensforge.tracing.exact import DenseScan, exact_surfaces
+from lensforge.tracing.sequence import TracedSurface
 
-_MARCH = 192  # steps of the search for a first crossing: far finer than a lens's features
-_BISECTIONS = 40
+_STEPS = 192  # of the search for a first crossing: far finer than a lens's features
+_CAVITY_MM = 1e-9  # a point is in the cavity from this depth on
 
 Points = Float[np.ndarray, "n 3"]
 
@@ -20,68 +24,43 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
 
     A ray ends where it meets z = 0, runs back into the cavity, or is totally reflected.
     """
-    at_inner = _first_crossing(lens.inner, start_mm, directions, reach_mm)
-    inside = _refract(directions, _normals(lens.inner, at_inner), 1.0 / lens.refractive_index)
-    at_outer = _first_crossing(lens.outer, at_inner, inside, reach_mm)
-    at_outer[_returns(lens.inner, at_inner, inside, at_outer)] = np.nan
-    after = _refract(inside, _normals(lens.outer, at_outer), lens.refractive_index)
-    return np.stack([start_mm, at_inner, at_outer, _at_distance(at_outer, after, reach_mm)], axis=1)
+    scan = DenseScan(_STEPS, reach_mm=2.0 * reach_mm)
+    inner, outer = exact_surfaces(lens, (scan, scan))
+    start = torch.from_numpy(start_mm)
+    at_inner, inside = _crossed(inner, start, torch.from_numpy(directions), 1.0 / lens.refractive_index)
+    at_outer, behind = _crossed(outer, at_inner, inside, lens.refractive_index)
+    at_outer[_returns(inner, at_inner, at_outer)] = torch.nan
+    path = torch.stack([start, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], dim=1)
+    return path.numpy()
 
 
-def _first_crossing(surface: Surface, start: Points, direction: Points, reach_mm: float) -> Points:
-    """Where each ray first leaves the body below ``surface``; NaN where it does not, or only below z = 0."""
-    lengths = np.linspace(0.0, 2.0 * reach_mm, _MARCH)
-    height = _height(surface, start[:, None] + lengths[:, None] * direction[:, None])
-    crossed = (height[:, :-1] < 0.0) & (height[:, 1:] >= 0.0)
-    first = np.argmax(crossed, axis=1)
-    low, high = lengths[first], lengths[first + 1]
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        outside = _height(surface, start + middle[:, None] * direction) >= 0.0
-        low, high = np.where(outside, low, middle), np.where(outside, middle, high)
-    hit: Points = start + high[:, None] * direction
-    hit[~crossed.any(axis=1) | ~(hit[:, 2] >= 0.0)] = np.nan
-    return hit
+def _crossed(surface: TracedSurface, origins: Tensor, directions: Tensor, ratio: float) -> tuple[Tensor, Tensor]:
+    """First crossings at z >= 0, and the directions behind them; NaN where there is none.
+
+    ``ratio``: index before over index behind.
+    """
+    points, behind = torch.full_like(origins, torch.nan), torch.full_like(origins, torch.nan)
+    alive = torch.nonzero(~(origins + directions).isnan().any(dim=1))[:, 0]
+    crossing = surface.first_crossing(origins[alive], directions[alive])
+    hits = origins[alive] + crossing.lengths[:, None] * directions[alive]
+    met = crossing.found & (hits[:, 2] >= 0.0)
+    alive, hits = alive[met], hits[met]
+    points[alive] = hits
+    normals = torch.nn.functional.normalize(surface.normal(hits), dim=1)
+    passes = transmitted_cosine_squared(torch.sum(directions[alive] * normals, dim=1), ratio) > 0.0
+    behind[alive[passes]] = refract(directions[alive[passes]], normals[passes], ratio)
+    return points, behind
 
 
-def _height(surface: Surface, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-    """Height (mm) of points above the surface along their radius; NaN points stay NaN."""
-    distance = np.linalg.norm(points, axis=-1)
-    known = distance > 0.0  # false for NaN and for the origin
-    height = np.where(np.isnan(distance), np.nan, -np.inf)
-    height[known] = distance[known] - surface.radius(points[known] / distance[known][:, None])
-    return height
+def _returns(cavity: TracedSurface, start: Tensor, end: Tensor) -> Bool[Tensor, " n"]:
+    """True where the segment from ``start`` on the cavity to ``end`` enters the cavity again."""
+    share = torch.linspace(0.0, 1.0, _STEPS, dtype=start.dtype)[1:, None]
+    points = (start[:, None] + share * (end - start)[:, None]).reshape(-1, 3)
+    return (cavity.gap(points) > _CAVITY_MM).reshape(len(start), -1).any(dim=1)
 
 
-def _returns(surface: Surface, start: Points, direction: Points, end: Points) -> Bool[np.ndarray, " n"]:
-    """Whether the way from ``start`` on the cavity to ``end`` dips into the cavity again."""
-    share = np.linspace(0.0, 1.0, _MARCH)[1:]
-    way = start[:, None] + share[:, None] * (end - start)[:, None]
-    with np.errstate(invalid="ignore"):
-        return np.asarray((_height(surface, way) < -1e-9).any(axis=1))
-
-
-def _normals(surface: Surface, points: Points) -> Points:
-    normals = np.full_like(points, np.nan)
-    known = ~np.isnan(points[:, 0])
-    unit = points[known] / np.linalg.norm(points[known], axis=1, keepdims=True)
-    normals[known] = surface.normal(unit)
-    return normals
-
-
-def _refract(direction: Points, normal: Points, ratio: float) -> Points:
-    """Snell's law; NaN for total reflection. ``ratio``: index before over index behind."""
-    cosine = np.sum(direction * normal, axis=1, keepdims=True)
-    squared = 1.0 - ratio**2 * (1.0 - cosine**2)
-    behind = np.sqrt(np.where(squared >= 0.0, squared, np.nan))
-    refracted: Points = ratio * direction + (behind - ratio * cosine) * normal
-    return refracted
-
-
-def _at_distance(point: Points, direction: Points, reach_mm: float) -> Points:
-    """Where rays leave the sphere of ``reach_mm`` around the origin."""
-    along = np.sum(point * direction, axis=1)
-    squared = along**2 + reach_mm**2 - np.sum(point**2, axis=1)
-    length = np.sqrt(np.where(squared > 0.0, squared, np.nan)) - along
-    end: Points = point + length[:, None] * direction
-    return end
+def _at_distance(points: Tensor, directions: Tensor, reach_mm: float) -> Tensor:
+    """Points where rays leave the sphere of ``reach_mm`` around the origin."""
+    along = torch.sum(points * directions, dim=1)
+    length = torch.sqrt(along**2 + reach_mm**2 - torch.sum(points**2, dim=1)) - along
+    return points + length[:, None] * directions

@@ -1,17 +1,27 @@
-"""Who was asked whether the part does what the design says, and what each of them answered."""
+"""The independent tracers of the exported part: a row for each, and the distances of its rays from the design's."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from lensforge.report.headline import gates_state
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
+
+from lensforge.report.figure_style import BLUE, GREEN, INK, ORANGE, WIDE, in_report_style, new_figure
+from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import number
+from lensforge.report.pictures import PagePicture, picture
 from lensforge.results import Results
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof
+
+_COLOURS = (BLUE, GREEN, ORANGE)
+_LEAST_MM = 1e-5  # nothing in light is finer than 10 nm
 
 
 @dataclass(frozen=True)
 class RefereeRow:
-    """One referee: the file and the rays that it got, how far (mm) from the design they land, and what it says."""
+    """One referee: its file and rays, the distances (mm) between its landings and the design's, and its finding."""
 
     name: str
     file: str
@@ -24,7 +34,7 @@ class RefereeRow:
 
 
 def referee_rows(results: Results) -> list[RefereeRow]:
-    """Every referee that was asked; none where the part has not been verified."""
+    """A row for every referee that has run; none where the part has not been verified."""
     proof = results.find(Proof)
     return [] if proof is None else list(_rows(proof))
 
@@ -32,7 +42,7 @@ def referee_rows(results: Results) -> list[RefereeRow]:
 def _rows(proof: Proof) -> Iterator[RefereeRow]:
     gap = proof.deviation_mm
     rms, p99, largest = (number(value, 2) for value in (gap.rms, gap.p99, gap.max))
-    floor = f"NMSE {number(proof.nmse_vs_design, 2)}, noise makes {number(proof.noise_floor_nmse, 2)}"
+    floor = f"NMSE {number(proof.nmse_vs_design, 2)}, ray noise alone {number(proof.noise_floor_nmse, 2)}"
     yield RefereeRow(
         "Grid of trimesh\u2019s triangles, normals fitted to the vertices",
         "lens.stl",
@@ -41,9 +51,9 @@ def _rows(proof: Proof) -> Iterator[RefereeRow]:
         p99,
         largest,
         floor,
-        gates_state(proof.gates, "deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation"),
+        criteria_state(proof.criteria, "deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation"),
     )
-    yield _plain(proof, proof.referee)
+    yield _plain(proof, proof.plain_cast)
     if proof.brep is not None:
         yield _brep(proof, proof.brep)
     if proof.mitsuba is not None:
@@ -52,25 +62,24 @@ def _rows(proof: Proof) -> Iterator[RefereeRow]:
 
 def _plain(proof: Proof, plain: PlainCast) -> RefereeRow:
     says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from the grid\u2019s"
-    state = gates_state(proof.gates, "referee_disagreements")
+    state = criteria_state(proof.criteria, "plain_cast_disagreements")
     return RefereeRow("trimesh\u2019s own plain cast", "lens.stl", number(plain.rays), "", "", "", says, state)
 
 
 def _brep(proof: Proof, brep: BrepCast) -> RefereeRow:
     says = f"{number(brep.against_mesh.rms, 2)} mm rms from the mesh; {_fates(brep.against_design)}"
-    state = gates_state(proof.gates, "brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
+    state = criteria_state(proof.criteria, "brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
     return RefereeRow(
         "CAD kernel, face by face", "lens.step", number(brep.rays), *_gaps(brep.against_design), says, state
     )
 
 
 def _mitsuba(proof: Proof, mitsuba: MitsubaCast) -> RefereeRow:
-    noise = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
-    says = (
-        f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {noise} the {number(mitsuba.noise_floor_nmse, 2)} that noise makes"
-    )
+    relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
+    floor = number(mitsuba.noise_floor_nmse, 2)
+    says = f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
     names = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
-    state = gates_state(proof.gates, *(f"mitsuba_{name}" for name in names))
+    state = criteria_state(proof.criteria, *(f"mitsuba_{name}" for name in names))
     name = f"Mitsuba {mitsuba.version}, flat facets"
     return RefereeRow(name, "lens.stl", number(mitsuba.rays), *_gaps(mitsuba.against_design), says, state)
 
@@ -80,4 +89,47 @@ def _gaps(agreement: Agreement) -> tuple[str, str, str]:
 
 
 def _fates(agreement: Agreement) -> str:
-    return "every ray ends alike" if agreement.fates == 0 else f"{number(agreement.fates)} rays end otherwise"
+    return (
+        "every ray has the same fate" if agreement.fates == 0 else f"{number(agreement.fates)} rays have another fate"
+    )
+
+
+def gap_pictures(results: Results) -> list[PagePicture]:
+    """Distances between each referee's landings and the design's, as distributions."""
+    proof = results.find(Proof)
+    if proof is None:
+        return []
+    named = {
+        "exported mesh": proof.gaps_mesh_mm,
+        "STEP file": proof.gaps_step_mm,
+        "mesh, by Mitsuba": proof.gaps_mitsuba_mm,
+    }
+    gaps = {name: quantiles for name, quantiles in named.items() if quantiles is not None}
+    limit = next((criterion.limit for criterion in proof.criteria if criterion.name == "deviation_rms"), None)
+    figure = gap_figure(gaps, limit)
+    caption = "Share of the rays that land within this distance of the design's landing."
+    return [picture("gaps", figure, "Ray by ray", caption)]
+
+
+@in_report_style
+def gap_figure(gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float | None) -> Figure:
+    """Share of the rays over the gap; ``gaps_mm``: by name of the referee, quantiles evenly from 0 to 1.
+
+    ``limit_mm``: the largest rms gap allowed for the exported mesh, dashed.
+    """
+    figure, axes = new_figure(WIDE, 3.1)
+    for (name, quantiles), colour in zip(gaps_mm.items(), _COLOURS, strict=False):
+        share = np.linspace(0.0, 1.0, len(quantiles))
+        axes.plot(np.maximum(quantiles, _LEAST_MM), share, color=colour, label=name)
+    if limit_mm is not None:
+        axes.axvline(limit_mm, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="limit of the mesh's rms")
+    axes.set(xscale="log", xlabel="distance from the design's landing (mm)", ylabel="share of the rays", ylim=(0, 1.02))
+    low = min(float(quantiles[len(quantiles) // 50]) for quantiles in gaps_mm.values())
+    axes.set_xlim(left=max(low, _LEAST_MM))
+    axes.xaxis.set_major_locator(LogLocator(numticks=8))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+    axes.grid(True)
+    figure.legend(loc="outside upper left", ncols=2, handlelength=1.3, columnspacing=1.0)
+    return figure

@@ -8,7 +8,7 @@ from matplotlib.patches import Polygon
 
 from lensforge.geometry.section import body_outlines
 from lensforge.lens import Lens
-from lensforge.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_house_style, new_figure
+from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.ray_fan import trace_fan
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -16,7 +16,7 @@ _FAN_DEG = np.linspace(-75.0, 75.0, 21)
 _MARGIN = 1.3  # the drawing's reach in largest radii
 
 
-@in_house_style
+@in_report_style
 def lens_section(
     lens: Lens, azimuth_deg: float, outline_mm: Float[np.ndarray, "k 3"] | None, reach: float | None = None
 ) -> Figure:
@@ -38,7 +38,7 @@ def draw_section(
 
     ``reach``: half the width of the drawing (mm); without it, by the size of the lens.
 
-    Drawn beside the body: the paraboloid that must fit into the cavity, and the largest radius allowed.
+    Also drawn: the paraboloid that must fit into the cavity, and the largest radius allowed.
     """
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     outlines = body_outlines(lens, azimuth_deg)
@@ -73,7 +73,7 @@ def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
 def _draw_fan(
     axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], outline_mm: Float[np.ndarray, "k 3"] | None, reach: float
 ) -> None:
-    """Rays from the centre of the source, in the section when they start."""
+    """Rays from the centre of the source that start in the section."""
     theta = np.radians(_FAN_DEG)
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))

@@ -1,24 +1,84 @@
-"""The picture of each level while a design runs: ``DIR/snapshots/level-1.png``, and its numbers as a record beside."""
+"""Snapshots of a search: one record and one picture for each level, in ``DIR/snapshots``."""
 
+import re
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.evaluate import evaluate_traced
-from lensforge.evaluation.simulate import TracedLens
+from lensforge.errors import OutdatedResult
+from lensforge.figures.light_unit import WATTS
 from lensforge.lens import Lens
-from lensforge.optimisation.progress import Progress
-from lensforge.report.drawing import save_picture
-from lensforge.report.snapshot import FOLDER, Snapshot, snapshot_files
-from lensforge.report.snapshot_figure import snapshot_figure
-from lensforge.report.task import unit_of_light
+from lensforge.optimisation.design import Progress
+from lensforge.records import Array, Count, NotNegative, Number, Positive, StageResult
+from lensforge.report.figure_style import save_picture
+from lensforge.report.numerals import unit_of_light
+from lensforge.report.search_figures import snapshot_figure
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FOLDER = "snapshots"
 _RAYS = 2**18  # enough for a picture
 _POLAR, _AROUND = 61, 121  # nodes of the drawn surface
+
+
+class Snapshot(StageResult):
+    """The lens at the end of a level: its outer surface (mm) with the slope d rho / d theta (mm/rad), and its light.
+
+    ``irradiance``: W/m^2 [row y, column x], after the filter.
+    """
+
+    stage: ClassVar[str] = "level"
+    made_from: ClassVar[tuple[str, ...]] = ()
+    command: ClassVar[str] = "design --snapshots"
+
+    level: Count
+    functions: Count
+    step: Count
+    nmse: NotNegative
+    efficiency: Number
+    receiver_mm: Positive
+    irradiance: Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+    surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3)]
+    slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j")]
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """The light after this level, in false colour."""
+        from lensforge.figures.plots import plot_map
+
+        return plot_map(self.irradiance, self.receiver_mm, WATTS, axes)
+
+
+def load_snapshots(directory: Path, lens: Lens) -> list[Snapshot]:
+    """Snapshots of the design of ``lens`` in ``directory``, coarse first; none if of another design or version.
+
+    Raises :class:`InputError` for a damaged file.
+    """
+    folder = Path(directory) / FOLDER
+    try:
+        found = [Snapshot.read(folder, path.stem) for path in snapshot_files(folder, ("json",))]
+    except OutdatedResult:
+        return []
+    return found if found and _ends_in(found[-1], lens) else []
+
+
+def _ends_in(snapshot: Snapshot, lens: Lens) -> bool:
+    """True where the outer surface of ``lens`` is that of ``snapshot``, compared on a circle around the axis."""
+    points = snapshot.surface_mm[len(snapshot.surface_mm) // 2]
+    radius = np.linalg.norm(points, axis=1)
+    return bool(np.allclose(lens.outer.radius(points / radius[:, None]), radius, rtol=0.0, atol=1e-6))
+
+
+def snapshot_files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """The snapshots in ``folder`` by level."""
+    named = re.compile(rf"level-(\d+)\.({'|'.join(suffixes)})")
+    found = [(int(match[1]), path) for path in folder.glob("level-*") if (match := named.fullmatch(path.name))]
+    return [path for _, path in sorted(found)]
 
 
 class Snapshots:
@@ -31,25 +91,29 @@ class Snapshots:
             path.unlink()
 
     def on_step(self, step: Progress) -> None:
-        """After a gradient step."""
-        if step.level_done:
-            lens = step.lens()
-            traced = TracedLens.of(lens, PRESETS[step.accuracy].nodes_per_sigma)  # the search's own tables
-            light = evaluate_traced(traced, lens.spec, self._source, _RAYS, lens.seed)
-            surface, slope = outer_slope(lens)
-            snapshot = Snapshot(
-                inputs={"lens": lens.sha256},
-                level=step.level + 1,
-                functions=step.functions,
-                step=step.steps_done,
-                nmse=light.nmse.value,
-                efficiency=light.efficiency.value,
-                receiver_mm=light.receiver_mm,
-                irradiance=light.map,
-                surface_mm=surface,
-                slope=slope,
-            )
-            self._write(snapshot, lens.spec)
+        """Write a snapshot if ``step`` was the last of its level."""
+        if not step.level_done:
+            return
+        from lensforge.evaluation.evaluate import evaluate_traced
+        from lensforge.evaluation.simulate import TracedLens
+
+        lens = step.lens()
+        traced = TracedLens.of(lens, PRESETS[step.accuracy].nodes_per_sigma)  # the search's own tables
+        light = evaluate_traced(traced, lens.spec, self._source, _RAYS, lens.seed)
+        surface, slope = outer_slope(lens)
+        snapshot = Snapshot(
+            inputs={"lens": lens.sha256},
+            level=step.level + 1,
+            functions=step.functions,
+            step=step.steps_done,
+            nmse=light.nmse.value,
+            efficiency=light.efficiency.value,
+            receiver_mm=light.receiver_mm,
+            irradiance=light.map,
+            surface_mm=surface,
+            slope=slope,
+        )
+        self._write(snapshot, lens.spec)
 
     def _write(self, snapshot: Snapshot, spec: Spec) -> None:
         stem = f"level-{snapshot.level}"

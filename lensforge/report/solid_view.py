@@ -1,7 +1,11 @@
-"""The exported mesh in three dimensions, rendered off-screen by a process of its own.
+"""The exported mesh in three dimensions: pictures rendered off-screen, and a small mesh that turns in the page.
 
-Where a machine has no renderer at all, OpenGL may end the process instead of raising: then the page says so in one
-line and all else stays. This file is what that process runs: ``solid_view.py STL FOLDER RADIUS``.
+A process of its own renders: where a machine has no renderer at all, OpenGL may end the process instead of raising.
+Then the page says so in one line. That process runs this file: ``solid_view.py STL FOLDER RADIUS``.
+
+Bytes of the small mesh, little-endian: vertex and triangle counts (uint32); mm per unit, half the height of the first
+view (mm) and the z of its centre (mm) (float32); then positions about the origin (int16 x 3 per vertex), triangles
+(uint16 x 3) and normals (int8 x 3). ``templates/turn.js`` reads them.
 """
 
 import json
@@ -12,8 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
 from lensforge.errors import InputError
-from lensforge.report.turn_mesh import small_mesh
 
 # -P: the folder of this file is not searched for modules, only where lensforge itself is installed.
 _COMMAND = (sys.executable, "-P", str(Path(__file__).resolve()))
@@ -23,12 +30,14 @@ _UNREADABLE = 3  # exit code of the process when the file is no mesh
 _PIXELS = (880, 640)
 _GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
-
 _WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture: of the part's diagonal, of the optics' radius
+MOST_TRIANGLES = 12_000  # about 110 kB: too coarse to measure on, fine enough to look at
+_EDGE_DEG = 35.0  # sharper edges keep two normals
+_CANDIDATES = 8
 
 
 @dataclass(frozen=True)
-class _View:
+class _Viewpoint:
     """``camera``: direction in which it stands; ``cut``: without the half towards it; ``close``: the optics only."""
 
     camera: tuple[float, float, float]
@@ -37,9 +46,9 @@ class _View:
 
 
 VIEWS = {
-    "above": _View((0.75, -1.2, 0.75)),
-    "cut": _View((0.25, -1.2, 0.45), cut=True),
-    "below": _View((0.6, -1.0, -1.0), close=False),
+    "above": _Viewpoint((0.75, -1.2, 0.75)),
+    "cut": _Viewpoint((0.25, -1.2, 0.45), cut=True),
+    "below": _Viewpoint((0.6, -1.0, -1.0), close=False),
 }
 
 
@@ -47,7 +56,7 @@ VIEWS = {
 class SolidViews:
     """PNG pictures by name of the view, the bounds of the part (mm, low and high x, y, z), or why there are none.
 
-    ``mesh``: the part to turn in a browser, as :mod:`lensforge.report.turn_mesh` packs it.
+    ``mesh``: the part to turn in a browser, as :func:`small_mesh` packs it.
     """
 
     pictures: dict[str, bytes]
@@ -132,7 +141,7 @@ def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
     return [(half.remove_cells(cap), _GLASS), (half.remove_cells(~cap), _CUT)]
 
 
-def _frame(mesh: Any, view: _View, optics_radius_mm: float) -> tuple[float, float]:
+def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, float]:
     """Half the height of a picture (mm) and the z of its centre: of the part, or of its optics if those are small."""
     whole, close = _WHOLE * mesh.length, _CLOSE * optics_radius_mm
     if view.close and close < whole:
@@ -140,7 +149,7 @@ def _frame(mesh: Any, view: _View, optics_radius_mm: float) -> tuple[float, floa
     return whole, mesh.center[2]
 
 
-def _aim(plotter: Any, mesh: Any, view: _View, optics_radius_mm: float) -> None:
+def _aim(plotter: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
     """A parallel view from the direction of ``view``."""
     half_height, centre_z = _frame(mesh, view, optics_radius_mm)
     distance = 3.0 * mesh.length
@@ -150,6 +159,52 @@ def _aim(plotter: Any, mesh: Any, view: _View, optics_radius_mm: float) -> None:
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = half_height
     plotter.enable_anti_aliasing("ssaa")
+
+
+def small_mesh(mesh: Any, half_height_mm: float, centre_z_mm: float) -> bytes:
+    """A triangle mesh (pyvista) as the page carries it; the normals are those of the full mesh."""
+    coarse = mesh
+    if mesh.n_cells > MOST_TRIANGLES:
+        coarse = mesh.decimate(1.0 - MOST_TRIANGLES / mesh.n_cells)
+    coarse, fine = _with_normals(coarse), _with_normals(mesh)
+    normals = _nearest_normals(coarse, fine)
+    triangles = np.asarray(coarse.faces).reshape(-1, 4)[:, 1:]
+    return _pack(np.asarray(coarse.points, dtype=np.float64), triangles, normals, half_height_mm, centre_z_mm)
+
+
+def _pack(
+    points: Float[np.ndarray, "n 3"],
+    triangles: Int[np.ndarray, "m 3"],
+    normals: Float[np.ndarray, "n 3"],
+    half_height_mm: float,
+    centre_z_mm: float,
+) -> bytes:
+    """Quantised: positions to 1/32767 of the largest coordinate, normals to 1/127."""
+    unit = float(np.abs(points).max()) / 32767.0
+    counts = np.array([len(points), len(triangles)], dtype="<u4")
+    view = np.array([unit, half_height_mm, centre_z_mm], dtype="<f4")
+    parts = (
+        counts,
+        view,
+        np.round(points / unit).astype("<i2"),
+        triangles.astype("<u2"),
+        np.round(127.0 * normals).astype("i1"),
+    )
+    return b"".join(part.tobytes() for part in parts)
+
+
+def _with_normals(mesh: Any) -> Any:
+    return mesh.compute_normals(split_vertices=True, feature_angle=_EDGE_DEG, consistent_normals=False)
+
+
+def _nearest_normals(coarse: Any, fine: Any) -> Float[np.ndarray, "n 3"]:
+    """Normal of the nearby vertices of the full mesh that agrees best: at an edge there are two."""
+    own, full = np.asarray(coarse.point_data["Normals"]), np.asarray(fine.point_data["Normals"])
+    count = min(_CANDIDATES, fine.n_points)
+    _, nearest = cKDTree(fine.points).query(coarse.points, k=count)
+    candidates = full[np.reshape(nearest, (-1, count))]
+    best = np.argmax(np.einsum("nkc,nc->nk", candidates, own), axis=1)
+    return np.asarray(candidates[np.arange(len(own)), best], dtype=np.float64)
 
 
 if __name__ == "__main__":

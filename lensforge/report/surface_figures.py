@@ -1,4 +1,4 @@
-"""Maps over a face: departure from its best-fit sphere, curvature against the mill, and what the mill leaves uncut.
+"""Maps over a face: departure from its best-fit sphere, curvature against the mill, and uncut material.
 
 Maps come on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim. They are drawn on that chart, where a
 face never folds over itself, even where it is undercut: the axis is at the centre, the rim (90 deg) is the circle.
@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from scipy.ndimage import distance_transform_edt
 
-from lensforge.report.drawing import INK, add_colour_bar, in_house_style, new_map
+from lensforge.report.figure_style import INK, add_colour_bar, in_report_style, new_map
 
 ChartMap = Float[np.ndarray, "n n"]
 
@@ -22,7 +22,7 @@ _REACHED = "#dfe2e6"
 _LINE = "#111111"  # on pale map colours, in the light and in the dark
 
 
-@in_house_style
+@in_report_style
 def sag_map(sag_mm: ChartMap) -> Figure:
     """Deviation from the best-fit sphere along its normal; positive: farther from the centre than the sphere."""
     figure, axes, bar = new_map(**_PLACE)
@@ -33,7 +33,7 @@ def sag_map(sag_mm: ChartMap) -> Figure:
     return figure
 
 
-@in_house_style
+@in_report_style
 def form_map(deviation_um: ChartMap) -> Figure:
     """Deviation (µm) of a measured surface from the design along its normal; positive: away from the origin."""
     figure, axes, bar = new_map(**_PLACE)
@@ -42,9 +42,9 @@ def form_map(deviation_um: ChartMap) -> Figure:
     return figure
 
 
-@in_house_style
+@in_report_style
 def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
-    """Smaller principal curvature (1/mm, hollow is negative), with the line where a ball of the mill just fits."""
+    """Smaller principal curvature (1/mm, concave is negative), with the line where the ball of the mill just fits."""
     figure, axes, bar = new_map(**_PLACE)
     limit = -1.0 / mill_radius_mm
     inside = kappa_min[np.isfinite(kappa_min)]
@@ -63,9 +63,9 @@ def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
     return figure
 
 
-@in_house_style
+@in_report_style
 def uncut_map(residual_mm: ChartMap) -> Figure:
-    """Height of material that the cutter leaves; grey where it leaves none."""
+    """Height of the material that the cutter leaves; grey where it leaves none."""
     figure, axes, bar = new_map(**_PLACE)
     axes.add_patch(Circle((0.0, 0.0), 1.0, color=_REACHED, linewidth=0, zorder=-1.0))
     unit, scale = _readable(residual_mm)

@@ -1,4 +1,4 @@
-"""Every number of a record as a row: where it is, what it is, its unit."""
+"""Table of a record: a row for every number, with its path, value and unit."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,8 +7,7 @@ from hashlib import sha256
 from pydantic import JsonValue
 
 from lensforge.records import Metric, StageResult
-from lensforge.report.numerals import NOTHING, anything, number
-from lensforge.report.units import unit_of
+from lensforge.report.numerals import NOTHING, anything, number, unit_of
 
 _SHORT = 6  # as many numbers share a cell; more are a block of their own
 _METRIC = frozenset(Metric.model_fields)
@@ -31,7 +30,7 @@ def plain(result: StageResult) -> dict[str, JsonValue]:
 
 
 def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Row]:
-    """All values in ``content`` in their order, less the top-level keys in ``without``; a metric is one row."""
+    """A row for each value in ``content``, in order, less the top-level keys in ``without``; a metric is one row."""
     kept = {key: value for key, value in content.items() if key not in without}
     return list(_walk(kept, ()))
 
@@ -62,14 +61,14 @@ def _metric(content: Mapping[str, object], names: tuple[str, ...]) -> Row:
 
 
 def _packed(content: Mapping[str, object]) -> str:
-    """How many numbers, and a hash by which one array can be told from another."""
+    """Shape of an array, and a hash by which it can be told from another."""
     shape = content["shape"]
     count = " × ".join(map(number, shape)) if isinstance(shape, list | tuple) else NOTHING
     return f"{count} numbers, SHA-256 {sha256(str(content['float64']).encode()).hexdigest()[:12]}…"
 
 
 def _unit(values: Sequence[object], names: tuple[str, ...]) -> str:
-    """Text, truth and absence have no unit."""
+    """Unit of a number; text, true or false, and a missing value have none."""
     numeric = any(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
     return unit_of(names) if numeric else ""
 

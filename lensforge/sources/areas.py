@@ -1,4 +1,4 @@
-"""Where light starts in the plane z = 0: areas that turn points of the unit square into points of equal flux."""
+"""Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
+from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.symmetry import NAMES, group
 
 _SAME_MM = 1e-9
@@ -19,11 +20,11 @@ class Area(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """The largest mirror group that leaves the area and its flux as they are."""
+        """Largest mirror group that leaves the area and its flux as they are."""
         ...
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Points of the unit square to start points (mm); equal areas become equal shares of the flux."""
+        """Map points of the unit square to start points (mm); equal areas get equal flux."""
         ...
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
@@ -39,7 +40,7 @@ class Disc:
     symmetry: str = "square"
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Radius by the square root of the first number, azimuth by the second."""
+        """Take the radius from the square root of the first number, the azimuth from the second."""
         radius, azimuth = self.radius_mm * np.sqrt(points[:, 0]), 2.0 * np.pi * points[:, 1]
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=1)
 
@@ -62,7 +63,7 @@ class Rectangles:
 
     @property
     def symmetry(self) -> str:
-        """Found by comparing the rectangles with their mirror images."""
+        """Largest mirror group found by comparing the rectangles with their mirror images."""
         original = self._sorted(np.eye(3))
         return largest_symmetry(lambda mirror: np.allclose(self._sorted(mirror), original, rtol=0.0, atol=_SAME_MM))
 
@@ -72,14 +73,14 @@ class Rectangles:
         return table[np.lexsort(np.round(table / _SAME_MM).T)]
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """The first number chooses the rectangle; what is left of it, and the second, the place in it."""
+        """Choose the rectangle by the first number; the rest of it and the second number give the place in it."""
         index, rest = choose(np.cumsum(self.shares), points[:, 0])
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
         placed: Float[np.ndarray, "n 2"] = self.centres[index] + inside * self.sides[index]
         return placed
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
-        """The convex hull of all rectangles."""
+        """Convex hull of all rectangles."""
         signs = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
         points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
         hull: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
@@ -87,29 +88,5 @@ class Rectangles:
 
 
 def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
-    """The largest mirror group all of whose mirrors leave something ``unchanged``."""
+    """Find the largest mirror group all of whose mirrors leave something ``unchanged``."""
     return next(name for name in reversed(NAMES) if all(unchanged(mirror) for mirror in group(name)))
-
-
-def choose(
-    cumulative: Float[np.ndarray, " k"], numbers: Float[np.ndarray, " n"]
-) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-    """Which of ``k`` shares each of ``numbers`` in [0, 1) falls into, and how far into it, in [0, 1)."""
-    wanted = numbers * cumulative[-1]
-    index = np.minimum(np.searchsorted(cumulative, wanted, side="right"), len(cumulative) - 1)
-    before = np.where(index > 0, cumulative[index - 1], 0.0)
-    share = cumulative[index] - before
-    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.clip(rest, 0.0, 1.0)
-
-
-def linear_inverse(
-    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rest: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Where in [0, 1] a density that runs from ``first`` to ``second`` has given the share ``rest`` of its integral."""
-    target = rest * (first + second)
-    denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
-    place: Float[np.ndarray, " n"] = np.clip(
-        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0
-    )
-    return place

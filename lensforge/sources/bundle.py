@@ -1,4 +1,4 @@
-"""Rays as they leave a source, and what every source promises."""
+"""Rays as they leave a source, and the interface of every source."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,33 +10,32 @@ from jaxtyping import Bool, Float, Int
 
 @dataclass(frozen=True)
 class RayBundle:
-    """``n`` rays: start points (mm), unit directions, and the flux each carries (W). NumPy, float64.
+    """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``refractive_indices``: what the lens is to each ray, where it disperses the source's light; None where one index,
-    that of the spec, is right for all.
+    ``refractive_indices``: of the lens at the wavelength of each ray; None where the index of the spec holds for all.
     """
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
-    weights: Float[np.ndarray, " n"]
+    flux: Float[np.ndarray, " n"]
     refractive_indices: Float[np.ndarray, " n"] | None = None
 
     def __len__(self) -> int:
-        return len(self.weights)
+        return len(self.flux)
 
     def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
-        """Some of the rays, as they are."""
+        """Select some of the rays."""
         indices = None if self.refractive_indices is None else self.refractive_indices[rows]
-        return RayBundle(self.origins[rows], self.directions[rows], self.weights[rows], indices)
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], indices)
 
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """The rays of all parts, in their order; all of them with refractive indices of their own, or none."""
+        """Join the rays of all parts in their order; all have refractive indices, or none has."""
         indices = [part.refractive_indices for part in parts]
         return cls(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
-            np.concatenate([part.weights for part in parts]),
+            np.concatenate([part.flux for part in parts]),
             None
             if all(own is None for own in indices)
             else np.concatenate([own for own in indices if own is not None]),
@@ -54,18 +53,18 @@ class Source(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """The largest mirror group (a name of ``surfaces.symmetry``) that leaves the emission unchanged."""
+        """Largest mirror group (a name of ``surfaces.symmetry``) that leaves the emission unchanged."""
         ...
 
     @property
-    def population(self) -> int | None:
+    def ray_count(self) -> int | None:
         """Number of distinct rays of a measured source; None for one that can be sampled without end."""
         ...
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """``count`` rays whose weights add up to ``flux_w``; the same seed gives the same rays."""
+        """Draw ``count`` rays whose flux adds up to ``flux_w``; the same seed gives the same rays."""
         ...
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
-        """A closed polygon (mm) around the emitting area, for drawings to scale."""
+        """Closed polygon (mm) around the emitting area, for drawings to scale."""
         ...

@@ -1,4 +1,4 @@
-"""Which way light leaves: intensity profiles that turn points of the unit square into directions of equal flux.
+"""Intensity profiles, which map points of the unit square to directions of equal flux.
 
 ``gamma`` is the angle from the lens axis +z; ``C`` (rad or deg) the azimuth from +x towards +y.
 """
@@ -10,7 +10,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.areas import choose, largest_symmetry, linear_inverse
+from lensforge.sources.areas import largest_symmetry
+from lensforge.sources.inverse_cdf import choose, linear_inverse
 
 _FINE = np.deg2rad(0.25)  # cells of gamma in which the intensity is taken as constant for drawing; fluxes are exact
 
@@ -21,11 +22,11 @@ class IntensityProfile(Protocol):
 
     @property
     def symmetry(self) -> str:
-        """The largest mirror group that leaves the distribution as it is."""
+        """Largest mirror group that leaves the distribution as it is."""
         ...
 
     def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-        """Points of the unit square to unit directions; equal areas become equal shares of the flux."""
+        """Map points of the unit square to unit directions; equal areas get equal flux."""
         ...
 
 
@@ -37,7 +38,7 @@ class CosinePower:
     symmetry: str = "square"
 
     def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-        """``cos(gamma) = (1 - u)^(1/(power+1))``: with u in [0, 1) no ray skims the plane."""
+        """Invert by ``cos(gamma) = (1 - u)^(1/(power+1))``: with u in [0, 1) no ray skims the plane."""
         return _directions((1.0 - points[:, 0]) ** (1.0 / (self.power + 1.0)), 2.0 * np.pi * points[:, 1])
 
 
@@ -54,17 +55,17 @@ class TabulatedIntensity:
 
     @cached_property
     def plane_fluxes(self) -> Float[np.ndarray, " c"]:
-        """The integral of ``I sin(gamma) dgamma`` in each half-plane (W/rad or lm/rad)."""
+        """Integral of ``I sin(gamma) dgamma`` in each half-plane (W/rad or lm/rad)."""
         return flux_up_to(np.deg2rad(self.gamma_deg), self.values)[:, -1]
 
     def flux(self) -> float:
-        """The integral over all directions, exact for the bilinear interpolation."""
+        """Integral over all directions, exact for the bilinear interpolation."""
         if len(self.c_deg) == 1:
             return float(2.0 * np.pi * self.plane_fluxes[0])
         return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
 
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
-        """The half-plane at ``c_deg``, whatever its sign or turn."""
+        """Interpolate the half-plane at ``c_deg``, any angle."""
         if len(self.c_deg) == 1:
             only: Float[np.ndarray, " g"] = self.values[0]
             return only
@@ -75,7 +76,7 @@ class TabulatedIntensity:
 
     @property
     def symmetry(self) -> str:
-        """Found by comparing half-planes with their mirror images, to 1e-6 of the largest intensity."""
+        """Largest mirror group found by comparing half-planes with their images, to 1e-6 of the largest intensity."""
         tolerance = 1e-6 * float(self.values.max())
 
         def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
@@ -90,7 +91,7 @@ class TabulatedIntensity:
         return largest_symmetry(unchanged)
 
     def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-        """Azimuth by the second number, gamma by the first given the azimuth: exact inverses of bilinear fluxes."""
+        """Choose the azimuth by the second number, gamma by the first given the azimuth: exact for bilinear fluxes."""
         gamma, cumulative = self._fine
         if len(self.c_deg) == 1:
             low, between, azimuth = np.zeros(len(points), dtype=int), np.zeros(len(points)), 2.0 * np.pi * points[:, 1]
@@ -105,7 +106,7 @@ class TabulatedIntensity:
 
     @cached_property
     def _fine(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "c f"]]:
-        """Gamma in fine steps, and the flux up to each in every half-plane."""
+        """Fine steps of gamma (rad), and the flux up to each in every half-plane."""
         nodes = np.deg2rad(self.gamma_deg)
         steps = np.maximum(np.ceil(np.diff(nodes) / _FINE), 1).astype(int)
         place = np.concatenate([k + np.arange(n) / n for k, n in enumerate(steps)] + [[len(nodes) - 1.0]])
@@ -114,7 +115,7 @@ class TabulatedIntensity:
         return gamma, flux_up_to(gamma, fine)
 
     def _plane(self, numbers: Float[np.ndarray, " n"]) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-        """The sector of each number and the place in it: the flux is linear in the azimuth, its integral quadratic."""
+        """Find the sector of each number and the place in it; the flux is linear in the azimuth."""
         fluxes = self.plane_fluxes
         sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
         low, rest = choose(np.cumsum(sectors), numbers)
@@ -122,7 +123,7 @@ class TabulatedIntensity:
 
 
 def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "c g"]:
-    """Flux per radian of azimuth up to each gamma (rad), in closed form for an intensity linear in gamma."""
+    """Integrate the flux per radian of azimuth up to each gamma (rad), exact for an intensity linear in gamma."""
     low, high = gamma[:-1], gamma[1:]
     cos_low, cos_high = np.cos(low), np.cos(high)
     slope = np.diff(values, axis=1) / (high - low)
@@ -134,7 +135,7 @@ def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"])
 def _invert(
     cumulative: Float[np.ndarray, "c f"], low: np.ndarray, between: Float[np.ndarray, " n"], numbers: np.ndarray
 ) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-    """The cell of gamma, and the place in it, where the blend of two half-planes' fluxes reaches each number."""
+    """Find the cell of gamma, and the place in it, where the blend of two half-planes' fluxes reaches each number."""
 
     def blend(index: np.ndarray) -> np.ndarray:
         mixed: np.ndarray = (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]

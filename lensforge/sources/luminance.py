@@ -1,4 +1,4 @@
-"""Near field from a picture: an area whose pixels emit in proportion to their values."""
+"""Luminance image as an emitting area: each pixel emits in proportion to its value."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,33 +8,34 @@ from jaxtyping import Float
 from PIL import Image, UnidentifiedImageError
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import choose, largest_symmetry
+from lensforge.sources.areas import largest_symmetry
+from lensforge.sources.inverse_cdf import choose
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture centred on the axis, row 0 at its top (+y); each pixel uniform, ``values`` relative luminance."""
+class LuminanceImage:
+    """Image centred on the axis, row 0 at its top (+y); each pixel uniform, ``values`` relative luminance."""
 
     values: Float[np.ndarray, "h w"]
     pitch_mm: float
 
     @classmethod
-    def read(cls, path: Path, width_mm: float) -> "Picture":
+    def read(cls, path: Path, width_mm: float) -> "LuminanceImage":
         """Read any image file, colours as their luminance. Raises :class:`InputError` if it cannot be used."""
         try:
             with Image.open(path) as image:
                 values = np.asarray(image.convert("F"), dtype=np.float64)
         except FileNotFoundError:
-            raise InputError(f"source.file = {path}: no such file") from None
+            raise InputError(f"{path}: no such file") from None
         except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            raise InputError(f"source.file = {path}: not a readable image ({error})") from None
+            raise InputError(f"{path}: not a readable image ({error})") from None
         if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() > 0.0):
-            raise InputError(f"source.file = {path}: pixels must be finite, none below 0, and not all dark")
+            raise InputError(f"{path}: pixels must be finite, none below 0, and not all dark")
         return cls(values / values.sum(), width_mm / values.shape[1])
 
     @property
     def symmetry(self) -> str:
-        """Found by comparing the picture with its mirror images, bit by bit."""
+        """Largest mirror group found by comparing the image with its mirror images, bit by bit."""
         return largest_symmetry(lambda mirror: np.array_equal(self._mirrored(mirror), self.values))
 
     def _mirrored(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "a b"]:
@@ -44,7 +45,7 @@ class Picture:
         return turned[:: int(signs[0]), :: int(signs[1])].T[::-1]
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Row by the first number, column by the second given the row; uniform inside the pixel."""
+        """Choose the row by the first number, the column by the second given the row; uniform inside the pixel."""
         height, width = self.values.shape
         row, down = choose(np.cumsum(self.values.sum(axis=1)), points[:, 0])
         cumulative = np.cumsum(self.values)  # flat: a row's own distribution is a stretch of it
@@ -57,7 +58,7 @@ class Picture:
         return self.pitch_mm * np.stack([x, y], axis=1)
 
     def corners(self) -> Float[np.ndarray, "4 2"]:
-        """The rectangle of the pixels that emit."""
+        """Rectangle (mm) around the pixels that emit."""
         height, width = self.values.shape
         rows, columns = np.nonzero(self.values)
         left, right = columns.min() - 0.5 * width, columns.max() + 1 - 0.5 * width

@@ -1,26 +1,19 @@
-"""Emitters without a ray file: an area in the plane z = 0 times an intensity profile."""
+"""Planar emitters: an area in the plane z = 0 times an intensity profile."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.errors import remedy
 from lensforge.sources.areas import Area, Disc, Rectangles
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
-from lensforge.sources.luminance import Picture
+from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.qmc import sobol
-from lensforge.spec.source import (
-    ChipArraySource,
-    ChipsSource,
-    CosineIntensity,
-    DiscSource,
-    Intensity,
-    LuminanceSource,
-    RectangleSource,
-    TableIntensity,
-)
+from lensforge.spec.emission import CosineIntensity, IntensitySpec, TableIntensity
+from lensforge.spec.source import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
 from lensforge.surfaces.symmetry import NAMES, contains
 
 PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | LuminanceSource
@@ -28,34 +21,34 @@ PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | Lu
 
 @dataclass(frozen=True)
 class PlanarEmitter:
-    """Every point of ``area`` shines as ``profile`` says; total flux ``flux_w``, rays of equal weight."""
+    """Area every point of which has the intensity ``profile``; total flux ``flux_w``, rays of equal flux."""
 
     area: Area
     profile: IntensityProfile
     flux_w: float = 1.0
-    population: int | None = None
+    ray_count: int | None = None
 
     @property
     def symmetry(self) -> str:
-        """What area and profile have in common."""
+        """Largest mirror group of both area and profile."""
         shared = (self.area.symmetry, self.profile.symmetry)
         return next(name for name in reversed(NAMES) if all(contains(larger, name) for larger in shared))
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """``count`` rays of equal weight by quasi-Monte-Carlo points in four dimensions."""
+        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
         points = sobol(count, 4, seed)
         origins = np.zeros((count, 3))
         origins[:, :2] = self.area.place(points[:, :2])
         return RayBundle(origins, self.profile.aim(points[:, 2:]), np.full(count, self.flux_w / count))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
-        """The polygon around the area."""
+        """Polygon (mm) around the area."""
         corners = self.area.corners()
         return np.column_stack([corners, np.zeros(len(corners))])
 
 
 def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
-    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
     profile = _profile(spec.intensity)
     match spec:
         case RectangleSource():
@@ -65,7 +58,8 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
         case DiscSource():
             area = Disc(0.5 * spec.diameter_mm)
         case LuminanceSource():
-            area = Picture.read(spec.file, spec.width_mm)
+            with remedy("correct source.file"):
+                area = LuminanceImage.read(spec.file, spec.width_mm)
         case ChipsSource():
             return _chips(spec, profile)
     return PlanarEmitter(area, profile, spec.flux_w)
@@ -85,7 +79,7 @@ def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple
     return Rectangles(centres, np.tile(side_mm, (len(centres), 1)), np.full(len(centres), 1.0 / len(centres)))
 
 
-def _profile(spec: Intensity) -> IntensityProfile:
+def _profile(spec: IntensitySpec) -> IntensityProfile:
     if isinstance(spec, CosineIntensity):
         return CosinePower(spec.power)
     if isinstance(spec, TableIntensity):

@@ -8,7 +8,7 @@ from scipy.stats import qmc
 
 
 def sobol(count: int, dimensions: int, seed: int) -> Float[np.ndarray, "n d"]:
-    """``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced, any count is fair."""
+    """Draw ``count`` points of the unit cube, scrambled by ``seed``; a power of two is best balanced."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # scipy reminds of powers of two; the docstring does, too
         points: Float[np.ndarray, "n d"] = qmc.Sobol(dimensions, scramble=True, rng=seed).random(count)

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.sources.areas import choose, linear_inverse
+from lensforge.errors import remedy
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.qmc import sobol
-from lensforge.sources.radiance_file import read_radiance
-from lensforge.sources.radiance_table import RadianceTable
+from lensforge.sources.radiance_table import RadianceTable, read_radiance
 from lensforge.spec.source import RadianceSource
 
 _BLOCK = 2**14  # rays drawn at a time: each needs a row of the table
@@ -20,19 +20,19 @@ Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of
 
 @dataclass(frozen=True, eq=False)
 class RadianceEmitter:
-    """Rays of equal weight, as dense in place and direction as ``table`` is bright; total flux ``flux_w``."""
+    """Rays of equal flux, as dense in place and direction as ``table`` is bright; total flux ``flux_w``."""
 
     table: RadianceTable
     flux_w: float
-    population: int | None = None
+    ray_count: int | None = None
 
     @cached_property
     def symmetry(self) -> str:
-        """That of the table."""
+        """Symmetry of the table."""
         return self.table.symmetry
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """``count`` rays of equal weight by quasi-Monte-Carlo points in four dimensions."""
+        """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
         points = sobol(count, 4, seed)
         origins, directions = np.empty((count, 3)), np.empty((count, 3))
         for start in range(0, count, _BLOCK):
@@ -41,7 +41,7 @@ class RadianceEmitter:
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 
     def emit(self, points: Float[np.ndarray, "n 4"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-        """Points of the unit cube to starts (mm) and unit directions; equal volumes become equal shares of the flux."""
+        """Map points of the unit cube to start points (mm) and unit directions; equal volumes get equal flux."""
         cells, origins = self._place(points[:, 0], points[:, 1])
         low, between = self._turn(cells, points[:, 3])
         turn = np.deg2rad(self.table.c_deg)
@@ -51,7 +51,7 @@ class RadianceEmitter:
         return origins, np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
-        """The rectangle of the cells that emit."""
+        """Rectangle (mm) around the cells that emit."""
         rows, columns = np.nonzero(self.table.cell_fluxes)
         left, right = self.table.x_mm[columns.min()], self.table.x_mm[columns.max() + 1]
         bottom, top = self.table.y_mm[rows.min()], self.table.y_mm[rows.max() + 1]
@@ -60,9 +60,9 @@ class RadianceEmitter:
     def _place(
         self, down: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
     ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
-        """Row by the first number, column by the second given the row; uniform inside of the cell."""
+        """Choose the row by the first number, the column by the second given the row; uniform inside of the cell."""
         rows, y = choose(self._rows, down)
-        columns, x = _choose_each(self._columns[rows], across)
+        columns, x = choose_each(self._columns[rows], across)
         origins = np.zeros((len(rows), 3))
         for axis, edges, cell, place in ((0, self.table.x_mm, columns, x), (1, self.table.y_mm, rows, y)):
             origins[:, axis] = edges[cell] + place * (edges[cell + 1] - edges[cell])
@@ -71,10 +71,10 @@ class RadianceEmitter:
     def _turn(
         self, cells: Cells, numbers: Float[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """The sector of azimuth, and the place in it, for each number given the cell."""
+        """Choose the sector of azimuth, and the place in it, by each number given the cell."""
         if len(self.table.c_deg) == 1:
             return np.zeros(len(numbers), dtype=np.int64), numbers
-        low, rest = _choose_each(self._azimuths[cells], numbers)
+        low, rest = choose_each(self._azimuths[cells], numbers)
         planes = self.table.cumulative[..., -1]
         return low, linear_inverse(planes[(*cells, low)], planes[(*cells, low + 1)], rest)
 
@@ -85,7 +85,7 @@ class RadianceEmitter:
         between: Float[np.ndarray, " n"],
         numbers: Float[np.ndarray, " n"],
     ) -> Float[np.ndarray, " n"]:
-        """``sin^2 gamma`` for each number given the cell and the azimuth."""
+        """Choose ``sin^2 gamma`` by each number given the cell and the azimuth."""
         high = np.minimum(low + 1, len(self.table.c_deg) - 1)
 
         def blend(values: Float[np.ndarray, "y x c g"]) -> Float[np.ndarray, "n g"]:
@@ -93,7 +93,7 @@ class RadianceEmitter:
             mixed: Float[np.ndarray, "n g"] = (1.0 - share) * values[(*cells, low)] + share * values[(*cells, high)]
             return mixed
 
-        cell, rest = _choose_each(blend(self.table.cumulative)[:, 1:], numbers)
+        cell, rest = choose_each(blend(self.table.cumulative)[:, 1:], numbers)
         radiance, each = blend(self.table.radiance), np.arange(len(numbers))
         place = linear_inverse(radiance[each, cell], radiance[each, cell + 1], rest)
         squares = self.table.squares
@@ -114,18 +114,7 @@ class RadianceEmitter:
 
 
 def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:
-    """The emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
-    table = read_radiance(spec.file)
+    """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    with remedy("correct source.file"):
+        table = read_radiance(spec.file)
     return RadianceEmitter(table, spec.flux_w or table.flux())
-
-
-def _choose_each(
-    cumulative: Float[np.ndarray, "n k"], numbers: Float[np.ndarray, " n"]
-) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """As :func:`areas.choose`, each number with shares of its own."""
-    wanted, each = numbers * cumulative[:, -1], np.arange(len(numbers))
-    index = np.minimum(np.sum(cumulative <= wanted[:, None], axis=1), cumulative.shape[1] - 1)
-    before = np.where(index > 0, cumulative[each, index - 1], 0.0)
-    share = cumulative[each, index] - before
-    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.clip(rest, 0.0, 1.0)

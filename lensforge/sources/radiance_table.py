@@ -1,25 +1,33 @@
-"""Radiance R(x, y, C, gamma) in the plane z = 0 as a table, and its flux in closed form.
+"""Radiance R(x, y, C, gamma) in the plane z = 0 as a table, read from a file, and its flux in closed form.
 
 A surface element emits ``R cos(gamma) dA dOmega``, and ``cos(gamma) dOmega = dC d(sin^2 gamma) / 2``. So the table is
 taken as constant in each cell of (x, y) and bilinear in (C, sin^2 gamma): every flux is then a trapezoid, its inverse
 the root of a quadratic, and nothing is approximated but the radiance between the table's nodes.
+
+A file is a NumPy archive (`.npz`) of five arrays, named and shaped as in :class:`RadianceTable`.
 """
 
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.errors import InputError
 from lensforge.sources.areas import largest_symmetry
 
 _M2_PER_MM2 = 1e-6
 _SAME = 1e-6  # of the largest radiance, and of the width: what differs less is symmetric
+_NAMES = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
+_LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
 
 @dataclass(frozen=True, eq=False)
 class RadianceTable:
-    """``radiance`` (W/m^2/sr) by cell of the edges ``y_mm`` and ``x_mm``, azimuth ``c_deg``, polar angle ``gamma_deg``.
+    """Table of ``radiance`` (W/m^2/sr) by cell between the edges ``y_mm`` and ``x_mm``, azimuth, and polar angle.
 
     ``c_deg`` runs from 0 to 360, both included, or is the single number 0 for light of revolution about each point's
     own normal. There is no light beyond the first and last gamma.
@@ -33,13 +41,13 @@ class RadianceTable:
 
     @cached_property
     def squares(self) -> Float[np.ndarray, " g"]:
-        """``sin^2 gamma`` at the nodes, never falling."""
+        """Squared sines of gamma at the nodes, never falling."""
         squares: Float[np.ndarray, " g"] = np.sin(np.deg2rad(self.gamma_deg)) ** 2
         return squares
 
     @cached_property
     def cumulative(self) -> Float[np.ndarray, "y x c g"]:
-        """``R cos sin`` integrated up to each gamma: W/m^2 per radian of azimuth."""
+        """Integral of ``R cos sin`` up to each gamma: W/m^2 per radian of azimuth."""
         cells = 0.25 * (self.radiance[..., 1:] + self.radiance[..., :-1]) * np.diff(self.squares)
         start = np.zeros((*self.radiance.shape[:3], 1))
         return np.concatenate([start, np.cumsum(cells, axis=3)], axis=3)
@@ -63,16 +71,16 @@ class RadianceTable:
         return fluxes
 
     def flux(self) -> float:
-        """The integral over area and projected solid angle (W), exact for the interpolation."""
+        """Integral over area and projected solid angle (W), exact for the interpolation."""
         return float(self.cell_fluxes.sum())
 
     @property
     def symmetry(self) -> str:
-        """Found by comparing the table with its mirror images."""
+        """Largest mirror group found by comparing the table with its mirror images."""
         return largest_symmetry(self._unchanged)
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
-        """Whether the mirror image has the same edges, and the same radiance in each cell and direction."""
+        """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
         swapped, signs = mirror[0, 0] == 0.0, mirror[:2, :2].sum(axis=1).astype(int)
         edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
         width = float(np.ptp(self.x_mm) + np.ptp(self.y_mm))
@@ -84,7 +92,7 @@ class RadianceTable:
         return bool(np.abs(np.swapaxes(by_x, 0, 1) - self.radiance).max() <= _SAME * self.radiance.max())
 
     def _turned(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "y x c g"]:
-        """The radiance into the directions whose mirror images are the nodes."""
+        """Radiance into the directions whose mirror images are the nodes."""
         if len(self.c_deg) == 1:
             return self.radiance
         angle = np.deg2rad(self.c_deg)
@@ -96,3 +104,56 @@ class RadianceTable:
             self.radiance[:, :, low + 1] - self.radiance[:, :, low]
         )
         return turned
+
+
+def read_radiance(path: Path) -> RadianceTable:
+    """Read ``path``. Raises :class:`InputError`, one line, if it is missing, damaged, or no table of radiances."""
+    arrays = _arrays(path)
+    problem = _problem(arrays)
+    if problem:
+        raise InputError(f"{path}: {problem}")
+    table = RadianceTable(**arrays)
+    if not 0.0 < table.flux() < np.inf:
+        raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
+    return table
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with ZipFile(path) as archive:
+            unpacked = sum(entry.file_size for entry in archive.infolist())
+        if unpacked > _LARGEST:
+            raise InputError(f"{path}: {unpacked} bytes unpacked; at most {_LARGEST}: use fewer nodes")
+        with np.load(path, allow_pickle=False) as archive:
+            missing = [name for name in _NAMES if name not in archive]
+            if missing:
+                raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")
+            return {name: np.asarray(archive[name]).astype(np.float64, casting="same_kind") for name in _NAMES}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError, TypeError, EOFError, BadZipFile, zlib.error, NotImplementedError) as error:
+        problem = " ".join(str(error).split())[:160]
+        raise InputError(f"{path}: not readable as a NumPy archive ({problem})") from None
+
+
+def _problem(arrays: dict[str, np.ndarray]) -> str:
+    """Say what is wrong with ``arrays``; empty if nothing is."""
+    x, y, c, gamma, radiance = arrays.values()
+    for name, values in list(arrays.items())[:4]:
+        revolution = name == "c_deg" and values.shape == (1,)
+        if values.ndim != 1 or not np.isfinite(values).all() or (len(values) < 2 and not revolution):
+            return f"{name} must be a list of two finite numbers or more"
+        if not (np.diff(values) > 0.0).all():
+            return f"{name} must rise from each number to the next"
+    if gamma[0] < 0.0 or gamma[-1] > 90.0:
+        return f"gamma_deg = {gamma[0]:g} to {gamma[-1]:g}: within 0 to 90"
+    if c[0] != 0.0 or (len(c) > 1 and c[-1] != 360.0):
+        return "c_deg must run from 0 to 360, both included, or be the single number 0"
+    wanted = (len(y) - 1, len(x) - 1, len(c), len(gamma))
+    if radiance.shape != wanted:
+        return f"radiance has the shape {radiance.shape}; cells in y and x, azimuths, polar angles make {wanted}"
+    if not np.isfinite(radiance).all() or radiance.min() < 0.0:
+        return "radiances must be finite, none below 0"
+    if len(c) > 1 and not np.array_equal(radiance[:, :, 0], radiance[:, :, -1]):
+        return "the radiances at c_deg = 360 must be those at 0"
+    return ""

@@ -17,12 +17,12 @@ class SquareEmitter:
     side_mm: float
     flux_w: float = 1.0
     symmetry: str = "square"
-    population: int | None = None
+    ray_count: int | None = None
 
     def sample(self, count: int, seed: int) -> RayBundle:
-        """``count`` rays of equal weight: position uniform, direction cosine-distributed (Malley's method)."""
+        """Draw ``count`` rays of equal flux: position uniform, direction cosine-distributed (Malley's method)."""
         if count < 1:
-            raise InputError(f"rays = {count}: at least 1")
+            raise InputError(f"{count} rays: at least 1")
         points = sobol(count, 4, seed)
         origins = np.zeros((count, 3))
         for axis in (0, 1):
@@ -36,6 +36,6 @@ class SquareEmitter:
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 
     def outline(self) -> Float[np.ndarray, "4 3"]:
-        """The four corners."""
+        """Corners (mm) of the square."""
         half = self.side_mm / 2.0
         return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from lensforge.records.arrays import read_only, real_numbers
+
 _MOST_NUMBERS = 2**31
 
 
@@ -29,30 +31,20 @@ class Numbers:
         return core_schema.no_info_plain_validator_function(self.checked, serialization=text)
 
     def checked(self, value: Any) -> np.ndarray:
-        """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
-        array = real_numbers(value)
+        """Convert ``value`` to a new, read-only float64 array. Raises :class:`ValueError` for a wrong shape or type."""
+        array = numbers_of(value)
         if array.ndim != self.ndim or array.size == 0 or (self.last is not None and array.shape[-1] != self.last):
             wanted = ", ".join([*("n" * (self.ndim - 1)), str(self.last or "n")])
             raise ValueError(f"shape {array.shape}, must be ({wanted}), not empty")
-        if not np.isfinite(array).all():
-            raise ValueError("holds numbers that are not finite")
-        array.flags.writeable = False
-        return array
+        return read_only(array)
 
 
-def real_numbers(value: Any) -> np.ndarray:
-    """``value``, an array, nested lists, or what :func:`packed` makes, as a float64 array of its own, of any shape.
+def numbers_of(value: Any) -> np.ndarray:
+    """Convert an array, nested lists, or what :func:`packed` makes to a new float64 array of any shape.
 
-    Text, truth values and complex numbers are not converted. Raises :class:`ValueError` for what is none.
+    Raises :class:`ValueError` for what is none.
     """
-    try:
-        array = _unpacked(value) if isinstance(value, Mapping) else np.array(value)
-        if array.dtype.kind not in "fiu":
-            raise ValueError(f"of type {array.dtype}, must be real")
-        return array.astype(np.float64, copy=False)
-    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
-        # RuntimeError: a tensor that is on another device, or tracks its gradient
-        raise ValueError(f"no array of numbers ({error})") from None
+    return real_numbers(value, _unpacked if isinstance(value, Mapping) else np.array)
 
 
 def packed(array: np.ndarray) -> dict[str, Any]:

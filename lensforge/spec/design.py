@@ -13,11 +13,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
-from lensforge.spec.base import BaseSection
-from lensforge.spec.part import ConstraintsSection, LensSection, ManufactureSection
-from lensforge.spec.search import EvaluateSection, OptimiseSection
-from lensforge.spec.section import Section, first_error, its_type
-from lensforge.spec.source import Source
+from lensforge.records.validation import its_type
+from lensforge.spec.files import resolve_files
+from lensforge.spec.lens import LensSection
+from lensforge.spec.part import BaseSection, ManufactureSection
+from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
+from lensforge.spec.section import Section, spec_error
+from lensforge.spec.source import SourceSpec
 from lensforge.spec.target import Target
 
 
@@ -25,7 +27,7 @@ class Spec(Section):
     """One design: what goes in, what is wanted, what is allowed."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
-    source: Source
+    source: SourceSpec
     lens: LensSection
     constraints: ConstraintsSection
     target: Target
@@ -82,7 +84,7 @@ class Spec(Section):
     def _fixed_surfaces_fit(self) -> "Spec":
         limits, fixed_inner, fixed_outer = self.constraints, self.lens.fixed_inner, self.lens.fixed_outer
         if fixed_inner is not None:
-            inside = fixed_inner.room_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
+            inside = fixed_inner.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
             if inside < 0.0:
                 raise ValueError(
                     f"lens.fixed_inner cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = "
@@ -111,21 +113,8 @@ def load_spec(path: Path | str) -> Spec:
         raise InputError(f"{path}: not readable as TOML ({error})") from None
     content.setdefault("name", path.stem)
     for section in ("source", "target", "base"):
-        _resolve_files(content.get(section), path.parent)
+        resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
-
-
-def _resolve_files(table: object, folder: Path) -> None:
-    """Make every ``file`` in ``table``, however deep, relative to ``folder``."""
-    if isinstance(table, list):
-        for entry in table:
-            _resolve_files(entry, folder)
-    elif isinstance(table, dict):
-        for key, value in table.items():
-            if key == "file" and isinstance(value, str):
-                table[key] = str((folder / value).resolve())
-            else:
-                _resolve_files(value, folder)
 
 
 def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
@@ -133,15 +122,15 @@ def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
     try:
         return Spec.model_validate(content)
     except ValidationError as error:
-        raise first_error(error, origin) from None
+        raise spec_error(error, origin) from None
 
 
 def require_spec(spec: object, verb: str) -> Spec:
-    """``spec`` if it is one. Raises :class:`InputError` for a path or anything else where a spec belongs."""
+    """Return ``spec`` if it is one. Raises :class:`InputError` for a path or anything else where a spec belongs."""
     if isinstance(spec, Spec):
         return spec
-    remedy = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
-    raise InputError(f"{verb}: {_short(spec)} is {its_type(spec)}, no Spec; {remedy}")
+    advice = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
+    raise InputError(f"{verb}: {_short(spec)} is {its_type(spec)}, no Spec; {advice}")
 
 
 def _short(value: object) -> str:
@@ -185,7 +174,7 @@ def _table(value: object) -> dict[str, object]:
 
 
 def _plain(value: object) -> object:
-    """What TOML can hold: no None, paths as text."""
+    """Convert to what TOML can hold: no None, paths as text."""
     if isinstance(value, Mapping):
         return {key: _plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):

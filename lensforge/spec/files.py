@@ -1,4 +1,4 @@
-"""What a spec was made of besides itself: hashes of the files that it names, so that a result can name its inputs."""
+"""Files that a spec names: resolved against its folder, and hashed so that a result can name its inputs."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -6,6 +6,19 @@ from pathlib import Path
 
 from lensforge.errors import InputError
 from lensforge.spec.section import Section
+
+
+def resolve_files(table: object, folder: Path) -> None:
+    """Make every ``file`` in ``table``, however deep, relative to ``folder``."""
+    if isinstance(table, list):
+        for entry in table:
+            resolve_files(entry, folder)
+    elif isinstance(table, dict):
+        for key, value in table.items():
+            if key == "file" and isinstance(value, str):
+                table[key] = str((folder / value).resolve())
+            else:
+                resolve_files(value, folder)
 
 
 def input_hashes(section: Section) -> dict[str, str]:

@@ -1,18 +1,41 @@
-"""How the lens is searched for, and how it is judged."""
+"""The search: ``[constraints]`` on feasible lenses, ``[optimise]``, and ``[evaluate]`` for the finished lens."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
-from lensforge.spec.section import Millimetres, Section
+from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
 
 Accuracy = Literal["draft", "standard", "reference"]
+DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
+
+
+class ConstraintsSection(Section):
+    """Feasible lenses, Eqs. (10) to (14): a paraboloid of height r_a and radius r_b stays inside the cavity.
+
+    On request, what the shop needs: no hollow of a face is tighter than ``*_concave_radius_mm``, the ball that mills
+    it, and each face leans at least ``*_draft_deg`` away from the axis, along which its mould opens.
+    """
+
+    cavity_height_mm: Millimetres
+    cavity_radius_mm: Millimetres
+    min_thickness_mm: MillimetresOrZero
+    max_radius_mm: Millimetres
+    inner_concave_radius_mm: Millimetres | None = None
+    outer_concave_radius_mm: Millimetres | None = None
+    inner_draft_deg: DraftDegrees | None = None
+    outer_draft_deg: DraftDegrees | None = None
+
+    @property
+    def tolerance_mm(self) -> float:
+        """A length that is this much outside of its limit counts as feasible: a micrometre for a lens of 14 mm."""
+        return 7e-5 * self.max_radius_mm
 
 
 class OptimiseSection(Section):
-    """How the design is searched for; what is left out comes from the accuracy preset.
+    """Settings of the search; what is left out comes from the accuracy preset.
 
-    Without ``fresnel`` the search leaves out what both surfaces reflect; the finished lens is judged with it always.
+    Without ``fresnel`` the search leaves out what both surfaces reflect; the evaluation never does.
     """
 
     steps_per_level: tuple[PositiveInt, ...] | None = None
@@ -24,7 +47,7 @@ class OptimiseSection(Section):
 
 
 class EvaluateSection(Section):
-    """How the finished lens is judged. ``window_mm``: side of the square in which flux counts as detected."""
+    """Settings of the evaluation. ``window_mm``: side of the square in which flux counts as detected."""
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
     pixels: Annotated[int, Field(ge=1, le=2048)] = 128

@@ -1,13 +1,12 @@
-"""What every section of a spec has in common."""
+"""The base of every section of a spec, and the types of its lengths and file names."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from lensforge.errors import InputError
+from lensforge.records.validation import input_error, same
 
 _UNIONS = ("source", "target", "intensity", "spectrum", "fixed_inner", "fixed_outer")
 
@@ -29,7 +28,7 @@ class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metacla
         try:
             return super().__call__(**kwargs)
         except ValidationError as error:
-            raise first_error(error, cls.__name__) from None
+            raise spec_error(error, cls.__name__) from None
 
 
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
@@ -52,45 +51,18 @@ class Section(_Model):
         raise InputError(f"{type(self).__name__}.{name}: a spec does not change; make another with replace(...)")
 
     def __eq__(self, other: object) -> bool:
-        """Whether all fields are equal, arrays to the bit."""
+        """True where all fields are equal, arrays to the bit."""
         if type(self) is not type(other):
             return NotImplemented
-        return all(_same(getattr(self, name), getattr(other, name)) for name in type(self).model_fields)
+        return all(same(getattr(self, name), getattr(other, name)) for name in type(self).model_fields)
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
 
 
-def its_type(value: object) -> str:
-    """The type of ``value`` for a message: ``a str``, ``an int``."""
-    name = type(value).__name__
-    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
-
-
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other)
-    return bool(one == other)
-
-
-def first_error(error: ValidationError, origin: str) -> InputError:
-    """The one line for the first wrong field of what ``origin`` names, its value, and what is allowed."""
-    first = error.errors(include_url=False)[0]
-    field = _field(first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
-    given = first["input"]
-    shown = repr(given) if isinstance(given, str | int | float | bool | Path) or given is None else type(given).__name__
-    value = "" if isinstance(given, Mapping | BaseModel) else f" = {shown[:80]}"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    text = f"{origin}: {field}{value}: {message}{more}" if field or value else f"{origin}: {message}{more}"
-    return InputError(" ".join(text.replace(": : ", ": ").split()))
-
-
-def _field(location: tuple[int | str, ...]) -> str:
-    """The path to a field as the user wrote it: without the ``kind`` that chose the form of a section."""
-    return ".".join(
-        str(part) for before, part in zip((None, *location), location, strict=False) if before not in _UNIONS
-    )
+def spec_error(error: ValidationError, origin: str) -> InputError:
+    """One line for the first wrong field of what ``origin`` names, its path as the user wrote it."""
+    return input_error(error, origin, unions=_UNIONS)
 
 
 # From a nanometre to a kilometre, with room: squares and ratios of lengths stay within floating point.

@@ -46,7 +46,7 @@ class Asphere(Surface):
 
     @property
     def detail_rad(self) -> float:
-        """Of a Gaussian with the profile's swing and largest curvature, ``2 swing / sigma^2``; 0.5 at most."""
+        """Sigma of a Gaussian with the profile's swing and largest curvature, ``2 swing / sigma^2``; 0.5 at most."""
         _, radii = self._profile
         step = np.arccos(_LEAST_HEIGHT) / (_PROFILE - 1)
         curvature = float(np.abs(np.diff(radii, 2)).max()) / step**2

@@ -65,8 +65,8 @@ def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
     spans = 4.0 * chart.HALF_WIDTH * nodes_per_sigma
     if not sigma_min_rad * _MOST_NODES > spans:
         raise InputError(
-            f"lens: the narrowest function has sigma = {sigma_min_rad:.3g} rad, a table of {_MOST_NODES} nodes a side "
-            f"resolves {spans / _MOST_NODES:.2g}: raise lens.sigma_c or lower the last of lens.levels"
+            f"the narrowest function has sigma = {sigma_min_rad:.3g} rad, a table of {_MOST_NODES} nodes a side "
+            f"resolves {spans / _MOST_NODES:.2g} rad"
         )
     return TableGrid(max(24, int(np.ceil(spans / sigma_min_rad)) + 1))
 
@@ -81,10 +81,10 @@ def tabulate(grid: TableGrid, surface: Surface) -> Float[np.ndarray, "side side"
 def evaluate_table(
     grid: TableGrid, table: Float[np.ndarray, "side side"], directions: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
-    """``rho`` of a table at unit directions (plain NumPy; the tracer has its own fused evaluation)."""
+    """``rho`` of a table at unit directions (plain NumPy; the kernels have a compiled evaluation)."""
     position = (chart.to_chart(directions) - grid.origin) / grid.step
     cell = np.clip(np.floor(position).astype(int), 1, grid.side - 3)
-    wx, wy = (_cubic_weights(position[:, axis] - cell[:, axis]) for axis in (0, 1))
+    wx, wy = (cubic_basis(position[:, axis] - cell[:, axis]) for axis in (0, 1))
     total = np.zeros(len(directions))
     for i in range(4):
         for j in range(4):
@@ -92,14 +92,10 @@ def evaluate_table(
     return total
 
 
-def _cubic_weights(f: Float[np.ndarray, " n"]) -> list[Float[np.ndarray, " n"]]:
-    g = 1.0 - f
-    return [
-        g**3 / 6.0,
-        (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0,
-        (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0,
-        f**3 / 6.0,
-    ]
+def cubic_basis(f: Float[np.ndarray, " k"], order: int = 0) -> list[Float[np.ndarray, " k"]]:
+    """The four uniform cubic B-splines of a cell, or their derivatives of ``order`` per step, at the fraction ``f``."""
+    pieces = [np.poly1d(p) / 6.0 for p in ([-1, 3, -3, 1], [3, -6, 0, 4], [-3, 3, 3, 1], [1, 0, 0, 0])]
+    return [piece.deriv(order)(f) if order else piece(f) for piece in pieces]
 
 
 def table_error(

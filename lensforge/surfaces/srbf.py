@@ -46,9 +46,9 @@ class SrbfBasis:
 
     def __post_init__(self) -> None:
         if not self.levels or min(self.levels) < 1:
-            raise InputError(f"lens.levels = {self.levels}: one or more counts, each at least 1")
+            raise InputError(f"levels = {self.levels}: one or more counts, each at least 1")
         if not 0.0 < self.sigma_c < np.inf:
-            raise InputError(f"lens.sigma_c = {self.sigma_c}: a finite number above 0; 1.5 to 2 works well")
+            raise InputError(f"sigma_c = {self.sigma_c}: a finite number above 0; 1.5 to 2 works well")
         group(self.symmetry)
 
     @property

@@ -1,4 +1,4 @@
-"""What every stage asks of a surface: a radius over the sphere about the origin, and its gradient."""
+"""Protocol of every surface: a radius over the sphere about the origin, and its gradient."""
 
 from typing import Protocol, runtime_checkable
 

@@ -33,7 +33,7 @@ def group(name: str) -> list[np.ndarray]:
 
 
 def contains(larger: str, smaller: str) -> bool:
-    """Whether every mirror image of group ``smaller`` belongs to group ``larger``."""
+    """True where every mirror image of group ``smaller`` belongs to group ``larger``."""
     return all(any(np.array_equal(a, b) for b in group(larger)) for a in group(smaller))
 
 

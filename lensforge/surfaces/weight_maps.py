@@ -1,4 +1,4 @@
-"""From weights to table coefficients, level by level: the cost follows what each function covers.
+"""Maps from weights to table coefficients, level by level: the cost follows what each function covers.
 
 A function is sampled where it is not negligible, on a grid as fine as its own level needs; the level's spline is then
 carried over to the table's grid, which is one banded matrix along each axis. So a step of the search costs hardly more
@@ -67,8 +67,8 @@ def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
     needed = _BYTES_PER_SAMPLE * count * float(nodes.query_ball_point(some, chord, return_length=True).mean())
     if needed > _MOST_BYTES:
         raise InputError(
-            f"lens: {count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
-            f"allowed are {_MOST_BYTES // 2**30}: lower lens.levels, raise lens.sigma_c, or --accuracy draft"
+            f"{count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
+            f"allowed are {_MOST_BYTES // 2**30}"
         )
     near = nodes.sparse_distance_matrix(centres, chord, output_type="coo_matrix")
     angles = 2.0 * np.arcsin(np.minimum(0.5 * near.data, 1.0))

@@ -1,1 +1,1 @@
-"""What small errors of making and mounting do to the light: perturbed lenses, traced again with the same rays."""
+"""Sensitivity to small errors of making and mounting: perturbed lenses, traced again with the same rays."""

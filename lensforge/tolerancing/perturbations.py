@@ -1,23 +1,27 @@
-"""What may go wrong, each by a stated amount of the size that shops know."""
+"""Errors of making and mounting: of form, position, source and index, each of a stated amount."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.lens import Lens
-from lensforge.tolerancing.amounts import Amounts
-from lensforge.tolerancing.perturbed_surfaces import Displaced, with_form_error
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
+from lensforge.tolerancing.sensitivity_table import Amounts
 
 Radius = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 
 LOW_ORDER = 9  # functions over the hemisphere: errors as wide as astigmatism and coma
+_ROUNDS = 3  # each gains three digits for displacements that are small against the lens
+_SAMPLES = 4000
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One error: its name, amount and unit, and what it changes; a surface that is not named stays as designed."""
+    """One error: name, amount, unit, and the changed surfaces, source or index; the rest stays as designed."""
 
     name: str
     amount: float
@@ -28,7 +32,7 @@ class Perturbation:
 
 
 def perturbations(lens: Lens, amounts: Amounts, seed: int) -> list[Perturbation]:
-    """Form errors of each face, the outer face moved against the inner one and the source, source, and index."""
+    """List the errors: form of each surface, outer surface displaced against inner one and source, source, index."""
     return [*_form(lens, amounts, seed), *_alignment(lens, amounts), *_source_and_index(amounts)]
 
 
@@ -65,3 +69,85 @@ def _source_and_index(amounts: Amounts) -> list[Perturbation]:
     found = [Perturbation(f"source shift in {axis}", 1e3 * shift, "um", source_mm=by) for axis, by in axes.items()]
     found.append(Perturbation("source shift in z", -1e3 * shift, "um", source_mm=(0.0, 0.0, -shift)))
     return found + [Perturbation("index", sign * amounts.index, "", index=sign * amounts.index) for sign in (1.0, -1.0)]
+
+
+@dataclass(frozen=True)
+class Displaced:
+    """``surface`` rotated about the x axis of the lens by ``tilt_rad``, then shifted by ``shift_mm``."""
+
+    surface: Surface
+    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tilt_rad: float = 0.0
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the lens origin, by fixed-point steps on ``|x'| = rho(x'/|x'|)`` in its own frame."""
+        cosine, sine = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
+        along, shift = directions @ turn, np.array(self.shift_mm) @ turn
+        radius = self.surface.radius(along)
+        for _ in range(_ROUNDS):
+            x = radius[:, None] * along - shift
+            length = np.linalg.norm(x, axis=1)
+            radius = radius - (length - self.surface.radius(x / length[:, None]))
+        return radius
+
+
+@dataclass(frozen=True)
+class WithFormError:
+    """``surface`` plus the radial ``error``, whose offset does not count."""
+
+    surface: Surface
+    error: SrbfSurface
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the lens origin."""
+        radius: Float[np.ndarray, " n"] = self.surface.radius(directions) + self.error.radius(directions)
+        return radius - self.error.offset_mm
+
+
+def with_form_error(surface: Surface, functions: int, sigma_c: float, rms_mm: float, seed: int) -> WithFormError:
+    """Add a random sum of ``functions`` SRBFs; its ``rms_mm`` is along the normal, weighted by solid angle."""
+    basis = SrbfBasis((functions,), sigma_c)
+    weights = np.random.default_rng(seed).normal(size=basis.size)
+    u = fibonacci_hemisphere(_SAMPLES)
+    error = basis.evaluate(u) @ weights * np.sum(surface.normal(u) * u, axis=1)
+    return WithFormError(surface, SrbfSurface(basis, weights * rms_mm / float(np.sqrt(np.mean(error**2))), 1.0))
+
+
+@dataclass(frozen=True)
+class ShiftedSource:
+    """``source`` shifted by ``shift_mm``, and an error of ``index`` for its rays.
+
+    ``index`` is added to the refractive indices of rays that carry their own; for all others it is in the scene.
+    """
+
+    source: Source
+    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    index: float = 0.0
+
+    @property
+    def flux_w(self) -> float:
+        """Flux (W) of the source itself."""
+        return self.source.flux_w
+
+    @property
+    def symmetry(self) -> str:
+        """No symmetry is left, in general."""
+        return "none"
+
+    @property
+    def ray_count(self) -> int | None:
+        """Number of rays of the source itself."""
+        return self.source.ray_count
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Sample the source; shift its rays."""
+        rays = self.source.sample(count, seed)
+        own = rays.refractive_indices
+        indices = None if own is None else own + self.index
+        return replace(rays, origins=rays.origins + np.array(self.shift_mm), refractive_indices=indices)
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline of the source, shifted."""
+        moved: Float[np.ndarray, "k 3"] = self.source.outline() + np.array(self.shift_mm)
+        return moved

@@ -1,4 +1,4 @@
-"""Uniformity, NMSE and efficiency of the lens as it should be, and of it with each error."""
+"""The sensitivity study: uniformity, NMSE and efficiency of the lens as designed, and with each error."""
 
 import time
 from collections.abc import Callable
@@ -8,15 +8,13 @@ import torch
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.evaluate import evaluate_traced
-from lensforge.evaluation.light import Judged
+from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
-from lensforge.tolerancing.amounts import Amounts
-from lensforge.tolerancing.perturbations import Perturbation, Radius, perturbations
-from lensforge.tolerancing.sensitivity_table import Change, ErrorRow, Sensitivity
-from lensforge.tolerancing.shifted_source import ShiftedSource
+from lensforge.tolerancing.perturbations import Perturbation, Radius, ShiftedSource, perturbations
+from lensforge.tolerancing.sensitivity_table import Amounts, Change, ErrorRow, Sensitivity
 
 RAYS = 2**19
 
@@ -37,15 +35,15 @@ def measure_sensitivity(
     """
     started = time.perf_counter()
     amounts = amounts or Amounts()
-    nominal = TracedLens.of(lens, preset.judge_nodes_per_sigma)
+    nominal = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     count, errors = rays or RAYS, perturbations(lens, amounts, lens.seed)
     announce = progress or (lambda done, total: None)
-    designed = _judged(nominal, lens, source, count)
+    designed = _metrics(nominal, lens, source, count)
     announce(1, len(errors) + 1)
     rows = []
     for done, error in enumerate(errors, start=2):
         shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
-        found = _judged(perturbed(nominal, error), lens, shifted, count)
+        found = _metrics(perturbed(nominal, error), lens, shifted, count)
         change = _change(found, designed)
         rows.append(ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found, change=change))
         announce(done, len(errors) + 1)
@@ -60,7 +58,7 @@ def measure_sensitivity(
 
 
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
-    """The tables and the index of a lens with ``error``; its source is the caller's."""
+    """Tables and index of the lens with ``error``; its source is the caller's."""
     scene = replace(nominal.scene, refractive_index=nominal.scene.refractive_index + error.index)
     inner, outer = (
         _table(nominal, error.surfaces[name]) if name in error.surfaces else table
@@ -75,12 +73,12 @@ def _table(nominal: TracedLens, radius: Radius) -> torch.Tensor:
     return torch.from_numpy(grid.coefficients(samples).reshape(grid.side, grid.side))
 
 
-def _judged(traced: TracedLens, lens: Lens, source: Source, rays: int) -> Judged:
+def _metrics(traced: TracedLens, lens: Lens, source: Source, rays: int) -> LightMetrics:
     light = evaluate_traced(traced, lens.spec, source, rays, lens.seed)
-    return Judged.of(light)
+    return LightMetrics.of(light)
 
 
-def _change(found: Judged, designed: Judged) -> Change:
+def _change(found: LightMetrics, designed: LightMetrics) -> Change:
     return Change(
         uniformity=_difference(found.uniformity, designed.uniformity),
         rsd=_difference(found.rsd, designed.rsd),

@@ -1,10 +1,9 @@
-"""The result of the sensitivity study: the metrics of the lens as designed, and of it with each error."""
+"""Result of the sensitivity study: metrics of the lens as designed and with each error, and the errors' amounts."""
 
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
-from lensforge.evaluation.light import Judged
+from lensforge.evaluation.light import LightMetrics
 from lensforge.records import Count, NotNegative, Number, Record, StageResult, Text
-from lensforge.tolerancing.amounts import Amounts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -12,8 +11,20 @@ if TYPE_CHECKING:
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 
 
+class Amounts(Record):
+    """Amount of each error, by default of a size usual in shops; lengths in mm, angles in rad."""
+
+    low_order_rms_mm: NotNegative = 1e-3
+    fine_rms_mm: NotNegative = 1e-4
+    decentre_mm: Number = 0.02
+    tilt_rad: Number = 1e-3
+    gap_mm: Number = 0.02
+    source_mm: Number = 0.05
+    index: Number = 1e-3
+
+
 class Change(Record):
-    """Metrics less those of the lens as designed, by the same rays: most of the noise of both cancels."""
+    """Change of the metrics from the lens as designed, by the same rays: most of the noise of both cancels."""
 
     uniformity: Number | None
     rsd: Number | None
@@ -22,31 +33,28 @@ class Change(Record):
 
 
 class ErrorRow(Record):
-    """One error of form, position, source or index: its amount, and what it does."""
+    """One error of form, position, source or index: its amount, and the metrics with it."""
 
     name: Text
     amount: Number
     unit: Text
-    metrics: Judged
+    metrics: LightMetrics
     change: Change
 
 
 class Sensitivity(StageResult):
-    """Small errors of making and mounting, and how they change the light.
-
-    ``amounts``: how much of each kind of error.
-    """
+    """Small errors of making and mounting, of given ``amounts``, and the change of the light by each."""
 
     stage: ClassVar[str] = "sensitivity"
 
-    nominal: Judged
+    nominal: LightMetrics
     rows: tuple[ErrorRow, ...]
     amounts: Amounts
     rays: Count
     seconds: NotNegative
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
-        """By how much each error changes ``metric``. Raises :class:`InputError` for an unknown one."""
+        """Plot the change of ``metric`` by each error. Raises :class:`InputError` for an unknown one."""
         from lensforge.figures.plots import plot_bars, require_choice
 
         require_choice("metric", metric, get_args(MetricName))

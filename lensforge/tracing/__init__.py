@@ -1,1 +1,1 @@
-"""From a ray bundle to the rays that leave the lens, every ray with a fate."""
+"""Tracing: a ray bundle becomes the rays that leave the lens, every ray with a fate."""

@@ -10,8 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from lensforge.tracing.device_table import DeviceTable
-from lensforge.tracing.intersect_kernel import (
+from lensforge.kernels.first_hit import (
     BELOW,
     FOUND,
     LOST,
@@ -21,6 +20,7 @@ from lensforge.tracing.intersect_kernel import (
     TOLERANCE,
     WORTH_A_LEAP,
 )
+from lensforge.tracing.device_table import DeviceTable
 from lensforge.tracing.sequence import Crossing
 
 # States of a search besides the kernel's three.
@@ -29,13 +29,13 @@ _BRACKETED = 4  # the next root is the only one ahead: it may be closed in on
 
 
 class _Place(NamedTuple):
-    """Where rays are: chart, 1/(r + z), distance r, its growth along the ray (cosine, and times r), direction."""
+    """Position of rays: chart, 1/(r + z), distance r, cosine between ray and radius (and times r), direction."""
 
     X: Float[Tensor, " n"]
     Y: Float[Tensor, " n"]
     per_shift: Float[Tensor, " n"]
     r: Float[Tensor, " n"]
-    climb: Float[Tensor, " n"]
+    cos_radial: Float[Tensor, " n"]
     outward: Float[Tensor, " n"]
     dx: Float[Tensor, " n"]
     dy: Float[Tensor, " n"]
@@ -50,30 +50,30 @@ class _Place(NamedTuple):
     def descent(self, table: DeviceTable) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
         """F and F'."""
         rho, rho_x, rho_y = table.value_and_slope(self.X, self.Y)
-        ahead = self.climb + self.dz
+        ahead = self.cos_radial + self.dz
         turn = rho_x * (self.dx - self.X * ahead) + rho_y * (self.dy - self.Y * ahead)
-        return rho - self.r, turn * self.per_shift - self.climb
+        return rho - self.r, turn * self.per_shift - self.cos_radial
 
 
 class _Ahead(NamedTuple):
-    """What bounds the surface near a ray: see ``SurfaceBounds``; and how far the bounds reach.
+    """Bounds on the surface near a ray, see ``SurfaceBounds``, and their reach.
 
-    After a path s the ray has turned by ``atan(s sine / (r + s climb))``: ``s turning <= room`` stays in reach.
+    After a path s the ray has turned by ``atan(s sine / (r + s cos_radial))``: ``s turning <= room`` stays in reach.
     """
 
     low: Float[Tensor, " n"]
-    leaning: Float[Tensor, " n"]
-    bending: Float[Tensor, " n"]
+    max_slope: Float[Tensor, " n"]
+    max_hessian: Float[Tensor, " n"]
     sine: Float[Tensor, " n"]
     turning: Float[Tensor, " n"]
     room: Float[Tensor, " n"]
 
     @staticmethod
     def of(table: DeviceTable, place: _Place) -> "_Ahead":
-        low, leaning, bending = table.bounds_near(place.X, place.Y).unbind()
-        sine = torch.sqrt((1.0 - place.climb * place.climb).clamp(min=0.0))
+        low, max_slope, max_hessian = table.bounds_near(place.X, place.Y).unbind()
+        sine = torch.sqrt((1.0 - place.cos_radial * place.cos_radial).clamp(min=0.0))
         reach = table.bounds.tan_reach
-        return _Ahead(low, leaning, bending, sine, sine - reach * place.climb, place.r * reach)
+        return _Ahead(low, max_slope, max_hessian, sine, sine - reach * place.cos_radial, place.r * reach)
 
     def within(self, path: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
         """``path``, or as far of it as the bounds reach."""
@@ -82,19 +82,19 @@ class _Ahead(NamedTuple):
     def bend(self, place: _Place, least: float) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
         """``intersect_kernel.bend_ahead``: the bound C of F'', and the path up to which it holds besides the reach."""
         per_r = 1.0 / place.r
-        twist = torch.where(self.sine < place.climb, 2.0 * self.sine * place.climb, 1.0)
-        outwards = (self.sine * self.sine * (1.0 + self.bending * per_r) + self.leaning * twist * per_r) * per_r
+        twist = torch.where(self.sine < place.cos_radial, 2.0 * self.sine * place.cos_radial, 1.0)
+        outwards = (self.sine * self.sine * (1.0 + self.max_hessian * per_r) + self.max_slope * twist * per_r) * per_r
         nearest = place.r * self.sine
         to_ball = torch.sqrt((place.outward**2 - (place.r - least) * (place.r + least)).clamp(min=0.0))
         path = torch.where(nearest < least, -place.outward - to_ball + 1e-12 * place.r, torch.inf)
         nearest = nearest.clamp(min=least)
-        inwards = (1.0 + (self.bending + self.leaning) / nearest) / nearest
-        climbs = place.climb >= 0.0
-        return torch.where(climbs, outwards, inwards), torch.where(climbs, torch.inf, path)
+        inwards = (1.0 + (self.max_hessian + self.max_slope) / nearest) / nearest
+        rises = place.cos_radial >= 0.0
+        return torch.where(rises, outwards, inwards), torch.where(rises, torch.inf, path)
 
 
 def first_crossing(table: DeviceTable, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-    """Of rays from points with ``|p| <= rho`` and z >= 0."""
+    """First crossings of rays from points with ``|p| <= rho`` and z >= 0."""
     with torch.no_grad():
         starts, along = origins.T.contiguous(), directions.T.contiguous()
         lengths = torch.zeros_like(starts[0])
@@ -160,7 +160,7 @@ def _look(
 
 
 class _Bracket(NamedTuple):
-    """Of each root: where it lies between, the next guess, and F, 1/F' at the guess before."""
+    """Bracket of each root, the next guess, and F, 1/F' at the guess before."""
 
     low: Float[Tensor, " n"]
     high: Float[Tensor, " n"]

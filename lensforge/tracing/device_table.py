@@ -1,6 +1,6 @@
-"""A bicubic table of ``rho`` over the stereographic chart, in plain torch on any device: what ``spline_kernel`` is.
+"""Bicubic tables of ``rho`` in plain torch, on any device: the same coefficients and bounds as those of the kernels.
 
-Rays lie along the last axis of every tensor here, so that neighbours in memory are neighbours in the work.
+Rays lie along the last axis of every tensor inside of a table, so that neighbours in memory are neighbours in the work.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,10 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from lensforge.kernels.bounds import SurfaceBounds
+from lensforge.kernels.spline import uniform_cubic
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.bounds_kernel import SurfaceBounds
+from lensforge.tracing.tables import Scene, checked_bounds
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class DeviceTable:
     def of(
         table: Float[Tensor, "side side"], grid: TableGrid, bounds: SurfaceBounds, device: torch.device
     ) -> "DeviceTable":
-        """A copy of ``table`` on ``device``; its gradient finds the way back."""
+        """Copy of ``table`` on ``device``, through which gradients pass."""
         tiles = torch.from_numpy(bounds.tiles).permute(2, 0, 1).contiguous().to(device)
         return DeviceTable(table.to(device, torch.float64), grid, bounds, tiles)
 
@@ -41,7 +43,7 @@ class DeviceTable:
         rows, columns = (i + four[:, None])[:, None], (j + four[:, None])[None, :]
         # by one index: its backward pass adds in a fixed order, on a GPU too
         block = self.coefficients.reshape(-1)[rows * self.grid.side + columns]
-        (wx, dx), (wy, dy) = _cubic_weights(u - i), _cubic_weights(v - j)
+        (wx, dx), (wy, dy) = (map(torch.stack, uniform_cubic(f)[:2]) for f in (u - i, v - j))
         along, across = (block * wy).sum(dim=1), (block * dy).sum(dim=1)
         return (wx * along).sum(dim=0), (dx * along).sum(dim=0) * per_step, (wx * across).sum(dim=0) * per_step
 
@@ -57,10 +59,30 @@ class DeviceTable:
         )
         return self.tiles[:, i, j]
 
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
+        r = torch.linalg.norm(points, dim=1)
+        shift = (r + points[:, 2]).clamp(min=torch.finfo(points.dtype).tiny)
+        gap: Tensor = self.value_and_slope(points[:, 0] / shift, points[:, 1] / shift)[0] - r
+        return gap
 
-def _cubic_weights(f: Float[Tensor, " n"]) -> tuple[Float[Tensor, "4 n"], Float[Tensor, "4 n"]]:
-    """Uniform cubic B-spline: the four weights, and their derivatives in units of the step."""
-    g = 1.0 - f
-    weights = g**3 / 6.0, 2.0 / 3.0 - f**2 * (1.0 - 0.5 * f), 2.0 / 3.0 - g**2 * (1.0 - 0.5 * g), f**3 / 6.0
-    slopes = -0.5 * g**2, f * (1.5 * f - 2.0), g * (2.0 - 1.5 * g), 0.5 * f**2
-    return torch.stack(weights), torch.stack(slopes)
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
+        x, y, z = points.unbind(dim=1)
+        r = torch.linalg.norm(points, dim=1)
+        per_shift = 1.0 / (r + z)
+        _, rho_x, rho_y = self.value_and_slope(x * per_shift, y * per_shift)
+        radial = (rho_x * x + rho_y * y) * per_shift * per_shift
+        along = (1.0 + radial) / r
+        return torch.stack((x * along - rho_x * per_shift, y * along - rho_y * per_shift, z * along + radial), dim=1)
+
+
+def tables_on(
+    device: torch.device, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], scene: Scene
+) -> tuple[DeviceTable, DeviceTable]:
+    """Both tables and their bounds on ``device``. Raises :class:`InputError` for a radius that is not positive."""
+    bounds = checked_bounds(inner, outer, scene)
+    first, second = (
+        DeviceTable.of(table, scene.grid, bound, device) for table, bound in zip((inner, outer), bounds, strict=True)
+    )
+    return first, second

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
-from lensforge.tracing.fates import Fate
+from lensforge.kernels.fates import Fate
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class ExitRays:
     ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
     lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses. ``sin2_exit``: squared sine of
     the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not reached. ``fates``:
-    values of :class:`~lensforge.tracing.fates.Fate`.
+    values of :class:`~lensforge.kernels.fates.Fate`.
     """
 
     points: Float[Tensor, "n 3"]

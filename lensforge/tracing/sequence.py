@@ -12,10 +12,10 @@ import torch
 from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
+from lensforge.kernels.fates import Fate
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fates import Fate
 
 
 class Crossing(NamedTuple):
@@ -34,7 +34,7 @@ class TracedSurface(Protocol):
     """A star-shaped surface ``|p| = rho(p/|p|)``; ``gap`` and ``normal`` are differentiable in points and shape."""
 
     def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
-        """Of rays from inside, at z >= 0; without a gradient."""
+        """First crossings of rays from inside, at z >= 0; without a gradient."""
         ...
 
     def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
@@ -52,18 +52,18 @@ class TensorRays:
 
     origins: Float[Tensor, "n 3"]
     directions: Float[Tensor, "n 3"]
-    weights: Float[Tensor, " n"]
+    flux: Float[Tensor, " n"]
     indices: Float[Tensor, " n"]
 
     @staticmethod
     def of(rays: RayBundle, refractive_index: float, dtype: torch.dtype, device: torch.device) -> "TensorRays":
         """The same numbers; ``refractive_index`` holds for rays without an index of their own."""
-        origins, directions, weights = (
-            torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.weights)
+        origins, directions, flux = (
+            torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.flux)
         )
         own = rays.refractive_indices
-        indices = torch.full_like(weights, refractive_index) if own is None else torch.as_tensor(own).to(weights)
-        return TensorRays(origins, directions, weights, indices)
+        indices = torch.full_like(flux, refractive_index) if own is None else torch.as_tensor(own).to(flux)
+        return TensorRays(origins, directions, flux, indices)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
@@ -72,7 +72,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
     fates, alive, origins, directions = _entered(inner, rays)
-    flux, sin2_exit = rays.weights.clone(), torch.zeros_like(rays.weights)
+    flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
     for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         fates[alive] = _without_crossing(crossing, origins, directions, is_outer)
@@ -113,11 +113,11 @@ def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"]
 def _without_crossing(
     crossing: Crossing, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], is_outer: bool
 ) -> Int8[Tensor, " n"]:
-    """Why rays do not cross a surface; ``LEFT_LENS`` for those that do."""
+    """Fates of rays that do not cross a surface; ``LEFT_LENS`` for those that do."""
     below = (origins[:, 2] + crossing.lengths * directions[:, 2]).detach() < 0.0
     given_up = torch.full_like(crossing.lengths, int(Fate.NOT_CONVERGED), dtype=torch.int8)
     if is_outer:  # a ray that is not inside at its start has met the inner surface outside of the outer one
-        given_up[crossing.lengths == 0.0] = int(Fate.CROSSED)
+        given_up[crossing.lengths == 0.0] = int(Fate.SURFACES_INTERSECT)
     unmet = torch.where(crossing.lost & ~below, given_up, int(Fate.BASE))
     return torch.where(crossing.found, int(Fate.LEFT_LENS), unmet).to(torch.int8)
 

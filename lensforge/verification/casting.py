@@ -1,7 +1,7 @@
-"""First hits of many rays on a mesh: trimesh's own tests, on the few triangles that a ray comes near.
+"""First hits of many rays on a mesh: trimesh's own intersection tests, on the few triangles that a ray comes near.
 
-trimesh asks an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
-lens, and gets to some hundred rays per second. Here each ray walks through the cells of a uniform grid (Amanatides and
+trimesh queries an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
+lens, and reaches some hundred rays per second. Here each ray walks through the cells of a uniform grid (Amanatides and
 Woo 1987), all rays in step, and trimesh tests the triangles of the cells that it visits until the first hit.
 """
 
@@ -12,17 +12,16 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 from trimesh.intersections import planes_lines
-from trimesh.ray.ray_triangle import RayMeshIntersector
 from trimesh.triangles import points_to_barycentric
 
 CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
 MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
-_BLOCK = 2**18  # cells of boxes looked at together: they stay in the cache
+_BLOCK = 2**18  # cells of boxes tested together: they stay in the cache
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 
 
 @dataclass(frozen=True)
-class Hits:
+class FacetHits:
     """First hits: triangle (-1: none), distance along the ray (mm, infinite: none), barycentric coordinates."""
 
     triangles: Int[np.ndarray, " n"]
@@ -31,12 +30,12 @@ class Hits:
 
     @property
     def found(self) -> Bool[np.ndarray, " n"]:
-        """Which rays hit anything."""
+        """True for rays that hit anything."""
         return self.triangles >= 0
 
-    def take(self, rows: Int[np.ndarray, " k"]) -> "Hits":
+    def take(self, rows: Int[np.ndarray, " k"]) -> "FacetHits":
         """The hits of some of the rays."""
-        return Hits(self.triangles[rows], self.distances[rows], self.barycentric[rows])
+        return FacetHits(self.triangles[rows], self.distances[rows], self.barycentric[rows])
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Leg:
 
 
 class Grid:
-    """The triangles of ``mesh`` by the cells of a uniform grid that they touch."""
+    """Triangles of ``mesh``, listed by the cells of a uniform grid that they touch."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         self.triangles = np.asarray(mesh.triangles, dtype=np.float64)
@@ -68,7 +67,7 @@ class Grid:
         self._sort_into_cells(low, high)
 
     def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
-        """Cells of each triangle's box, less those that its plane does not cross; triangles then sorted by cell."""
+        """List the cells of each triangle's box that its plane crosses, then sort the triangles by cell."""
         pad = 1e-6 * self.cell
         first = np.floor((low - self.corner - pad) / self.cell).astype(np.int64)
         span = np.floor((high - self.corner + pad) / self.cell).astype(np.int64) - first + 1
@@ -87,10 +86,10 @@ class Grid:
         span: Int[np.ndarray, "t 3"],
         reach: Float[np.ndarray, " t"],
     ) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
-        """Cells that the planes of some triangles cross within their boxes, and which triangle each belongs to.
+        """Cells that the planes of some triangles cross within their boxes, and the triangle of each.
 
-        The boxes begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (mm) is how far a plane may pass
-        by a cell's centre.
+        The boxes begin at the cells ``first`` and are ``span`` cells wide; ``reach`` (mm): largest distance of a plane
+        from the centre of a cell that it crosses.
         """
         count = span[triangles].prod(axis=1)
         owner = np.repeat(triangles, count)
@@ -102,10 +101,10 @@ class Grid:
         crossed = np.abs(height) <= reach[owner]
         return (cells @ self.strides)[crossed], owner[crossed]
 
-    def first_hits(self, leg: Leg) -> Hits:
+    def first_hits(self, leg: Leg) -> FacetHits:
         """First hit of each ray."""
         count = len(leg.origins)
-        hits = Hits(np.full(count, -1), np.full(count, np.inf), np.zeros((count, 3)))
+        hits = FacetHits(np.full(count, -1), np.full(count, np.inf), np.zeros((count, 3)))
         # A direction component of zero is replaced for the walk only: 1e-12 keeps it inside the cells' margin.
         small = np.abs(leg.directions) < 1e-12
         slope = np.where(small, np.copysign(1e-12, leg.directions), leg.directions)
@@ -137,7 +136,7 @@ class Grid:
         entry = np.maximum(np.minimum(one, other).max(axis=1), leg.beyond)
         return entry, np.maximum(one, other).min(axis=1)
 
-    def _test(self, rays: Int[np.ndarray, " m"], keys: Int[np.ndarray, " m"], leg: Leg, hits: Hits) -> None:
+    def _test(self, rays: Int[np.ndarray, " m"], keys: Int[np.ndarray, " m"], leg: Leg, hits: FacetHits) -> None:
         """Test all triangles of the cells ``keys``, one cell for each of ``rays``; write nearer hits into ``hits``."""
         first, count = self.starts[keys], self.starts[keys + 1] - self.starts[keys]
         ray = np.repeat(rays, count)
@@ -157,14 +156,3 @@ class Grid:
         hits.triangles[ray[order]] = candidate[order]
         hits.distances[ray[order]] = distance[order]
         hits.barycentric[ray[order]] = barycentric[order]
-
-
-def plain_distances(mesh: trimesh.Trimesh, leg: Leg) -> Float[np.ndarray, " n"]:
-    """Distance (mm) of each ray's first hit by trimesh's own plain path, never Embree; infinite where there is none."""
-    points, ray, _ = RayMeshIntersector(mesh).intersects_location(leg.origins, leg.directions, multiple_hits=True)
-    nearest = np.full(len(leg.origins), np.inf)
-    if len(ray):
-        distance = np.sum((points - leg.origins[ray]) * leg.directions[ray], axis=1)
-        ahead = distance > leg.beyond[ray]
-        np.minimum.at(nearest, ray[ahead], distance[ahead])
-    return nearest

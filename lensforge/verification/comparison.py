@@ -1,4 +1,4 @@
-"""Part against design, ray by ray; and where the flux went."""
+"""The part against the design, ray by ray, and the flux budget of the part."""
 
 from dataclasses import dataclass
 
@@ -6,22 +6,22 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.passage import Fate, Passage
-from lensforge.verification.picture import within
+from lensforge.verification.image_plane import within
+from lensforge.verification.passage import CastFate, Passage
 from lensforge.verification.proof import Agreement, PartFlux, PartMissed
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What the design says of n rays: landings (mm, NaN if lost) and flux there (W); and its picture (W/m^2)."""
+    """The design's results for n rays: landings (mm, NaN if lost) and flux there (W); and its irradiance (W/m^2)."""
 
     irradiance: Float[np.ndarray, "pixels pixels"]
     hits: Float[np.ndarray, "hits 2"]
-    weights: Float[np.ndarray, " weights"]
+    flux: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
-        """What it says of some of the rays; the picture stays that of all."""
-        return Expected(self.irradiance, self.hits[rows], self.weights[rows])
+        """Results for some of the rays; the irradiance stays that of all."""
+        return Expected(self.irradiance, self.hits[rows], self.flux[rows])
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
@@ -33,14 +33,14 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
 
 
 def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: float) -> Agreement:
-    """Compare landing and flux of every ray; those that both put outside of the receiver do not count."""
+    """Compare landing and flux of every ray; rays that both land outside of the receiver do not count."""
     here, there, apart = landing_gaps(passage, expected, receiver_mm)
     lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.hits[:, 0])
     differs = (here & lost_there) | (there & lost_here)
     both = here & there
     change = 1.0
     if both.any():
-        change = float(np.abs(passage.flux[both] - expected.weights[both]).sum() / expected.weights[both].sum())
+        change = float(np.abs(passage.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
     return Agreement(
         compared=int(both.sum()),
         rms=float(np.sqrt(np.mean(apart**2))),
@@ -48,16 +48,16 @@ def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: 
         max=float(apart.max()),
         flux=change,
         fates=int(differs.sum()),
-        fates_flux=share(rays, rays.weights[differs]),
+        fates_flux=share(rays, rays.flux[differs]),
     )
 
 
 def landing_gaps(
     passage: Passage, expected: Expected, receiver_mm: float
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
-    """Which rays part and design land on the receiver, and how far apart (mm) those that both do.
+    """Masks of the rays that part and design land on the receiver, and the gaps (mm) of those that both do.
 
-    Where there are none of these, one gap as long as the receiver's diagonal.
+    Where both land none, one gap as long as the receiver's diagonal.
     """
     here, there = within(passage.landings, receiver_mm), within(expected.hits, receiver_mm)
     both = here & there
@@ -67,39 +67,39 @@ def landing_gaps(
 
 
 def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> Float[np.ndarray, " q"]:
-    """The landing gaps (mm) below which 0, 0.2 ... 100 % of the rays lie: enough to draw their distribution."""
+    """Quantiles of the landing gaps (mm) at 0, 0.2 ... 100 % of the rays: enough to draw their distribution."""
     gaps: Float[np.ndarray, " q"] = np.quantile(
         landing_gaps(passage, expected, receiver_mm)[2], np.linspace(0.0, 1.0, 501)
     )
     return gaps
 
 
-def flux_account(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[PartFlux, PartMissed]:
-    """Shares of the emitted flux by fate, which add up to 1; and those missed, by cause.
+def flux_budget(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[PartFlux, PartMissed]:
+    """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
 
-    What a ray has lost by reflection up to its end is absorbed_fresnel; what is left of it has its fate. Rays that
-    reach the receiver's plane beside the window are outside.
+    ``reflected`` is what rays lose at the surfaces up to their end; the rest of a ray's flux counts by its fate.
+    Rays that reach the receiver's plane outside of the window are ``outside``.
     """
-    landed = passage.fates == Fate.LANDED
+    landed = passage.fates == CastFate.LANDED
     inside = landed & within(passage.landings, window_mm)
-    by_fate = {fate: share(rays, passage.flux[passage.fates == fate]) for fate in Fate}
+    by_fate = {fate: share(rays, passage.flux[passage.fates == fate]) for fate in CastFate}
     missed = PartMissed(
-        no_hit=by_fate[Fate.NO_HIT],
-        starts_inside=by_fate[Fate.STARTS_INSIDE],
-        base=by_fate[Fate.BASE],
-        back_into_cavity=by_fate[Fate.BACK_INTO_CAVITY],
-        averted=by_fate[Fate.AVERTED],
+        no_hit=by_fate[CastFate.NO_HIT],
+        starts_inside=by_fate[CastFate.STARTS_INSIDE],
+        base=by_fate[CastFate.BASE],
+        back_into_cavity=by_fate[CastFate.BACK_INTO_CAVITY],
+        missed_receiver=by_fate[CastFate.MISSED_RECEIVER],
     )
     flux = PartFlux(
         detected=share(rays, passage.flux[inside]),
         outside=share(rays, passage.flux[landed & ~inside]),
         missed=sum(missed.model_dump().values()),
-        total_reflection=by_fate[Fate.TOTAL_REFLECTION],
-        absorbed_fresnel=share(rays, rays.weights - passage.flux),
+        total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
+        reflected=share(rays, rays.flux - passage.flux),
     )
     return flux, missed
 
 
 def share(rays: RayBundle, flux: Float[np.ndarray, " k"]) -> float:
     """``flux`` (W) of some rays as a share of all that ``rays`` carry."""
-    return float(flux.sum() / rays.weights.sum())
+    return float(flux.sum() / rays.flux.sum())

@@ -1,7 +1,7 @@
-"""A third referee where Mitsuba 3 is installed: the exported mesh under its kernel, its Snell and its Fresnel.
+"""Rays through the exported mesh by Mitsuba 3, where it is installed: its kernel, its refraction, its Fresnel terms.
 
 Mitsuba's scalar variant needs no LLVM and no GPU, and traces some ten thousand rays per second in single precision. Its
-meshes are flat facets with interpolated normals, so rays land off by what the facets cut from the curved surface.
+meshes are flat facets with interpolated normals, so landings are off by the sag of the curved surface over a facet.
 """
 
 from importlib.util import find_spec
@@ -11,47 +11,47 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
-from lensforge.gates import Gate, at_most
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
-from lensforge.verification.part import Part
-from lensforge.verification.passage import Fate, Passage, indices_of
-from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm
+from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm
+from lensforge.verification.part_mesh import PartMesh
+from lensforge.verification.passage import CastFate, Passage, indices_of
 from lensforge.verification.proof import MitsubaCast
 
 RAYS = 2**16
 VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
-# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles take up 0.2 to 0.4 of it. What is
-# smaller than that is for the referees that know the curved surface.
+# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
+# errors are found by the casts that know the curved surface.
 DEVIATION_PER_DISTANCE = 1e-3
 FLUX_SHARE = FATE_SHARE = 2e-3
 
 
 def installed() -> bool:
-    """Whether Mitsuba 3 is there to be asked; it is not loaded."""
+    """True where Mitsuba 3 is installed; it is not loaded."""
     return find_spec("mitsuba") is not None
 
 
-def judge_mitsuba(
-    part: Part,
+def cast_mitsuba(
+    part: PartMesh,
     rays: RayBundle,
     refractive_index: float,
     distance_mm: float,
-    receiver: Receiver,
+    receiver: ImagePlane,
     expected: Expected,
     count: int = RAYS,
 ) -> tuple[MitsubaCast, Float[np.ndarray, " q"]]:
     """Cast ``count`` of ``rays``, drawn at random, through ``part``; and quantiles of the landing gaps (mm).
 
-    ``expected`` holds what the design says of all rays.
+    ``expected`` holds the design's results for all rays.
     """
     start = perf_counter()
     rows = drawn(count, len(rays))
     some, design = rays.take(rows), expected.take(rows)
     version, passage = send_through_mitsuba(part, some, refractive_index, distance_mm)
-    # The picture of the drawn rays carries the flux of all of them.
-    flux, weights = passage.flux / share(rays, some.weights), design.weights / share(rays, some.weights)
+    # The irradiance of the drawn rays is scaled to the flux of all of them.
+    flux, design_flux = passage.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
     image = receiver.irradiance(passage.landings, flux)
     variance = receiver.noise(passage.landings, flux)
     gaps = gap_quantiles(passage, design, receiver.side_mm)
@@ -60,15 +60,15 @@ def judge_mitsuba(
         rays=len(rows),
         nmse_vs_design=nmse(image, expected.irradiance),
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
-        nmse_same_rays=nmse(image, receiver.irradiance(design.hits, weights)),
+        nmse_same_rays=nmse(image, receiver.irradiance(design.hits, design_flux)),
         against_design=compare(some, passage, design, receiver.side_mm),
         seconds=perf_counter() - start,
     )
     return cast, gaps
 
 
-def mitsuba_gates(cast: MitsubaCast, distance_mm: float) -> list[Gate]:
-    """Gates that the exported mesh must hold under Mitsuba; ``distance_mm``: to the receiver."""
+def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
+    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver."""
     design, remedy = cast.against_design, "export with a finer mesh; if it stays, the file is not the lens of lens.json"
     limits: list[tuple[str, float, float, str]] = [
         ("mitsuba_nmse_vs_design", cast.nmse_vs_design, noise_limit(cast.noise_floor_nmse), ""),
@@ -80,9 +80,9 @@ def mitsuba_gates(cast: MitsubaCast, distance_mm: float) -> list[Gate]:
 
 
 def send_through_mitsuba(
-    part: Part, rays: RayBundle, refractive_index: float, distance_mm: float
+    part: PartMesh, rays: RayBundle, refractive_index: float, distance_mm: float
 ) -> tuple[str, Passage]:
-    """Mitsuba's version, and every ray in, out, and to the plane z = ``distance_mm``; both hits above z = 0.
+    """Trace every ray in, out, and to the plane z = ``distance_mm``, both hits above z = 0; and Mitsuba's version.
 
     A variant that the caller has set is set again afterwards. Raises :class:`InputError` where Mitsuba does not load.
     """
@@ -97,7 +97,7 @@ def send_through_mitsuba(
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
         ends = np.full((len(rays), 2), np.nan)
-        flux = rays.weights.copy()
+        flux = rays.flux.copy()
         table = zip(
             rays.origins.tolist(), rays.directions.tolist(), indices_of(rays, refractive_index).tolist(), strict=True
         )
@@ -116,7 +116,7 @@ def send_through_mitsuba(
 def _cast(
     mi: Any, scene: Any, flags: Any, ray: Any, index: float, distance_mm: float
 ) -> tuple[tuple[float, float] | None, float]:
-    """Where one ray lands (mm), None if it is lost, and the share of its flux that is left."""
+    """Landing of one ray (mm), None if it is lost, and the share of its flux that is left."""
     left = 1.0
     for entering in (True, False):
         hit = scene.ray_intersect(ray, flags, False, True)
@@ -136,12 +136,12 @@ def _cast(
 
 def _passage(ends: np.ndarray, flux: np.ndarray) -> Passage:
     landed = np.isfinite(ends[:, 0])
-    fates = np.where(landed, Fate.LANDED, Fate.NO_HIT).astype(np.int64)
+    fates = np.where(landed, CastFate.LANDED, CastFate.NO_HIT).astype(np.int64)
     return Passage(landings=ends, flux=flux, fates=fates, facets_um=np.zeros((len(ends), 2)))
 
 
-def _scene(mi: Any, part: Part) -> Any:
-    """The part as a Mitsuba mesh with normals at its vertices: on flat facets light would go astray."""
+def _scene(mi: Any, part: PartMesh) -> Any:
+    """The part as a Mitsuba mesh with vertex normals: facet normals would refract to wrong directions."""
     rows = part.corners
     points = np.empty((len(part.fit.normals), 3))
     points[rows.ravel()] = part.mesh.vertices[part.mesh.faces.ravel()]

@@ -1,6 +1,6 @@
-"""Rays through the part, once in and once out, as the design takes them; Snell and Fresnel written anew.
+"""Sequential trace of the part, once in and once out; Snell and Fresnel written independently of the design's.
 
-The first triangle that a ray meets decides, whatever it belongs to. Reflected light is not followed.
+The first triangle that a ray meets decides, on whatever face it lies. Reflected light is not followed.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -12,16 +12,16 @@ from jaxtyping import Bool, Float, Int
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.casting import Grid, Hits, Leg
-from lensforge.verification.part import Part
+from lensforge.verification.casting import FacetHits, Grid, Leg
+from lensforge.verification.part_mesh import PartMesh
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
 _SKIN_EDGES = 0.05
 
 
-class Fate(IntEnum):
-    """How a ray ended."""
+class CastFate(IntEnum):
+    """Fate of a ray cast through the part."""
 
     LANDED = 0  # reached the receiver's plane
     NO_HIT = 1  # met no part of the body
@@ -29,12 +29,12 @@ class Fate(IntEnum):
     BASE = 3  # met a surface at or below z = 0 instead of an optical one
     BACK_INTO_CAVITY = 4  # left the material through the face by which it came
     TOTAL_REFLECTION = 5  # totally reflected on the way out
-    AVERTED = 6  # left the lens, but away from the receiver's plane
+    MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
 
 
 @dataclass(frozen=True)
 class Passage:
-    """Where ``n`` rays ended: landing on the receiver's plane (mm, NaN if lost), flux (W) left in the ray, fate.
+    """Ends of ``n`` rays: landing on the receiver's plane (mm, NaN if lost), flux (W) left in the ray, fate.
 
     ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
     """
@@ -46,7 +46,7 @@ class Passage:
 
 
 @dataclass(frozen=True)
-class Crossing:
+class RefractedRays:
     """Rays behind a surface: a new leg, the transmitted share of flux, the height (mm) over the flat facet."""
 
     leg: Leg
@@ -72,26 +72,26 @@ def refract(
     behind = np.sqrt(np.where(passes, squared, 1.0))
     facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
     bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
-    across = (index_ratio * before - behind) / (index_ratio * before + behind)
-    within = (before - index_ratio * behind) / (before + index_ratio * behind)
-    transmittance = np.where(passes, 1.0 - 0.5 * (across**2 + within**2), 0.0)
+    r_s = (index_ratio * before - behind) / (index_ratio * before + behind)
+    r_p = (before - index_ratio * behind) / (before + index_ratio * behind)
+    transmittance = np.where(passes, 1.0 - 0.5 * (r_s**2 + r_p**2), 0.0)
     return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
 
 
-def cross(part: Part, leg: Leg, hits: Hits, index_ratio: Float[np.ndarray, " n"]) -> Crossing:
-    """Take every ray, all of which hit a facet, through the curved surface over it."""
+def cross(part: PartMesh, leg: Leg, hits: FacetHits, index_ratio: Float[np.ndarray, " n"]) -> RefractedRays:
+    """Refract rays, all of which hit a facet, at the curved surface over it."""
     points, normals = meet(part, leg, hits)
     directions, transmittance = refract(leg.directions, normals, index_ratio)
     flat = leg.origins + hits.distances[:, None] * leg.directions
     heights = np.sum((points - flat) * normals, axis=1)
-    return Crossing(Leg(points, directions, skin(part, hits)), transmittance, heights)
+    return RefractedRays(Leg(points, directions, skin(part, hits)), transmittance, heights)
 
 
-def meet(part: Part, leg: Leg, hits: Hits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Where rays, all of which hit a facet, meet the curved surface over it: points (mm) and unit normals."""
+def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Points (mm) and unit normals at which rays, all of which hit a facet, meet the curved surface over it."""
     facets = part.mesh.triangles[hits.triangles]
     points, barycentric = leg.origins + hits.distances[:, None] * leg.directions, hits.barycentric
-    # A slanted ray meets the curved surface beside the point over its flat hit: the second round looks there.
+    # A slanted ray does not meet the curved surface over its flat hit but near it: the second round goes there.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
         points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
@@ -99,7 +99,7 @@ def meet(part: Part, leg: Leg, hits: Hits) -> tuple[Float[np.ndarray, "n 3"], Fl
     return points, normals
 
 
-def skin(part: Part, hits: Hits) -> Float[np.ndarray, " n"]:
+def skin(part: PartMesh, hits: FacetHits) -> Float[np.ndarray, " n"]:
     """Distance (mm) within which a ray that leaves a hit may meet the facets that it just left."""
     reach: Float[np.ndarray, " n"] = _SKIN_EDGES * np.sqrt(2.0 * part.mesh.area_faces[hits.triangles])
     return reach
@@ -108,7 +108,7 @@ def skin(part: Part, hits: Hits) -> Float[np.ndarray, " n"]:
 def _ahead(
     directions: Float[np.ndarray, "n 3"], offsets: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, " n"]:
-    """Distance along the ray to the plane at ``offsets``; a grazing ray is not thrown far off its facet."""
+    """Distance along the ray to the plane at ``offsets``; limited for grazing rays."""
     cosine = np.sum(directions * normals, axis=1)
     height = np.sum(offsets * normals, axis=1)
     ahead: Float[np.ndarray, " n"] = height / np.copysign(np.maximum(np.abs(cosine), 0.05), cosine)
@@ -116,18 +116,18 @@ def _ahead(
 
 
 def indices_of(rays: RayBundle, refractive_index: float) -> Float[np.ndarray, " n"]:
-    """What the lens is to each ray: its own index where it has one, else ``refractive_index``."""
+    """Refractive index of the lens for each ray: the ray's own where it has one, else ``refractive_index``."""
     own = rays.refractive_indices
     return np.full(len(rays), refractive_index) if own is None else own
 
 
 def outside_leg(rays: RayBundle) -> Leg:
-    """The first cast: from the source towards the part."""
+    """First leg of every ray: from the source towards the part."""
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
 def send_through(
-    part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float, threads: int = 1
+    part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float, threads: int = 1
 ) -> Passage:
     """Cast every ray into the part, out of it, and to the plane z = ``distance_mm``; air outside, n = 1."""
 
@@ -139,18 +139,18 @@ def send_through(
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
+def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
     passage = Passage(
         landings=np.full((len(rays), 2), np.nan),
-        flux=rays.weights.copy(),
-        fates=np.full(len(rays), Fate.NO_HIT, dtype=np.int64),
+        flux=rays.flux.copy(),
+        fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
         facets_um=np.zeros((len(rays), 2)),
     )
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
     passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
-    rows = np.nonzero(passage.fates == Fate.LANDED)[0]
+    rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
     entry = entry.take(rows)
     entered = cross(part, leg.take(rows), entry, 1.0 / indices[rows])
     passage.flux[rows] *= entered.transmittance
@@ -158,7 +158,7 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
 
     exits = grid.first_hits(entered.leg)
     passage.fates[rows] = _exit_fates(part, entry, exits)
-    reached = np.nonzero(passage.fates[rows] == Fate.LANDED)[0]
+    reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     rows = rows[reached]
     left = cross(part, entered.leg.take(reached), exits.take(reached), indices[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
@@ -166,34 +166,38 @@ def _send(part: Part, grid: Grid, rays: RayBundle, refractive_index: float, dist
     return passage
 
 
-def _entry_fates(part: Part, leg: Leg, hits: Hits) -> Int[np.ndarray, " n"]:
+def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:
     """Fates of rays that hit something coming from the source; LANDED: goes on."""
     leaving = np.sum(leg.directions * part.mesh.face_normals[hits.triangles], axis=1) > 0.0
-    return np.select([leaving, at_base(part, hits)], [Fate.STARTS_INSIDE, Fate.BASE], Fate.LANDED)
+    return np.select([leaving, at_base(part, hits)], [CastFate.STARTS_INSIDE, CastFate.BASE], CastFate.LANDED)
 
 
-def _exit_fates(part: Part, entry: Hits, exits: Hits) -> Int[np.ndarray, " n"]:
+def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.ndarray, " n"]:
     """Fates of rays cast inside of the material; LANDED: goes on."""
     same = part.faces[entry.triangles] == part.faces[exits.triangles]
     return np.select(
-        [~exits.found, at_base(part, exits), same], [Fate.NO_HIT, Fate.BASE, Fate.BACK_INTO_CAVITY], Fate.LANDED
+        [~exits.found, at_base(part, exits), same],
+        [CastFate.NO_HIT, CastFate.BASE, CastFate.BACK_INTO_CAVITY],
+        CastFate.LANDED,
     )
 
 
-def land(passage: Passage, rows: Int[np.ndarray, " k"], left: Crossing, distance_mm: float) -> None:
-    """Carry rays that met the way out to the receiver's plane, or note why not."""
+def land(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays, distance_mm: float) -> None:
+    """Propagate rays refracted at the exit face to the receiver's plane, or set their fate."""
     directions = left.leg.directions
     height = distance_mm - left.leg.origins[:, 2]
     passes = left.transmittance > 0.0
     rises = (directions[:, 2] > 0.0) & (height > 0.0)
-    passage.fates[rows] = np.select([~passes, ~rises], [Fate.TOTAL_REFLECTION, Fate.AVERTED], Fate.LANDED)
+    passage.fates[rows] = np.select(
+        [~passes, ~rises], [CastFate.TOTAL_REFLECTION, CastFate.MISSED_RECEIVER], CastFate.LANDED
+    )
     passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
     lands = passes & rises
     slope = directions[lands, :2] / directions[lands, 2:]
     passage.landings[rows[lands]] = left.leg.origins[lands, :2] + height[lands, None] * slope
 
 
-def at_base(part: Part, hits: Hits) -> Bool[np.ndarray, " n"]:
-    """Whether the triangle hit lies at or below z = 0, where no optical surface is."""
+def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:
+    """True where the triangle hit lies at or below z = 0, where no optical surface is."""
     below: Bool[np.ndarray, " n"] = part.mesh.triangles_center[hits.triangles, 2] <= 0.0
     return below

@@ -1,16 +1,17 @@
-"""The results of the verification: does the exported part send every ray where the design does, and stray light."""
+"""Results of the verification: rays through the exported part against the design, and stray light."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.criteria import Criterion
 from lensforge.figures.light_unit import WATTS
-from lensforge.gates import Gate
 from lensforge.records import (
     Array,
     Count,
     Extent,
+    Image,
     NotNegative,
     Number,
     Positive,
@@ -23,13 +24,12 @@ from lensforge.records import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
-Picture = Literal["sequential", "direct", "stray"]
+LightPath = Literal["sequential", "direct", "stray"]
 
 
-class Deviation(Record):
-    """How far from the design's landings the part's are (mm)."""
+class LandingDeviation(Record):
+    """Distances (mm) between the part's landings and the design's."""
 
     rms: NotNegative
     max: NotNegative
@@ -37,11 +37,11 @@ class Deviation(Record):
 
 
 class Agreement(Record):
-    """How far apart part and design land the rays that both put on the receiver; lengths in mm.
+    """Distances (mm) between landings of part and design, for rays that both land on the receiver.
 
-    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one puts on the
-    receiver and the other loses; ``fates_flux``: their share of the emitted flux. Where no ray lands in both there is
-    nothing to compare: then the lengths are the receiver's diagonal and ``flux`` is 1.
+    ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
+    receiver and the other loses; ``fates_flux``: their share of the emitted flux. Where no ray lands in both, the
+    distances are the receiver's diagonal and ``flux`` is 1.
     """
 
     compared: Count
@@ -54,7 +54,7 @@ class Agreement(Record):
 
 
 class PlainCast(Record):
-    """``casts`` first hits of ``rays`` rays by trimesh's plain path; ``rate``: its casts per second."""
+    """First hits (``casts``) by trimesh's plain path against those of the grid; ``rate``: plain casts per second."""
 
     rays: Count
     casts: Count
@@ -63,7 +63,7 @@ class PlainCast(Record):
 
 
 class BrepCast(Record):
-    """``rays`` rays through the STEP itself."""
+    """Rays through the STEP file itself."""
 
     rays: Count
     seconds: NotNegative
@@ -72,7 +72,7 @@ class BrepCast(Record):
 
 
 class MitsubaCast(Record):
-    """``rays`` rays through the mesh by Mitsuba of ``version``."""
+    """Rays through the mesh by Mitsuba of ``version``."""
 
     version: Text
     rays: Count
@@ -90,24 +90,24 @@ class PartFlux(Record):
     outside: Share
     missed: Share
     total_reflection: Share
-    absorbed_fresnel: Share
+    reflected: Share
 
 
 class PartMissed(Record):
-    """Of the flux that missed the receiver's plane: why."""
+    """Flux that never reached the receiver's plane, by cause; shares of what is emitted."""
 
     no_hit: Share
     starts_inside: Share
     base: Share
     back_into_cavity: Share
-    averted: Share
+    missed_receiver: Share
 
 
 class Proof(StageResult):
-    """The exported part under rays, against the design under the same rays.
+    """Rays through the exported part, against the same rays through the design.
 
-    ``irradiance``, ``design_irradiance``: W/m^2 [row y, column x]. ``gaps_*_mm``: the landing gaps below which 0, 0.2
-    ... 100 % of the rays lie, by the mesh, the STEP and Mitsuba.
+    ``irradiance``, ``design_irradiance``: W/m^2 [row y, column x]. ``gaps_*_mm``: quantiles at 0, 0.2 ... 100 % of the
+    distances between landings of part and design, by the mesh, the STEP and Mitsuba.
     """
 
     stage: ClassVar[str] = "verify"
@@ -125,7 +125,7 @@ class Proof(StageResult):
     nmse_same_rays: NotNegative
     efficiency: Share
     efficiency_design_same_rays: Share
-    deviation_mm: Deviation
+    deviation_mm: LandingDeviation
     deviation_limit_mm: Positive
     rays_compared: Count
     flux_deviation: NotNegative
@@ -133,10 +133,10 @@ class Proof(StageResult):
     fate_disagreement_flux: Share
     flux: PartFlux
     missed_by_cause: PartMissed
-    referee: PlainCast
+    plain_cast: PlainCast
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
     irradiance: Image
     design_irradiance: Image
     gaps_mesh_mm: Gaps
@@ -144,13 +144,13 @@ class Proof(StageResult):
     gaps_mitsuba_mm: Gaps | None = None
 
     def __str__(self) -> str:
-        failed = [str(gate) for gate in self.gates if not gate.passed]
+        failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
-        verdict = "; ".join(failed) or "every gate holds"
+        verdict = "; ".join(failed) or "every criterion is met"
         return f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Share of the rays that land no farther than a distance from where the design sends them."""
+        """Cumulative share of the rays over the distance between their landings and the design's."""
         from lensforge.figures.plots import plot_curves
 
         named = {"exported mesh": self.gaps_mesh_mm, "STEP": self.gaps_step_mm, "Mitsuba": self.gaps_mitsuba_mm}
@@ -159,7 +159,7 @@ class Proof(StageResult):
 
 
 class StrayFlux(Record):
-    """Where all of the light ends; shares of what is emitted, which add up to 1."""
+    """Flux budget of the non-sequential trace; shares of what is emitted, which add up to 1."""
 
     detected_direct: Share
     detected_stray: Share
@@ -173,7 +173,7 @@ class StrayFlux(Record):
 
 
 class StrayByCause(Record):
-    """Stray light that is detected, by what first took it off the way that the sequential design knows."""
+    """Detected stray light, by the first event that took it off the sequential path."""
 
     inner_reflection: Share
     outer_reflection: Share
@@ -183,7 +183,7 @@ class StrayByCause(Record):
 
 
 class StraySpread(Record):
-    """Where on the receiver the stray light lands (mm), and how bright it is there; None where there is none."""
+    """Position and size (mm) of the stray light on the receiver, and its peak; None where there is none."""
 
     centroid_mm: tuple[Number, Number] | None
     rms_radius_mm: NotNegative | None
@@ -192,9 +192,10 @@ class StraySpread(Record):
 
 
 class StrayLight(StageResult):
-    """What the sequential design leaves out: reflections, the base, absorption.
+    """Stray light, which the sequential design leaves out: reflections, the base, absorption.
 
-    ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) [row y, column x].
+    ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) [row y, column x]. ``misplaced_flux``: flux that lands on
+    other pixels than by the sequential trace, as a share of what is emitted.
     """
 
     stage: ClassVar[str] = "stray"
@@ -209,21 +210,21 @@ class StrayLight(StageResult):
     flux: StrayFlux
     balance_error: NotNegative
     detected_stray_by_cause: StrayByCause
-    misjudged_flux: NotNegative
+    misplaced_flux: NotNegative
     nmse_vs_sequential: NotNegative | None
     spread: StraySpread
     efficiency: Share
     efficiency_sequential: Share
     receiver_mm: Positive
     seconds: NotNegative
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
     sequential: Image
     direct: Image
     stray: Image
 
-    def plot(self, axes: "Axes | None" = None, *, which: Picture = "stray") -> "Axes":
-        """One of the pictures on the receiver, in W/m^2. Raises :class:`InputError` for an unknown one."""
+    def plot(self, axes: "Axes | None" = None, *, which: LightPath = "stray") -> "Axes":
+        """Irradiance on the receiver (W/m^2): ``which`` part of it. Raises :class:`InputError` for an unknown one."""
         from lensforge.figures.plots import plot_map, require_choice
 
-        require_choice("which", which, get_args(Picture))
+        require_choice("which", which, get_args(LightPath))
         return plot_map(getattr(self, which), self.receiver_mm, WATTS, axes)

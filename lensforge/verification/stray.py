@@ -1,7 +1,7 @@
-"""What the sequential design leaves out: reflections, the base, absorption. How much flux, and where it lands.
+"""Stray light, which the sequential design leaves out: reflections, the base, absorption; its flux, and where it lands.
 
-The part is followed with all that light does in it, and compared with the sequential cast of the same rays through the
-same mesh. The board and the chip under the lens take all light that comes back to them: they are not modelled.
+The non-sequential trace of the part is compared with the sequential trace of the same rays through the same mesh. The
+board and the chip under the lens are not modelled: they absorb all light that comes back to them.
 """
 
 from collections.abc import Mapping
@@ -12,19 +12,19 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
-from lensforge.gates import Gate, at_most
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
-from lensforge.verification.nonsequential import Account, Base, Body, Cause, Landings, Limits, follow
-from lensforge.verification.part import read_part
+from lensforge.verification.image_plane import ImagePlane, nmse, within
+from lensforge.verification.nonsequential import Base, Body, Cause, FluxBudget, Limits, ReceivedLight, follow
+from lensforge.verification.part_mesh import read_part_mesh
 from lensforge.verification.passage import Passage, send_through
-from lensforge.verification.picture import Receiver, nmse, within
 from lensforge.verification.proof import StrayByCause, StrayFlux, StrayLight, StraySpread
 
-BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn by lot
-LEAK_SHARE = 1e-3  # light that slips through the mesh at an edge
-DIM_SHARE = 1e-2  # light too weak to be followed: what it could still change
+BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
+LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
+DIM_SHARE = 1e-2  # rays too dim to be traced on: what they could still change
 
 
 def trace_stray(
@@ -34,7 +34,7 @@ def trace_stray(
     refractive_index: float,
     absorption_per_mm: float,
     distance_mm: float,
-    receiver: Receiver,
+    receiver: ImagePlane,
     window_mm: float,
     base: Base = "polished",
     limits: Limits | None = None,
@@ -43,21 +43,21 @@ def trace_stray(
     """Follow ``rays`` through the part in the bytes of an STL file (mm) until all light has left it.
 
     Shares are of the emitted flux; "detected" is what lands in the centred square of ``window_mm``. ``inputs``: hashes
-    of what is followed, by name. Raises :class:`InputError` for bytes that hold no mesh, and for a ``base`` of no kind.
+    of the inputs, by name. Raises :class:`InputError` for bytes that hold no mesh, and for an unknown ``base``.
     """
     if base not in get_args(Base):
         raise InputError(f"base = {base!r}: must be one of {', '.join(get_args(Base))}")
     start = perf_counter()
     limits = limits or Limits()
-    part = read_part(stl)
+    part = read_part_mesh(stl)
     grid = Grid(part.mesh)
-    account = follow(Body(part, grid, refractive_index, absorption_per_mm, base), rays, distance_mm, limits)
+    budget = follow(Body(part, grid, refractive_index, absorption_per_mm, base), rays, distance_mm, limits)
     passage = send_through(part, grid, rays, refractive_index, distance_mm)
-    landed, emitted = account.landings(), float(rays.weights.sum())
+    landed, emitted = budget.landings(), float(rays.flux.sum())
     images = _images(landed, passage, receiver)
-    flux = _shares(account, landed, window_mm, emitted)
+    flux = _flux(budget, landed, window_mm, emitted)
     balance_error = abs(sum(flux.model_dump().values()) - 1.0)
-    misjudged, nmse_vs_sequential = _against_sequential(images, receiver, emitted)
+    misplaced, nmse_vs_sequential = _against_sequential(images, receiver, emitted)
     return StrayLight(
         inputs=dict(inputs or {}),
         rays=len(rays),
@@ -68,13 +68,13 @@ def trace_stray(
         flux=flux,
         balance_error=balance_error,
         detected_stray_by_cause=_by_cause(landed, window_mm, emitted),
-        misjudged_flux=misjudged,
+        misplaced_flux=misplaced,
         nmse_vs_sequential=nmse_vs_sequential,
         spread=_spread(landed, images, receiver),
         efficiency=flux.detected_direct + flux.detected_stray,
         efficiency_sequential=float(passage.flux[within(passage.landings, window_mm)].sum()) / emitted,
         receiver_mm=receiver.side_mm,
-        gates=tuple(_gates(balance_error, flux)),
+        criteria=tuple(_criteria(balance_error, flux)),
         sequential=images.sequential,
         direct=images.direct,
         stray=images.stray,
@@ -84,14 +84,14 @@ def trace_stray(
 
 @dataclass(frozen=True)
 class _Images:
-    """Irradiance (W/m^2, [y, x]): by the sequential model, and of the whole light, direct and stray."""
+    """Irradiance (W/m^2, [y, x]): by the sequential trace, and by the non-sequential one, direct and stray."""
 
     sequential: Float[np.ndarray, "p p"]
     direct: Float[np.ndarray, "p p"]
     stray: Float[np.ndarray, "p p"]
 
 
-def _images(landed: Landings, passage: Passage, receiver: Receiver) -> _Images:
+def _images(landed: ReceivedLight, passage: Passage, receiver: ImagePlane) -> _Images:
     direct, stray = ~landed.stray, landed.stray
     return _Images(
         sequential=receiver.irradiance(passage.landings, passage.flux),
@@ -100,22 +100,22 @@ def _images(landed: Landings, passage: Passage, receiver: Receiver) -> _Images:
     )
 
 
-def _shares(account: Account, landed: Landings, window_mm: float, emitted: float) -> StrayFlux:
+def _flux(budget: FluxBudget, landed: ReceivedLight, window_mm: float, emitted: float) -> StrayFlux:
     flux, inside, stray = landed.flux, within(landed.points, window_mm), landed.stray
     return StrayFlux(
         detected_direct=float(flux[inside & ~stray].sum()) / emitted,
         detected_stray=float(flux[inside & stray].sum()) / emitted,
         outside_direct=float(flux[~inside & ~stray].sum()) / emitted,
         outside_stray=float(flux[~inside & stray].sum()) / emitted,
-        backward=account.backward / emitted,
-        absorbed=account.absorbed / emitted,
-        base=account.base / emitted,
-        too_dim=account.cut_off / emitted,
-        leaked=account.leaked / emitted,
+        backward=budget.backward / emitted,
+        absorbed=budget.absorbed / emitted,
+        base=budget.base / emitted,
+        too_dim=budget.cut_off / emitted,
+        leaked=budget.leaked / emitted,
     )
 
 
-def _by_cause(landed: Landings, window_mm: float, emitted: float) -> StrayByCause:
+def _by_cause(landed: ReceivedLight, window_mm: float, emitted: float) -> StrayByCause:
     inside = within(landed.points, window_mm)
     stray = [cause for cause in Cause if cause != Cause.SEQUENTIAL]
     return StrayByCause.model_validate(
@@ -123,25 +123,26 @@ def _by_cause(landed: Landings, window_mm: float, emitted: float) -> StrayByCaus
     )
 
 
-def _against_sequential(images: _Images, receiver: Receiver, emitted: float) -> tuple[float, float | None]:
-    """How far the whole picture is from the one that the sequential model makes of the same rays.
+def _against_sequential(images: _Images, receiver: ImagePlane, emitted: float) -> tuple[float, float | None]:
+    """Difference of the irradiance by all light from that by the sequential trace of the same rays.
 
-    Flux that lands elsewhere, as a share of what is emitted, and the NMSE; None where the sequential model lands none.
+    Flux that lands on other pixels, as a share of what is emitted, and the NMSE; None where the sequential trace lands
+    none.
     """
     whole, sequential = images.direct + images.stray, images.sequential
     pixel = (receiver.side_mm / receiver.pixels * 1e-3) ** 2
-    misjudged = float(np.abs(whole - sequential).sum()) * pixel / emitted
-    return misjudged, nmse(whole, sequential) if sequential.any() else None
+    misplaced = float(np.abs(whole - sequential).sum()) * pixel / emitted
+    return misplaced, nmse(whole, sequential) if sequential.any() else None
 
 
-def _spread(landed: Landings, images: _Images, receiver: Receiver) -> StraySpread:
+def _spread(landed: ReceivedLight, images: _Images, receiver: ImagePlane) -> StraySpread:
     inside = landed.stray & within(landed.points, receiver.side_mm)
     points, total = landed.points[inside], float(landed.flux[inside].sum())
     if total <= 0.0:
         return StraySpread(centroid_mm=None, rms_radius_mm=None, peak_w_m2=0.0, peak_of_mean=0.0)
-    weights = landed.flux[inside] / total
-    centroid = weights @ points
-    radius = np.sqrt(weights @ np.sum((points - centroid) ** 2, axis=1))
+    shares = landed.flux[inside] / total
+    centroid = shares @ points
+    radius = np.sqrt(shares @ np.sum((points - centroid) ** 2, axis=1))
     peak, mean = float(images.stray.max()), float(images.sequential.mean())
     return StraySpread(
         centroid_mm=(float(centroid[0]), float(centroid[1])),
@@ -151,9 +152,9 @@ def _spread(landed: Landings, images: _Images, receiver: Receiver) -> StraySprea
     )
 
 
-def _gates(balance_error: float, flux: StrayFlux) -> list[Gate]:
+def _criteria(balance_error: float, flux: StrayFlux) -> list[Criterion]:
     finer = "export with a finer mesh"
-    report = "do not trust this account, it does not close: please report it"
+    report = "do not trust this flux budget, it does not close: please report it"
     return [
         at_most("stray_balance", balance_error, BALANCE, "of the flux", report),
         at_most("stray_leaked", flux.leaked, LEAK_SHARE, "of the flux", finer),

@@ -1,8 +1,8 @@
-"""The verdict on an exported part: does it send every ray where the design does?
+"""Verification of an exported part: does it send every ray where the design does?
 
-The same rays go through the design and through the part, so what is compared is the part and not the dice: landing by
-landing, flux by flux, pixel by pixel. A lens that is scaled by one per cent, or whose surfaces lie 20 um off each
-other, makes as good a picture to the eye; its rays land elsewhere.
+The same rays go through the design and through the part, so the comparison is free of ray noise: landing by landing,
+flux by flux, pixel by pixel. A lens that is scaled by one per cent, or whose surfaces are displaced by 20 um, makes the
+same picture to the eye; its rays land elsewhere.
 """
 
 from collections.abc import Mapping
@@ -12,32 +12,32 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
-from lensforge.gates import Gate, at_most
 from lensforge.records import Extent
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.brep import RAYS, brep_gates, judge_brep
+from lensforge.verification.brep_cast import RAYS, brep_criteria, cast_brep
 from lensforge.verification.casting import Grid
-from lensforge.verification.comparison import Expected, compare, flux_account, gap_quantiles, share
-from lensforge.verification.mitsuba_cast import judge_mitsuba, mitsuba_gates
-from lensforge.verification.part import Part, read_part
+from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
+from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm, within
+from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria
+from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 from lensforge.verification.passage import Passage, send_through
-from lensforge.verification.picture import Receiver, nmse, noise_limit, squared_norm, within
-from lensforge.verification.proof import Agreement, BrepCast, Deviation, Gaps, MitsubaCast, PlainCast, Proof
-from lensforge.verification.referee import judge
+from lensforge.verification.plain_cast import cast_plain
+from lensforge.verification.proof import Agreement, BrepCast, Gaps, LandingDeviation, MitsubaCast, PlainCast, Proof
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
-# surface 20 um off its place is at several times that; 200,000 triangles of the roughest lens take up a fifth of it.
+# surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
 DEVIATION_PER_DISTANCE = 1e-4
 # Shares of flux: rays that graze the rim or the limit of total reflection may end either way.
 FLUX_SHARE = FATE_SHARE = 1e-3
-# With the same rays the picture may change by a tenth of what other rays would change, or by 1 % rms of itself.
+# With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
 SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is verified: rays (mm, W) into a part of ``refractive_index``, a receiver at z = ``distance_mm``, a design.
+    """Rays (mm, W) into a part of ``refractive_index``, a receiver at z = ``distance_mm``, and the design's results.
 
     Raises :class:`InputError` if the design's arrays do not belong to the rays and the receiver.
     """
@@ -45,7 +45,7 @@ class Case:
     rays: RayBundle
     refractive_index: float
     distance_mm: float
-    receiver: Receiver
+    receiver: ImagePlane
     window_mm: float
     expected: Expected
 
@@ -54,11 +54,11 @@ class Case:
         for name, array, shape in (
             ("design_irradiance", self.expected.irradiance, (pixels, pixels)),
             ("design_hits", self.expected.hits, (count, 2)),
-            ("design_weights", self.expected.weights, (count,)),
+            ("design_flux", self.expected.flux, (count,)),
         ):
             if array.shape != shape:
                 raise InputError(f"{name}: shape {array.shape}, must be {shape}; trace the design with the same rays")
-        flux = float(self.rays.weights.sum())
+        flux = float(self.rays.flux.sum())
         if not flux > 0.0:
             raise InputError(f"rays: {count} rays carry {flux:g} W, must be above 0; is the source empty?")
 
@@ -74,9 +74,9 @@ def verify_part(
     pixels: int,
     design_irradiance: Float[np.ndarray, "pixels pixels"],
     design_hits: Float[np.ndarray, "hits 2"],
-    design_weights: Float[np.ndarray, " weights"],
+    design_flux: Float[np.ndarray, " k"],
     filter_variance: float = 1.0,
-    referee_rays: int = 200,
+    plain_rays: int = 200,
     step: bytes | None = None,
     step_rays: int = RAYS,
     mitsuba_rays: int = 0,
@@ -85,52 +85,54 @@ def verify_part(
 ) -> Proof:
     """Cast ``rays`` into the part that the bytes of an STL file (mm) hold, and compare with the design.
 
-    ``design_irradiance`` (W/m^2, [y, x]) is the design's picture under the same 3 x 3 filter of ``filter_variance``
-    (0: none); ``design_hits`` (mm) and ``design_weights`` (W) are where the design lands the same rays. Efficiency
-    counts the centred square of ``window_mm``. ``step``: the bytes of the same part's STEP file, through which the
-    CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays
-    through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. The result does not depend on ``threads``.
-    ``inputs``: hashes of what is verified, by name. Raises :class:`InputError` for bytes that hold no mesh or no
-    solid and for arrays that do not fit; a part that is wrong fails its gates instead.
+    ``design_irradiance`` (W/m^2, [y, x]) is the design's, under the same 3 x 3 filter of ``filter_variance``
+    (0: none); ``design_hits`` (mm) and ``design_flux`` (W) are where it lands the same rays. Efficiency counts the
+    centred square of ``window_mm``. trimesh's plain path casts ``plain_rays`` of the rays, to hold the grid against.
+    ``step``: the bytes of the same part's STEP file, through which the CAD kernel casts ``step_rays`` of the rays;
+    without it ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded,
+    and ``mitsuba`` is None. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
+
+    Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
+    misses its criteria instead.
     """
     started = perf_counter()
-    expected = Expected(design_irradiance, design_hits, design_weights)
-    receiver = Receiver(receiver_mm, pixels, filter_variance)
+    expected = Expected(design_irradiance, design_hits, design_flux)
+    receiver = ImagePlane(receiver_mm, pixels, filter_variance)
     case = Case(rays, refractive_index, distance_mm, receiver, window_mm, expected)
-    part = read_part(stl)
+    part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     casting = perf_counter()
     passage = send_through(part, grid, rays, refractive_index, distance_mm, threads)
     cast_seconds = perf_counter() - casting
-    others = _Others(judge(part, grid, rays, refractive_index, referee_rays))
+    others = _OtherCasts(cast_plain(part, grid, rays, refractive_index, plain_rays))
     if step is not None:
-        asked = judge_brep(step, rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
-        others = replace(others, brep=asked)
+        by_step = cast_brep(step, rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
+        others = replace(others, brep=by_step)
     if mitsuba_rays:
-        answer = judge_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
-        others = replace(others, mitsuba=answer)
+        by_mitsuba = cast_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)
+        others = replace(others, mitsuba=by_mitsuba)
     return _proof(case, part, passage, others, dict(inputs or {}), (started, cast_seconds))
 
 
 @dataclass(frozen=True)
-class _Others:
-    """The other referees' results, with quantiles of their landing gaps (mm); None: not asked."""
+class _OtherCasts:
+    """Results of the casts besides the grid's, with quantiles of their landing gaps (mm); None: not done."""
 
     plain: PlainCast
     brep: tuple[BrepCast, Gaps] | None = None
     mitsuba: tuple[MitsubaCast, Gaps] | None = None
 
-    def gates(self, distance_mm: float) -> list[Gate]:
-        """The gates of what they found; ``distance_mm``: to the receiver."""
+    def criteria(self, distance_mm: float) -> list[Criterion]:
+        """Acceptance criteria of these casts; ``distance_mm``: to the receiver."""
         report = "do not trust this verification, its casting is broken: please report it"
-        gates = [at_most("referee_disagreements", self.plain.disagreements, 0.0, "casts", report)]
-        gates += brep_gates(self.brep[0], distance_mm) if self.brep else []
-        return gates + (mitsuba_gates(self.mitsuba[0], distance_mm) if self.mitsuba else [])
+        criteria = [at_most("plain_cast_disagreements", self.plain.disagreements, 0.0, "casts", report)]
+        criteria += brep_criteria(self.brep[0], distance_mm) if self.brep else []
+        return criteria + (mitsuba_criteria(self.mitsuba[0], distance_mm) if self.mitsuba else [])
 
 
 @dataclass(frozen=True)
-class _Picture:
-    """The part's picture (W/m^2), its NMSE against the design's, what noise makes of it, and that by the same rays."""
+class _Irradiance:
+    """The part's irradiance (W/m^2), its NMSE against the design's, the noise in it, and the NMSE by the same rays."""
 
     irradiance: Float[np.ndarray, "pixels pixels"]
     nmse_vs_design: float
@@ -138,27 +140,32 @@ class _Picture:
     nmse_same_rays: float
 
 
-def _picture(case: Case, passage: Passage) -> _Picture:
+def _irradiance(case: Case, passage: Passage) -> _Irradiance:
     expected, receiver = case.expected, case.receiver
     image = receiver.irradiance(passage.landings, passage.flux)
     variance = receiver.noise(passage.landings, passage.flux)
-    return _Picture(
+    return _Irradiance(
         irradiance=image,
         nmse_vs_design=nmse(image, expected.irradiance),
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
-        nmse_same_rays=nmse(image, receiver.irradiance(expected.hits, expected.weights)),
+        nmse_same_rays=nmse(image, receiver.irradiance(expected.hits, expected.flux)),
     )
 
 
 def _proof(
-    case: Case, part: Part, passage: Passage, others: _Others, inputs: dict[str, str], clock: tuple[float, float]
+    case: Case,
+    part: PartMesh,
+    passage: Passage,
+    others: _OtherCasts,
+    inputs: dict[str, str],
+    clock: tuple[float, float],
 ) -> Proof:
-    """All figures and gates; ``clock``: when the verification started, and the seconds that casting took."""
-    picture, heights = _picture(case, passage), np.abs(passage.facets_um)
+    """Put all results and criteria together; ``clock``: start of the verification, and seconds of the casting."""
+    seen, heights = _irradiance(case, passage), np.abs(passage.facets_um)
     agreement = compare(case.rays, passage, case.expected, case.receiver.side_mm)
-    flux, missed = flux_account(case.rays, passage, case.window_mm)
+    flux, missed = flux_budget(case.rays, passage, case.window_mm)
     in_window = within(case.expected.hits, case.window_mm)
-    gates = _gates(case, part.open_edges, agreement, picture) + others.gates(case.distance_mm)
+    criteria = _criteria(case, part.open_edges, agreement, seen) + others.criteria(case.distance_mm)
     return Proof(
         inputs=inputs,
         rays=len(case.rays),
@@ -167,12 +174,12 @@ def _proof(
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
-        nmse_vs_design=picture.nmse_vs_design,
-        noise_floor_nmse=picture.noise_floor_nmse,
-        nmse_same_rays=picture.nmse_same_rays,
+        nmse_vs_design=seen.nmse_vs_design,
+        noise_floor_nmse=seen.noise_floor_nmse,
+        nmse_same_rays=seen.nmse_same_rays,
         efficiency=flux.detected,
-        efficiency_design_same_rays=share(case.rays, case.expected.weights[in_window]),
-        deviation_mm=Deviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
+        efficiency_design_same_rays=share(case.rays, case.expected.flux[in_window]),
+        deviation_mm=LandingDeviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
         deviation_limit_mm=DEVIATION_PER_DISTANCE * case.distance_mm,
         rays_compared=agreement.compared,
         flux_deviation=agreement.flux,
@@ -180,11 +187,11 @@ def _proof(
         fate_disagreement_flux=agreement.fates_flux,
         flux=flux,
         missed_by_cause=missed,
-        referee=others.plain,
+        plain_cast=others.plain,
         brep=others.brep[0] if others.brep else None,
         mitsuba=others.mitsuba[0] if others.mitsuba else None,
-        gates=tuple(gates),
-        irradiance=picture.irradiance,
+        criteria=tuple(criteria),
+        irradiance=seen.irradiance,
         design_irradiance=case.expected.irradiance,
         gaps_mesh_mm=gap_quantiles(passage, case.expected, case.receiver.side_mm),
         gaps_step_mm=others.brep[1] if others.brep else None,
@@ -193,8 +200,8 @@ def _proof(
     )
 
 
-def _gates(case: Case, open_edges: int, agreement: Agreement, picture: _Picture) -> list[Gate]:
-    floor, farthest = picture.noise_floor_nmse, DEVIATION_PER_DISTANCE * case.distance_mm
+def _criteria(case: Case, open_edges: int, agreement: Agreement, seen: _Irradiance) -> list[Criterion]:
+    floor, farthest = seen.noise_floor_nmse, DEVIATION_PER_DISTANCE * case.distance_mm
     again = "export with a finer mesh; if it stays, the file is not the lens of lens.json"
     evaluate = "evaluate the design with more rays and the same filter, or verify with more rays"
     limits: list[tuple[str, float, float, str, str]] = [
@@ -202,7 +209,7 @@ def _gates(case: Case, open_edges: int, agreement: Agreement, picture: _Picture)
         ("deviation_rms", agreement.rms, farthest, "mm", again),
         ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", again),
         ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", again),
-        ("nmse_same_rays", picture.nmse_same_rays, SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
-        ("nmse_vs_design", picture.nmse_vs_design, noise_limit(floor), "", evaluate),
+        ("nmse_same_rays", seen.nmse_same_rays, SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
+        ("nmse_vs_design", seen.nmse_vs_design, noise_limit(floor), "", evaluate),
     ]
     return [at_most(*limit) for limit in limits]

@@ -8,15 +8,15 @@ from html import unescape
 import numpy as np
 import pytest
 
+from lensforge.criteria import Criterion
 from lensforge.drawings.build import make_handover
 from lensforge.drawings.dimensions import dimensions
 from lensforge.drawings.section import dimensioned_section
 from lensforge.errors import InputError, MissingResult
-from lensforge.gates import Gate
 from lensforge.geometry.export import build_part
 from lensforge.lens import Lens
 from lensforge.manufacturing.check import check_part
-from lensforge.manufacturing.verdicts import ShopVerdict
+from lensforge.manufacturing.result import Finding
 from lensforge.results import Results
 from lensforge.spec import parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -142,11 +142,11 @@ def test_a_notebook_shows_the_page_in_a_frame(handed):
 
 def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results):
     verdicts = (
-        ShopVerdict(name="cutter", surface="inner", holds=False, reason="no ball fits"),
-        ShopVerdict(name="wall", surface="body", holds=True, reason="it is thick"),
+        Finding(name="cutter", surface="inner", holds=False, reason="no ball fits"),
+        Finding(name="wall", surface="body", holds=True, reason="it is thick"),
     )
-    unknown = Gate(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
-    check = results.check.model_copy(update={"verdicts": verdicts, "gates": (unknown,)})
+    unknown = Criterion(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
+    check = results.check.model_copy(update={"verdicts": verdicts, "criteria": (unknown,)})
     handed = make_handover(replace(results, found={**results.found, "check": check}))
     assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
     page = handed.html.decode("utf-8")

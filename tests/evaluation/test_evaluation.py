@@ -6,7 +6,7 @@ from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.lens import Lens
-from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.build import build_source
 
 DRAFT = PRESETS["draft"]

@@ -11,8 +11,8 @@ from lensforge.lens import Lens
 
 CAD = ["cadquery", "OCP", "trimesh", "manifold3d", "lib3mf"]
 PICTURES = ["pyvista", "matplotlib", "mitsuba"]
-SOURCES = ["lensforge.sources.rayfile_source", "lensforge.sources.rayfiles.reading"]
-PROOFS = ["lensforge.verification.brep", "lensforge.verification.stray", "lensforge.geometry.base"]
+SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.reading"]
+PROOFS = ["lensforge.verification.brep_cast", "lensforge.verification.stray", "lensforge.geometry.base"]
 
 
 def _loaded(arguments: list[str], names: list[str]) -> str:

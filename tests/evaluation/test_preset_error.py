@@ -9,17 +9,16 @@ from scenes import random_surface, small_spec, table_of
 
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.evaluation.exact import trace_exact_sum
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receivers.hits import Hits
 from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.fused import Scene
-from lensforge.tracing.reference import ExactSurface, trace_exact
+from lensforge.tracing.exact import ExactSurface, TableScan, exact_surfaces, trace_exact
+from lensforge.tracing.tables import Scene
 
 GRID = TableGrid(100)
 
@@ -51,9 +50,14 @@ def _landed(lens, exits):
     return Hits.of(PlaneReceiver.of(lens.spec.target, 16).land_in_torch(exits))
 
 
-def test_the_exact_trace_agrees_with_the_readable_reference(lens, source):
+def _near_tables(lens, grid, rays):
+    inner, outer = (TableScan(grid, table) for table in _tables(lens, grid).values())
+    return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.refractive_index, rays)
+
+
+def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, source):
     rays = source.sample(512, 3)
-    exits = trace_exact_sum(lens, GRID, _tables(lens, GRID), rays)
+    exits = _near_tables(lens, GRID, rays)
     surfaces = [
         ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (lens.inner, lens.outer)
@@ -71,9 +75,9 @@ def test_the_exact_trace_agrees_with_the_readable_reference(lens, source):
 
 def test_rays_from_below_enter_as_the_fused_tracer_lets_them(lens, source):
     rays = source.sample(512, 3)
-    low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.weights)
+    low = RayBundle(rays.origins - [0.0, 0.0, 0.7], rays.directions, rays.flux)
     low.directions[:7] = [1.0, 0.0, 1e-310]  # enters nowhere
-    exits, by_kernels = trace_exact_sum(lens, GRID, _tables(lens, GRID), low), _traced(lens, GRID).trace(low)
+    exits, by_kernels = _near_tables(lens, GRID, low), _traced(lens, GRID).trace(low)
     ours, fused = _landed(lens, exits), _landed(lens, by_kernels)
     assert torch.equal(exits.fates, by_kernels.fates)
     assert np.array_equal(ours.arrived, fused.arrived)

@@ -12,11 +12,11 @@ from hypothesis import settings
 from landed import Landed, by_kernels
 from scenes import weight_matrix
 
+from lensforge.kernels.fates import Fate
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.fates import Fate
-from lensforge.tracing.fused import Scene
+from lensforge.tracing.tables import Scene
 
 
 def fuzzed(examples: int) -> settings:
@@ -67,9 +67,12 @@ def is_sound(found: Landed, rays: RayBundle, parameters: list[torch.Tensor]) -> 
     outputs = (found.hits, found.flux, found.sin2_exit)
     assert all(torch.isfinite(output).all() for output in (*outputs, found.exits.points, found.exits.directions))
     assert set(found.fates.tolist()) <= set(Fate)
-    assert torch.equal(found.landed | found.averted, found.exits.left_lens) and not (found.landed & found.averted).any()
+    assert (
+        torch.equal(found.landed | found.missed_receiver, found.exits.left_lens)
+        and not (found.landed & found.missed_receiver).any()
+    )
     carried = found.carried.detach().numpy()
-    assert (carried >= 0.0).all() and (carried <= rays.weights * (1.0 + 1e-12)).all()
+    assert (carried >= 0.0).all() and (carried <= rays.flux * (1.0 + 1e-12)).all()
     rng = np.random.default_rng(0)
     mixed = sum((output * torch.as_tensor(rng.normal(size=output.shape))).sum() for output in outputs)
     gradients = torch.autograd.grad(mixed, parameters, allow_unused=True)

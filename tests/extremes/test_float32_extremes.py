@@ -7,11 +7,11 @@ from extremes import bundle, is_sound
 from landed import Landed, in_torch
 from scenes import hemisphere_directions, random_surface, sphere
 
+from lensforge.kernels.fates import Fate
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
-from lensforge.tracing.fates import Fate
-from lensforge.tracing.reference import ExactSurface, Search, trace_exact
+from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
 
 EPSILON = 2.0**-24
 UP = hemisphere_directions(40)
@@ -23,13 +23,13 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
             s.basis,
             torch.tensor(s.weights, dtype=torch.float32, requires_grad=True),
             torch.tensor(s.offset_mm, dtype=torch.float32, requires_grad=True),
-            Search(64, 30),
+            DenseScan(64, 30),
         )
         for s in (inner, outer)
     ]
     arrivals = in_torch(trace_exact(*surfaces, index, rays), far)
     assert arrivals.hits.dtype == torch.float32
-    is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.weights * (1.0 + 1e-6)), [
+    is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.flux * (1.0 + 1e-6)), [
         parameter for s in surfaces for parameter in (s.weights, s.offset)
     ])  # fmt: skip
     return arrivals

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.tables import Scene, trace_tables
 
 INDEX = st.one_of(st.sampled_from([1.0, 4.0]), st.floats(1.0, 4.0))
 

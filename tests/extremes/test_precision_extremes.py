@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.tracing.fused import Scene
-from lensforge.tracing.reference import ExactSurface, trace_exact
+from lensforge.tracing.exact import ExactSurface, trace_exact
+from lensforge.tracing.tables import Scene
 
 DTYPE = st.sampled_from([torch.float32, torch.float64])
 

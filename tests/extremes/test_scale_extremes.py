@@ -19,29 +19,27 @@ from lensforge.evaluation import simulate
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
-from lensforge.optics.transmittance import normal_transmittance
-from lensforge.optimisation.optimiser import search
-from lensforge.receivers.bins import bin_flux, flux_in_square
-from lensforge.receivers.collect import Collected, collected
-from lensforge.receivers.losses import (
+from lensforge.optics.materials import normal_transmittance
+from lensforge.optimisation.collect import Collected, collected
+from lensforge.optimisation.merit import (
     mirror_mean,
     nmse_loss,
     shortfall_loss,
     uniformity_loss,
 )
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.optimisation.optimiser import search
+from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, splat_flux
 from lensforge.receivers.receiver import Landings
-from lensforge.receivers.splat import splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.rayfile_source import RayfileEmitter
+from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.fused import Scene
+from lensforge.tracing.tables import Scene
 
 NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
-DRAFT = replace(PRESETS["draft"], judge_nodes_per_sigma=3.0)
+DRAFT = replace(PRESETS["draft"], evaluate_nodes_per_sigma=3.0)
 SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
 DARK = torch.zeros(4, 4, dtype=torch.float64)
 
@@ -78,7 +76,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
     results = []
     for factor in (1.0, size):
         tables = [(quick_table_of(s, grid) * factor).requires_grad_() for s in surfaces]
-        moved = RayBundle(rays.origins * factor, rays.directions, rays.weights)
+        moved = RayBundle(rays.origins * factor, rays.directions, rays.flux)
         arrivals = by_kernels(tables, Scene(1.4936, grid), moved, 100.0 * factor)
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
         results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sin2_exit, *by_table))
@@ -153,7 +151,7 @@ def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, 
     assert (image >= 0.0).all() and image.sum().item() <= 1.0 + 1e-12
     if abs(x) <= 0.5 - 0.5 / pixels:  # between the outermost pixel centres nothing is lost
         assert image.sum().item() == pytest.approx(1.0, rel=1e-12)
-    mixed = (image * torch.rand_like(image)).sum() + light.stray + light.in_window
+    mixed = (image * torch.rand_like(image)).sum() + light.outside_receiver + light.in_window
     gradients = torch.autograd.grad(mixed, (hits, flux))
     assert all(torch.isfinite(g).all() for g in gradients)
     binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), grid)
@@ -183,7 +181,7 @@ def test_pulls_of_hits_far_beyond_any_receiver() -> None:
     sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
     flux = torch.ones(2, dtype=torch.float64)
     light = _collected(hits, flux, sines, PixelGrid(1e-2, 4))
-    for pull, of in ((light.stray, hits), (light.reflected, sines)):
+    for pull, of in ((light.outside_receiver, hits), (light.total_reflection, sines)):
         assert 0.0 < pull.item() <= 2.0
         assert torch.isfinite(torch.autograd.grad(pull, of, retain_graph=True)[0]).all()
 
@@ -244,15 +242,15 @@ def test_a_handful_of_rays(rays: int, lens_size: float) -> None:
     _complete(evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=rays))
 
 
-@pytest.mark.parametrize("population", [1, 2, 15, 16, 17])
-def test_a_measured_source_of_a_few_rays(population: int) -> None:
+@pytest.mark.parametrize("ray_count", [1, 2, 15, 16, 17])
+def test_a_measured_source_of_a_few_rays(ray_count: int) -> None:
     """Fewer rays than replicates: their flux still adds up to the source's."""
-    bundle = SquareEmitter(0.5).sample(population, 1)
-    source = RayfileEmitter(bundle, 1.0)
+    bundle = SquareEmitter(0.5).sample(ray_count, 1)
+    source = RaySetEmitter(bundle, 1.0)
     spec = _point_spec(target__receiver_mm=1e6, target__half_width_mm=4e5)
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), source, DRAFT, rays=1000)
     _complete(light)
-    assert light.rays == population
+    assert light.rays == ray_count
     assert light.flux.detected + light.flux.outside + light.flux.missed > 0.9
 
 

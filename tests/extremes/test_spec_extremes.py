@@ -19,7 +19,7 @@ from lensforge.sources.build import build_source
 from lensforge.spec import Spec, parse_spec
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
-COARSE = replace(PRESETS["draft"], judge_nodes_per_sigma=2.0)
+COARSE = replace(PRESETS["draft"], evaluate_nodes_per_sigma=2.0)
 NONSENSE = st.sampled_from([0.0, -1.0, -1e300, 5e-324, 1e-7, 1e10, 1e308, math.inf, math.nan, None, "wide", [], True])
 
 

@@ -9,12 +9,12 @@ from scenes import random_surface, small_spec, sphere
 from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.far_field.binning import AngularGrid
-from lensforge.far_field.exits import exit_rays
 from lensforge.far_field.export import measure_photometry
+from lensforge.far_field.intensity import AngularGrid, exit_rays
 from lensforge.far_field.photometry import Photometry
+from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optics.materials import normal_transmittance
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
@@ -23,7 +23,6 @@ from lensforge.sources.photometric import read_photometric
 from lensforge.sources.qmc import sobol
 from lensforge.sources.rayfiles import read_rayfile
 from lensforge.sources.square import SquareEmitter
-from lensforge.tracing.fates import Fate
 
 ROUGH = Lens(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
 SHELL = Lens(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
@@ -42,8 +41,8 @@ def test_exit_rays_go_where_the_tracer_says():
     np.testing.assert_allclose(landed[:, :2], third.hits.numpy()[arrived], rtol=1e-10, atol=1e-8)
     np.testing.assert_allclose(np.linalg.norm(start, axis=1), 7.0, rtol=1e-9)
     assert (np.sum(start * way, axis=1) > 0.0).all()
-    np.testing.assert_array_equal(out.rays.weights, third.flux.numpy()[arrived])
-    assert out.by_fate_w[Fate.LEFT_LENS] == pytest.approx(out.rays.weights.sum())
+    np.testing.assert_array_equal(out.rays.flux, third.flux.numpy()[arrived])
+    assert out.by_fate_w[Fate.LEFT_LENS] == pytest.approx(out.rays.flux.sum())
 
 
 def test_a_point_source_in_concentric_spheres_is_seen_as_it_is():
@@ -106,9 +105,9 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     found.write(tmp_path)
     assert Photometry.read(tmp_path) == found
     assert found.inputs == {"lens": ROUGH.sha256}
-    assert all(gate.passed for gate in found.gates)
-    assert len(found.gates) == 3
-    assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.absorbed_fresnel_w == pytest.approx(1.0)
+    assert all(criterion.passed for criterion in found.criteria)
+    assert len(found.criteria) == 3
+    assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
     assert found.exit_lm == pytest.approx(250.0 * found.exit_w.value)
     assert 0.0 < found.exit_w.standard_error < 1e-3
     for name in ("lens.ies", "lens.ldt"):
@@ -135,7 +134,7 @@ def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
     """Means over the receiver's plane of the file's rays, and of the tracer's for other rays of the same source."""
     measured(ROUGH, rays=2**14).save(tmp_path / "lens.tm25ray")
     rayfile = read_rayfile(tmp_path / "lens.tm25ray")
-    start, way = rayfile.positions.astype(float), rayfile.directions.astype(float)
+    start, way = rayfile.positions_mm.astype(float), rayfile.directions.astype(float)
     landed = (start + way * ((100.0 - start[:, 2]) / way[:, 2])[:, None])[:, :2]
     exits = TracedLens.of(ROUGH, 6.0).trace(build_source(ROUGH.spec.source).sample(2**15, 77))
     seen_there = PlaneReceiver(100.0, PixelGrid(100.0, 10)).land(exits)

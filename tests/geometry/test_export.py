@@ -10,7 +10,7 @@ from geometry_lenses import ALL_LEVELS, PAPER_SCALES, exact_volume, make_lens
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import face_points
-from lensforge.geometry.grading import MeshTolerance
+from lensforge.geometry.rings import MeshTolerance
 from lensforge.geometry.step import parse_surfaces
 from lensforge.surfaces.chart import to_sphere
 from lensforge.version import __version__
@@ -32,23 +32,23 @@ KEYS = {
     "triangulation",
     "files",
     "seconds",
-    "gates",
+    "criteria",
 }
 
 
 def failed(part):
-    return [gate.name for gate in part.gates if not gate.passed]
+    return [criterion.name for criterion in part.criteria if not criterion.passed]
 
 
 @pytest.mark.parametrize(("inner", "outer"), PAPER_SCALES)
-def test_a_lens_of_the_paper_passes_every_gate(inner, outer):
+def test_a_lens_of_the_paper_passes_every_criterion(inner, outer):
     lens = make_lens(inner, outer, 0.01, levels=ALL_LEVELS)
     part = build_part(lens)
     assert set(json.loads(part.contents()["export.json"])) == KEYS
     assert part.lens is lens
     assert (part.version, part.inputs) == (__version__, {"lens": lens.sha256})
     assert failed(part) == []
-    assert len(part.gates) == 8
+    assert len(part.criteria) == 8
     assert part.form_error_nm.max <= 1.0
     assert part.normal_error_mrad.max <= 0.02
     assert (part.watertight, part.genus) == (True, 0)
@@ -69,12 +69,12 @@ def test_random_lenses_are_valid_closed_and_watertight(seed):
     assert part.genus == 0
 
 
-def test_too_few_nodes_fail_the_form_gates_without_raising():
+def test_too_few_nodes_fail_the_form_criteria_without_raising():
     part = build_part(make_lens(0.8, 2.45, 0.02, levels=(9, 25, 81)), nodes=20, rings=16)
     assert {"form_error", "normal_error"} <= set(failed(part))
-    for gate in part.gates[:2]:
-        assert re.search(r"at \(.+, .+, .+\) mm", gate.remedy), "it names the place"
-    assert part.watertight, "a wrong form is no hole: each gate must see its own fault"
+    for criterion in part.criteria[:2]:
+        assert re.search(r"at \(.+, .+, .+\) mm", criterion.remedy), "it names the place"
+    assert part.watertight, "a wrong form is no hole: each criterion must see its own fault"
 
 
 def test_rings_and_tolerance_are_knobs():

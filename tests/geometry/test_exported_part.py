@@ -84,7 +84,7 @@ def test_what_is_written_is_read_back_to_the_bit(part, tmp_path):
     again = Part.read(tmp_path, lens=part.lens)
     assert again == part
     assert again.sha256 == part.sha256
-    assert again.gates == part.gates
+    assert again.criteria == part.criteria
 
 
 @pytest.mark.parametrize("field", ["step", "stl", "threemf", "surfaces_step"])

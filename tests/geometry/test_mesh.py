@@ -4,11 +4,10 @@ from geometry_lenses import exact_volume, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lensforge.geometry.grading import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, build_mesh
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan, rim_directions
-from lensforge.geometry.rings import rim_azimuths
+from lensforge.geometry.rings import MeshTolerance, mesh_error, rim_azimuths, rings_for
 from lensforge.geometry.watertight import check_closed
 from lensforge.spec import BaseSection
 

@@ -3,12 +3,11 @@ import pytest
 import trimesh
 from geometry_lenses import make_lens
 
+from lensforge.geometry.custom_base import join_mesh, read_custom_base
 from lensforge.geometry.mesh import build_mesh
-from lensforge.geometry.mesh_union import join_mesh
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan
 from lensforge.geometry.section import body_outlines, profile
-from lensforge.geometry.step_base import read_base
 
 BASES = {
     "none": {"kind": "none"},
@@ -58,7 +57,7 @@ def test_a_base_from_a_file_is_cut_where_it_is(tmp_path):
     cq.exporters.export(plate, str(tmp_path / "clamp.step"))
     lens = make_lens(6.0, 10.2, 0.01, 3, base={"kind": "step", "file": str(tmp_path / "clamp.step")})
     plan = make_plan(fit_patch(lens.inner), fit_patch(lens.outer), lens.spec.base)
-    mesh = join_mesh(build_mesh(plan, 64), read_base(tmp_path / "clamp.step").solid, 1e-3)
+    mesh = join_mesh(build_mesh(plan, 64), read_custom_base(tmp_path / "clamp.step"), 1e-3)
     outlines = body_outlines(lens, 0.0)
     assert area(outlines) == pytest.approx(cut_area(mesh, 0.0), rel=1e-3)
     ends = np.concatenate(outlines)[:, 0]

@@ -4,7 +4,7 @@ import trimesh
 
 from lensforge.errors import InputError
 from lensforge.geometry.mesh import BodyMesh
-from lensforge.geometry.stl import parse_stl, stl_bytes
+from lensforge.geometry.mesh_files import parse_stl, stl_bytes
 from lensforge.geometry.watertight import check_closed
 
 BOX = trimesh.creation.box()

@@ -6,7 +6,7 @@ import sys
 
 import lensforge as lf
 from lensforge.records import StageResult
-from lensforge.report.snapshot import Snapshot
+from lensforge.report.snapshots import Snapshot
 
 PLOTTED = (
     lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,

@@ -152,7 +152,7 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.tradeoff(small_spec(), lens="x"), "must be a Lens"),
         (lambda: lf.tradeoff(small_spec(target__distance_mm=150.0), lens=LENS), "another [target]"),
         (lambda: lf.design(small_spec(), start="lens.json"), "must be a Lens"),
-        (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' has type str, must be a Lens"),
+        (lambda: lf.evaluate("cad_out/pi"), "evaluate: 'cad_out/pi' is a str, must be a Lens"),
         (lambda: lf.build(small_spec()), "must be a Lens"),
         (lambda: lf.check("lens.step"), "must be a Part: build(lens)"),
         (lambda: lf.load("nowhere"), "nowhere: no such folder; run `lensforge design` first"),
@@ -242,4 +242,4 @@ def test_the_shortest_script_runs(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"spot.step", "spot.png"}
-    assert "every gate holds" in done.stdout
+    assert "every criterion is met" in done.stdout

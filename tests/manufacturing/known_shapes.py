@@ -5,19 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.manufacturing.face import AirSide, tabulate_face
-from lensforge.manufacturing.sampling import FaceSamples, sample_face
+from lensforge.geometry.patch import fit_patch
+from lensforge.manufacturing.face import AirSide, FaceSamples, OpticalFace, sample_face
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 INNER_LEVELS = (9, 25, 81)
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(Surface):
     """Semi-axes and centre (mm); the origin must be inside."""
 
     axes: tuple[float, float, float]
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def detail_rad(self) -> float:
+        return 0.3
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         scaled, shift = directions / np.array(self.axes), np.array(self.centre) / np.array(self.axes)
@@ -35,8 +40,13 @@ def random_surface(offset: float, roughness: float, seed: int, levels: tuple[int
     return SrbfSurface(basis, np.random.default_rng(seed).normal(size=basis.size) * size, offset)
 
 
-def sampled(surface: Ellipsoid | SrbfSurface, air: AirSide, nodes: int = 81, table: int = 96) -> FaceSamples:
-    return sample_face(tabulate_face(surface, air, table), nodes)
+def exported(surface: Surface, air: AirSide, nodes: int = 96) -> OpticalFace:
+    """The face that a part with ``nodes`` spline nodes has."""
+    return OpticalFace(fit_patch(surface, nodes), air)
+
+
+def sampled(surface: Surface, air: AirSide, nodes: int = 81, spline_nodes: int = 96) -> FaceSamples:
+    return sample_face(exported(surface, air, spline_nodes), nodes)
 
 
 def order(coarse: float, fine: float) -> float:

@@ -5,13 +5,14 @@ import pytest
 from known_shapes import Ellipsoid, order, random_surface, sampled, sphere
 from scipy.spatial import cKDTree
 
-from lensforge.manufacturing.curvature import PrincipalCurvatures
-from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable
+from lensforge.geometry.curvature import PrincipalCurvatures
+from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable, residual_height_mm
 from lensforge.manufacturing.face import AirSide
 from lensforge.manufacturing.face_check import check_face
 from lensforge.surfaces import chart
 
 A, C = 1.0, 1.5  # a prolate cavity: its medial axis is a stretch of the axis, so every largest ball is known
+THICK = 0.85  # a ball that rests on a ring of it
 
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.1, 0.05, -0.2)])
@@ -32,14 +33,14 @@ def test_a_convex_dome_takes_any_cutter():
 
 
 def test_every_largest_ball_in_a_prolate_cavity():
-    samples = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE, table=160)
+    samples = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE, spline_nodes=160)
     cosine = samples.points[:, 2] / C
     expected = A * np.sqrt(1.0 - cosine**2 * (1.0 - (A / C) ** 2))
     assert np.abs(largest_ball_mm(samples) - expected).max() < 1e-6
 
 
 def test_reach_and_largest_cutter_of_a_prolate_cavity():
-    radius = 0.85
+    radius = THICK
     face = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE).face
     check = check_face("inner", face, radius)
     edge = C * np.sqrt((1.0 - (radius / A) ** 2) / (1.0 - (A / C) ** 2))  # height up to which the ball reaches
@@ -103,3 +104,30 @@ def test_reach_on_a_random_cavity_against_a_dense_distance_search(seed):
     free = (distance >= radius - 1e-5) & local_fit(samples, radius)
     assert 0.1 < samples.fraction(reached) < 0.99
     assert samples.fraction(reached != free) < 5e-3
+
+
+def expected_residual(points):
+    """In a prolate cavity the ball rests on a ring; its highest centre is on the axis and leaves a cap above."""
+    cosine = np.sqrt((1.0 - (THICK / A) ** 2) / (1.0 - (A / C) ** 2))
+    centre = np.array([0.0, 0.0, C * cosine * (1.0 - (A / C) ** 2)])
+    above = points[:, 2] > C * cosine
+    return np.where(above, np.linalg.norm(points - centre, axis=1) - THICK, 0.0)
+
+
+def test_what_a_thick_cutter_leaves_in_a_prolate_cavity():
+    error = []
+    for nodes in (41, 81):
+        samples = sampled(Ellipsoid((A, A, C)), AirSide.INSIDE, nodes)
+        left = residual_height_mm(samples, largest_ball_mm(samples), THICK)
+        expected = expected_residual(samples.points)
+        assert expected.max() > 0.05
+        error.append(np.abs(left - expected).max())
+    assert error[1] < 1e-3
+    assert order(*error) > 1.5
+
+
+def test_nothing_is_left_by_a_cutter_that_fits_and_all_by_one_that_does_not():
+    samples = sampled(sphere(0.8), AirSide.INSIDE, 41)
+    ball = largest_ball_mm(samples)
+    assert (residual_height_mm(samples, ball, 0.5) == 0.0).all()
+    assert np.isnan(residual_height_mm(samples, ball, 1.0)).all()

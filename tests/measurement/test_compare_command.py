@@ -10,7 +10,7 @@ from measured_lenses import lens, probed
 from PIL import Image
 
 from lensforge.cli import cli
-from lensforge.errors import GateFailed, InputError
+from lensforge.errors import CriterionMissed, InputError
 from lensforge.pipeline import run_evaluate
 
 LENS = lens()
@@ -62,11 +62,11 @@ def test_measured_points_are_compared(folder: Path) -> None:
     assert content["form_deviation_um"]["pv"] < 1.5
 
 
-def test_a_part_of_the_surface_fails_its_gate(folder: Path) -> None:
+def test_a_part_of_the_surface_fails_its_criterion(folder: Path) -> None:
     cloud = probed(LENS.inner, 3000)
     np.savetxt(folder / "half.csv", cloud[cloud[:, 0] > 0.0], delimiter=",")
     done = run(folder, "--points", folder / "half.csv", "--surface", "inner", "--rays", 1024, "--registration", "none")
-    assert isinstance(done.exception, GateFailed)
+    assert isinstance(done.exception, CriterionMissed)
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,9 @@ from PIL import Image
 
 from lensforge.errors import InputError
 from lensforge.measurement.corners import locate
-from lensforge.measurement.orientation import _WAYS, _turned
 from lensforge.measurement.photo import Shot, compare_photo
+from lensforge.measurement.photograph import _ORIENTATIONS, _turned, rectify
 from lensforge.measurement.quadrilateral import clockwise, enclosing
-from lensforge.measurement.rectify import rectify
 from lensforge.receivers.pixels import PixelGrid
 
 
@@ -44,8 +43,8 @@ def test_noise_darkness_vignetting_and_perspective_cost_little(scene, limit):
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
-        (Scene(room=0.0, spill=0.0), "no square .* give --corners"),
-        (Scene("flat top", room=0.0, spill=0.0), "edge of the light itself.* give --target-mm"),
+        (Scene(room=0.0, spill=0.0), "no square .* give corners"),
+        (Scene("flat top", room=0.0, spill=0.0), "edge of the light itself.* give target_mm"),
         (Scene(bow=0.05), "bent by .* pixels"),
         (Scene(corners=np.array([[235.0, 40.0], [400.0, 190.0], [235.0, 350.0], [75.0, 195.0]])), "rolled by"),
     ],
@@ -53,7 +52,7 @@ def test_noise_darkness_vignetting_and_perspective_cost_little(scene, limit):
 def test_what_is_not_certain_is_one_line_with_what_to_do(scene, message):
     with pytest.raises(InputError, match=message) as caught:
         locate(*scene.pictures(), border_share=0.0)
-    assert "--corners" in str(caught.value)
+    assert "corners" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -86,12 +85,12 @@ def test_a_quadrilateral_around_its_own_pixels_is_itself():
     assert enclosing(np.eye(300, 400, dtype=bool)[:1]) is None
 
 
-@pytest.mark.parametrize("way", _WAYS)
+@pytest.mark.parametrize("way", _ORIENTATIONS)
 def test_turning_a_picture_is_turning_its_corners(way):
     light = Scene("pi").light(lit=True)
-    grid, order = PixelGrid(TARGET_MM, 40), list(_WAYS[way])
+    grid, order = PixelGrid(TARGET_MM, 40), list(_ORIENTATIONS[way])
     given, upright = (rectify(light, corners, TARGET_MM, grid) for corners in (CORNERS[order], CORNERS))
-    np.testing.assert_allclose(given, _turned(upright, _WAYS[way]), atol=0.02)
+    np.testing.assert_allclose(given, _turned(upright, _ORIENTATIONS[way]), atol=0.02)
 
 
 @pytest.fixture
@@ -117,7 +116,7 @@ def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
     assert found.ssim > 0.9
     assert found.nmse < 0.03
     assert np.abs(found.displacement_mm).max() < 0.2
-    assert found.corners_located.seen_in in ("--on", "--off")
+    assert found.corners_located.seen_in in ("on", "off")
     assert np.linalg.norm(np.array(found.corners) - CORNERS, axis=1).max() < 0.2
 
 
@@ -125,7 +124,7 @@ def test_a_mirrored_picture_is_said_to_be_one(shot, tmp_path):
     given = {"simulated": simulated(), "receiver_mm": TARGET_MM, "uniform_mm": None}
     with pytest.raises(InputError, match="mirrored, left for right") as caught:
         compare_photo(shot(mirrored=True), **given)
-    order = str(caught.value).split("give --corners ")[1].split(";")[0]
+    order = str(caught.value).split("give corners ")[1].split(";")[0]
     corners = np.array([[float(part) for part in pair.split(",")] for pair in order.split()])
     right = CORNERS * [-1.0, 1.0] + [SIZE[0] - 1.0, 0.0]
     assert np.linalg.norm(corners - right, axis=1).max() < 0.5

@@ -8,9 +8,9 @@ from PIL import Image
 
 from lensforge.errors import InputError
 from lensforge.measurement.comparison import PhotoComparison
+from lensforge.measurement.figures import photo_png
 from lensforge.measurement.photo import Shot, compare_photo, section
-from lensforge.measurement.photo_figure import photo_png
-from lensforge.measurement.rectify import rectify
+from lensforge.measurement.photograph import rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
 from lensforge.receivers.pixels import PixelGrid
 
@@ -90,7 +90,7 @@ def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
     assert found.nmse < 1e-4
     assert np.abs(found.displacement_mm).max() < 0.1
     assert found.measured_evenness.uniformity == pytest.approx(found.simulated_evenness.uniformity, rel=0.03)
-    assert found.gates[0].passed
+    assert found.criteria[0].passed
     assert found.corners_located is None
     np.testing.assert_allclose(found.measured, found.simulated, atol=0.06)
     np.testing.assert_allclose(found.section_x_measured, found.section_x_simulated, atol=0.05)
@@ -139,7 +139,7 @@ def test_corners_in_another_order_turn_the_picture(tmp_path):
 def test_clipped_light_fails(tmp_path):
     found = compare(shot(tmp_path, scale=1.5))
     assert found.clipped > 0.05
-    assert not found.gates[0].passed
+    assert not found.criteria[0].passed
 
 
 def test_colour_is_read_as_luminance(tmp_path):

@@ -13,8 +13,8 @@ from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.geometry.patch import fit_patch
 from lensforge.measurement.comparison import SurfaceComparison
 from lensforge.measurement.deviation import coverage, fit_deviation
+from lensforge.measurement.figures import surface_png
 from lensforge.measurement.surface import compare_surface, measure_form
-from lensforge.measurement.surface_figure import surface_png
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfSurface
 
@@ -86,7 +86,7 @@ def test_a_good_part_makes_the_light_of_the_design(compared):
     assert found.form_deviation_um.pv < 1.0
     assert found.nmse_between < 1e-4
     assert found.measured.efficiency.value == pytest.approx(found.design.efficiency.value, abs=1e-3)
-    assert len(found.gates) == 2 and all(gate.passed for gate in found.gates)
+    assert len(found.criteria) == 2 and all(criterion.passed for criterion in found.criteria)
 
 
 def test_a_deformed_part_makes_other_light(compared, tmp_path):
@@ -122,8 +122,8 @@ def deformed_part(height):
     return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights + weights, outer.offset_mm))
 
 
-@pytest.mark.parametrize("freedom", ["rigid", "shift", "none"])
-def test_the_light_is_that_of_the_deformed_lens(freedom):
+@pytest.mark.parametrize("registration", ["rigid", "shift", "none"])
+def test_the_light_is_that_of_the_deformed_lens(registration):
     """The oracle is the tracer on the true part."""
     part, source, preset = deformed_part(0.05), build_source(LENS.spec.source), PRESETS["draft"]
     true = evaluate_lens(part, source, preset).map
@@ -131,20 +131,20 @@ def test_the_light_is_that_of_the_deformed_lens(freedom):
         "rigid": {"rotation": ROTATION, "shift": SHIFT},
         "shift": {"shift": SHIFT},
         "none": {},
-    }[freedom]
+    }[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    found = compare_surface(cloud, lens=LENS, side="outer", source=source, preset=preset, freedom=freedom)
+    found = compare_surface(cloud, lens=LENS, side="outer", source=source, preset=preset, registration=registration)
     left, before = found.irradiance_measured - true, found.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
     assert found.nmse_between > 1e-3
-    assert (found.pose.translation_mm == (0.0, 0.0, 0.0)) == (freedom == "none")
+    assert (found.pose.translation_mm == (0.0, 0.0, 0.0)) == (registration == "none")
 
 
 def test_a_registration_of_no_kind_is_input_error():
     given = {"lens": LENS, "side": "outer", "source": build_source(LENS.spec.source), "preset": PRESETS["draft"]}
     bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
     with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
-        bare(probed(LENS.outer, 200), **given, freedom="loose")
+        bare(probed(LENS.outer, 200), **given, registration="loose")
 
 
 def test_half_a_surface_fails():
@@ -156,4 +156,4 @@ def test_half_a_surface_fails():
         source=build_source(LENS.spec.source),
         preset=PRESETS["draft"],
     )
-    assert {gate.name for gate in found.gates if not gate.passed} == {"surface_covered"}
+    assert {criterion.name for criterion in found.criteria if not criterion.passed} == {"surface_covered"}

@@ -7,7 +7,7 @@ from lensforge.optics.dielectric import (
     refract,
     transmitted_cosine_squared,
 )
-from lensforge.optics.transmittance import normal_transmittance
+from lensforge.optics.materials import normal_transmittance
 
 N = 1.4936
 
@@ -54,13 +54,11 @@ def test_refracted_rays_are_unit_coplanar_and_obey_snell() -> None:
     assert torch.allclose(refract(out, n, N), d, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("degrees", "senkrecht", "parallel"), [(0, 0.04, 0.04), (45, 0.0920, 0.0085), (60, 0.1766, 0.0018)]
-)
-def test_fresnel_table(degrees: float, senkrecht: float, parallel: float) -> None:
+@pytest.mark.parametrize(("degrees", "r_s", "parallel"), [(0, 0.04, 0.04), (45, 0.0920, 0.0085), (60, 0.1766, 0.0018)])
+def test_fresnel_table(degrees: float, r_s: float, parallel: float) -> None:
     # reflectances of glass, n = 1.5, as textbooks print them
     found = 1.0 - fresnel_transmittance(_cosines(degrees), 1 / 1.5).item()
-    assert found == pytest.approx(0.5 * (senkrecht + parallel), abs=1e-4)
+    assert found == pytest.approx(0.5 * (r_s + parallel), abs=1e-4)
 
 
 @pytest.mark.parametrize("index", [1.2, 1.5, 2.4, 4.0])

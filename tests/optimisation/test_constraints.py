@@ -5,7 +5,7 @@ from scenes import random_surface, small_spec, sphere, table_of
 
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
+from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints
 from lensforge.surfaces.spline import TableGrid
 
 
@@ -18,15 +18,15 @@ def test_spheres_have_the_constraints_that_geometry_gives() -> None:
     assert found.cavity_clearance_mm == pytest.approx(min(a / b**2 * 9.0 - a, 3.0 - a), abs=1e-4)
     assert found.wall_margin_mm == pytest.approx(6.0 - 3.0 - limits.min_thickness_mm, abs=1e-12)
     assert found.radius_margin_mm == pytest.approx(limits.max_radius_mm - 6.0, abs=1e-12)
-    assert all(gate.passed for gate in constraint_gates(spec, found))
+    assert all(criterion.passed for criterion in constraint_criteria(spec, found))
 
 
-def test_a_violated_constraint_fails_its_gate_by_name() -> None:
+def test_a_violated_constraint_fails_its_criterion_by_name() -> None:
     spec = small_spec()
     found = measure_constraints(Lens(sphere(3.0), sphere(7.5), spec, 0, "draft"))
-    failed = [gate for gate in constraint_gates(spec, found) if not gate.passed]
-    assert [gate.name for gate in failed] == ["radius margin"]
-    assert "fails by 0.5 mm" in str(failed[0])
+    failed = [criterion for criterion in constraint_criteria(spec, found) if not criterion.passed]
+    assert [criterion.name for criterion in failed] == ["radius margin"]
+    assert "missed by 0.5 mm" in str(failed[0])
 
 
 def test_what_the_history_keeps_is_the_least_over_the_nodes_in_mm() -> None:
@@ -47,15 +47,15 @@ def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> N
     outer = (table_of(sphere(7.5), grid)).requires_grad_()
     term = constraints.term(constraints.fields(inner, outer))
     violation = 0.5 / 7.0 + 3e-4  # and the margin inside of the limit at which the search aims
-    assert term.item() == pytest.approx(0.5 * constraints.stringency * violation**2, rel=1e-9)
+    assert term.item() == pytest.approx(0.5 * constraints.penalty * violation**2, rel=1e-9)
     gradient = torch.autograd.grad(term, outer)[0].sum().item()  # all coefficients up by 1 mm: the sphere grows
-    assert gradient == pytest.approx(constraints.stringency * violation / 7.0, rel=1e-9)
+    assert gradient == pytest.approx(constraints.penalty * violation / 7.0, rel=1e-9)
 
 
 def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
     """Minimise -r subject to r <= 7 for a sphere: the penalty alone overshoots, the multipliers close the gap."""
     grid = TableGrid(24)
-    constraints = AugmentedLagrangian.of(small_spec(), grid, stringency=10.0)
+    constraints = AugmentedLagrangian.of(small_spec(), grid, penalty=10.0)
     one, inner = table_of(sphere(1.0), grid), table_of(sphere(3.0), grid)
     radius = torch.tensor(6.0, dtype=torch.float64, requires_grad=True)
     for _ in range(30):
@@ -82,7 +82,7 @@ def test_the_nodes_see_what_the_exact_sum_sees() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e4])
-def test_a_gate_does_not_know_how_long_a_millimetre_is(size: float) -> None:
+def test_a_criterion_does_not_know_how_long_a_millimetre_is(size: float) -> None:
     """Outside of its limits by half of the tolerance, and by twice of it, at any size."""
     limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 7.0}
     lengths = {name: value * size for name, value in limits.items()} | {"outer_concave_radius_mm": 5.0 * size}
@@ -94,8 +94,8 @@ def test_a_gate_does_not_know_how_long_a_millimetre_is(size: float) -> None:
     for excess, passes in ((3.5e-5, True), (1.4e-4, False)):
         lens = Lens(sphere(3.0 * size), sphere(7.0 * size * (1.0 + excess)), spec, 0, "draft")
         found = measure_constraints(lens)
-        gates = {gate.name: gate.passed for gate in constraint_gates(spec, found)}
-        assert gates == {
+        criteria = {criterion.name: criterion.passed for criterion in constraint_criteria(spec, found)}
+        assert criteria == {
             "cavity clearance": True,
             "wall margin": True,
             "radius margin": passes,

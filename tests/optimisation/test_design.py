@@ -9,10 +9,10 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import Cancelled, InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.design import Progress
+from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation, fit_surface
-from lensforge.optimisation.progress import Progress
 from lensforge.optimisation.schedule import plan
 from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
@@ -24,7 +24,7 @@ def test_the_objective_s_gradient_is_its_derivative() -> None:
     spec = small_spec()
     source = build_source(spec.source)
     parametrisation = Parametrisation.of(spec, 4.0)
-    objective = Objective.of(spec, source, parametrisation)
+    merit = MeritFunction.of(spec, source, parametrisation)
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     rng = np.random.default_rng(0)
     weights = torch.from_numpy(rng.normal(size=(34, 2)) * 0.01).requires_grad_()
@@ -32,7 +32,7 @@ def test_the_objective_s_gradient_is_its_derivative() -> None:
     rays = source.sample(2048, 1)
 
     def loss(w: torch.Tensor, h: torch.Tensor) -> torch.Tensor:
-        return objective.evaluate(w, h, rays, constraints, uniform=True).loss
+        return merit.evaluate(w, h, rays, constraints, uniform=True).loss
 
     by_weights, by_offsets = torch.autograd.grad(loss(weights, offsets), (weights, offsets))
     dw, dh = torch.from_numpy(rng.normal(size=(34, 2))), torch.from_numpy(rng.normal(size=2))

@@ -10,13 +10,12 @@ from scenes import DEVICES, small_spec
 
 from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.objective import Objective
+from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
-from lensforge.tracing import on_device
 
 CPU = torch.device("cpu")
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
@@ -41,15 +40,15 @@ class _Step:
         spec = small_spec(**changes)
         source = build_source(spec.source, spec.lens.dispersion)
         parametrisation = Parametrisation.of(spec, 3.0)
-        self.objective = Objective.of(spec, source, parametrisation)
+        self.merit = MeritFunction.of(spec, source, parametrisation)
         self.constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
         weights = np.random.default_rng(0).normal(size=(parametrisation.basis.size, 2)) * 0.02
         self.parameters = torch.from_numpy(weights).requires_grad_(), torch.ones(2).double().requires_grad_()
         self.rays: RayBundle = source.sample(rays, 1)
 
     def __call__(self, **light) -> tuple[torch.Tensor, ...]:
-        objective = replace(self.objective, light=replace(self.objective.light, **light))
-        loss = objective.evaluate(*self.parameters, self.rays, self.constraints, uniform=True).loss
+        merit = replace(self.merit, light=replace(self.merit.light, **light))
+        loss = merit.evaluate(*self.parameters, self.rays, self.constraints, uniform=True).loss
         return loss.detach(), *torch.autograd.grad(loss, self.parameters)
 
 

@@ -10,9 +10,10 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import load_lens
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.pipeline import run_check, run_design, run_evaluate, run_export, run_sensitivity, run_verify
+from lensforge.pipeline import run_check, run_evaluate, run_export, run_sensitivity, run_verify, write_design
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
+from lensforge.stages import design
 from lensforge.surfaces.conic import Asphere, sphere
 from lensforge.surfaces.srbf import SrbfSurface
 
@@ -69,11 +70,11 @@ def test_rays_refract_at_the_sphere_itself() -> None:
 
 def test_every_stage_takes_a_fixed_surface(tmp_path) -> None:
     spec = small_spec(**FIXED_OUTER, base={"kind": "none"})
-    run_design(spec, tmp_path, accuracy="draft")
+    write_design(design(spec, accuracy="draft"), tmp_path)
     assert load_lens(tmp_path / "lens.json").outer == SURFACES["outer"]
     run_evaluate(tmp_path)
     part, check, proof = run_export(tmp_path), run_check(tmp_path), run_verify(tmp_path, rays=2048)
-    assert part.watertight and all(gate.passed for gate in part.gates)
+    assert part.watertight and all(criterion.passed for criterion in part.criteria)
     assert part.form_error_nm.max < 1.0
     assert check.outer.undercut_fraction == 0.0
     assert proof.deviation_mm.p99 < 0.1

@@ -8,19 +8,17 @@ import pytest
 import torch
 from scenes import random_surface, small_spec, sphere, table_of
 
+from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
 from lensforge.manufacturing.check import check_lens
-from lensforge.manufacturing.curvature import smallest_curvature
-from lensforge.manufacturing.draft import draft_rad
-from lensforge.manufacturing.face import AirSide, nodes_for, tabulate_face
+from lensforge.manufacturing.face import AirSide, OpticalFace, draft_rad, sample_face
 from lensforge.manufacturing.face_check import SAMPLE_NODES
-from lensforge.manufacturing.sampling import sample_face
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.chart_points import ChartOperator, RadiusJet, constraint_points
 from lensforge.optimisation.constraints import constraints_of
-from lensforge.optimisation.feasibility import constraint_gates, measure_constraints
+from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
-from lensforge.optimisation.watch import RadiusJet, Watch, watched_points
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
@@ -54,12 +52,12 @@ class Ellipsoid:
         return gradient[:, 2] / np.linalg.norm(gradient, axis=1)
 
 
-def watched(surface: Any, nodes: int) -> tuple[np.ndarray, Watch, RadiusJet]:
+def watched(surface: Any, nodes: int) -> tuple[np.ndarray, ChartOperator, RadiusJet]:
     """Directions of the watched points, and a surface there, from a table of it."""
     grid = TableGrid(nodes)
-    points = watched_points(grid, "none")
+    points = constraint_points(grid, "none")
     table = grid.coefficients(surface.radius(grid.sample_directions())[:, None]).reshape(grid.side, grid.side)
-    watch = Watch.of(grid, points, derivatives=True)
+    watch = ChartOperator.of(grid, points, derivatives=True)
     return chart.to_sphere(points), watch, watch.jets(torch.from_numpy(table))[0]
 
 
@@ -129,7 +127,7 @@ def shop_spec(**changes: Any) -> Spec:
 
 def test_all_constraints_have_their_derivatives() -> None:
     grid = TableGrid(40)
-    constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, stringency=100.0)
+    constraints = AugmentedLagrangian.of(shop_spec(constraints__outer_concave_radius_mm=100.0), grid, penalty=100.0)
     surfaces = random_surface(1, 3.2, 0.02, (9, 25)), random_surface(2, 6.5, 0.05, (9, 25))
     tables = [table_of(surface, grid).requires_grad_() for surface in surfaces]
     constraints.update(constraints.fields(*tables))
@@ -187,7 +185,7 @@ def test_one_of_the_mirror_images_tells_all(symmetry: str) -> None:
     grid, surface = TableGrid(41), random_surface(3, 3.0, symmetry=symmetry)
     extremes = []
     for each in ("none", symmetry):
-        watch = Watch.of(grid, watched_points(grid, each), derivatives=True)
+        watch = ChartOperator.of(grid, constraint_points(grid, each), derivatives=True)
         (jet,) = watch.jets(table_of(surface, grid))
         kappa, draft = least_curvature(jet, watch.points, INSIDE), pull_cosine(jet, watch.points)
         extremes.append([float(v) for v in (kappa.min(), kappa.max(), draft.min(), jet.rho.min(), jet.rho.max())])
@@ -204,19 +202,19 @@ def test_the_manufacturing_check_finds_the_same_curvature_and_draft(make: str) -
         ("inner", lens.inner, airs[0], 2.5, 3.0),
         ("outer", lens.outer, airs[1], 4.0, 2.0),
     ):
-        samples = sample_face(tabulate_face(surface, air, nodes_for(surface)), SAMPLE_NODES)
+        samples = sample_face(OpticalFace(fit_patch(surface), air), SAMPLE_NODES)
         sharpest = samples.chart[np.argmin(samples.curvatures.minimum)]
-        kappa = smallest_curvature(samples.face, sharpest, samples.grid.step)
+        kappa = samples.face.smallest_curvature(sharpest, samples.grid.step)
         assert getattr(found, f"{name}_curvature_margin_per_mm") - 1.0 / radius == pytest.approx(kappa, rel=1e-3)
         assert getattr(found, f"{name}_draft_margin_deg") + draft == pytest.approx(
             np.degrees(draft_rad(samples).min()), abs=0.02
         )
 
 
-def test_a_cavity_tighter_than_the_cutter_fails_its_gate() -> None:
+def test_a_cavity_tighter_than_the_cutter_fails_its_criterion() -> None:
     spec = small_spec(constraints__inner_concave_radius_mm=3.5, constraints__inner_draft_deg=0.5)
-    gates = constraint_gates(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
-    failed = {gate.name: gate for gate in gates if not gate.passed}
+    criteria = constraint_criteria(spec, measure_constraints(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")))
+    failed = {criterion.name: criterion for criterion in criteria if not criterion.passed}
     assert set(failed) == {"inner curvature margin", "inner draft margin"}
     assert failed["inner curvature margin"].value == pytest.approx(1.0 / 3.5 - 1.0 / 3.0, abs=1e-9)
     assert failed["inner draft margin"].value == pytest.approx(-0.5, abs=1e-9)
@@ -235,7 +233,7 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
     )
     found = search(spec, build_source(spec.source), accuracy="draft")
     check = check_lens(found.lens)
-    assert all(gate.passed for gate in found.gates), [str(gate) for gate in found.gates]
+    assert all(criterion.passed for criterion in found.criteria), [str(criterion) for criterion in found.criteria]
     assert check.inner.curvature.smallest_concave_radius_mm >= 3.5 * (1.0 - 1e-3)
     assert check.inner.draft_deg.min >= 1.0 - 0.01
     assert np.abs(found.lens.inner.weights).max() > 1e-3, "it is a freeform"

@@ -1,9 +1,13 @@
 """The command line as a user meets it: a process, its exit code, one line for every mistake."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +15,8 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from lensforge.cli import cli
+import lensforge as lf
+from lensforge.cli import cli, main
 
 SPEC = """
 [source]
@@ -58,22 +63,66 @@ def write_spec(folder: Path, steps: int = 80, **replace: str) -> Path:
     return path
 
 
+def lensforge_here(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """The same in this process, which has torch and the CAD kernel loaded already."""
+    command, out, err = ["lensforge", *map(str, arguments)], StringIO(), StringIO()
+    code = 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", command)
+        try:
+            main()
+        except SystemExit as exit:
+            code = int(exit.code or 0)
+    return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
+
+
+@dataclass(frozen=True)
+class Killed:
+    """A design that is interrupted in its second level, and then resumed."""
+
+    folder: Path
+    spec: Path
+    code: int
+    stderr: str
+    resumed: subprocess.CompletedProcess[str]
+
+
 @pytest.fixture(scope="module")
-def designed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One small design, the whole way, by the command line."""
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
+    """One small design by the command line, which all tests of its folder share."""
     folder = tmp_path_factory.mktemp("cli")
-    done = lensforge("design", write_spec(folder), "--accuracy", "draft", cwd=folder)
-    assert done.returncode == 0, done.stderr
-    assert "evaluate.efficiency\t" in done.stdout
-    return folder / "cad_out" / "small"
+    spec = write_spec(folder)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lensforge", "design", str(spec), "--accuracy", "draft"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        encoding="utf-8",
+        cwd=folder,
+    )
+    assert process.stderr is not None
+    assert any(line.startswith("level 1/2") for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    checkpoint = folder / "cad_out" / "small" / "checkpoint.pt"
+    assert checkpoint.exists() and not checkpoint.with_name("lens.json").exists(), "cut during the search"
+    resumed = lensforge("design", spec, "--accuracy", "draft", "--resume", cwd=folder)
+    return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
 
 
-def test_the_whole_way_leaves_every_file(designed: Path) -> None:
+@pytest.fixture
+def designed(killed: Killed) -> Path:
+    """The result folder of that design."""
+    assert killed.resumed.returncode == 0, killed.resumed.stderr
+    assert "evaluate.efficiency\t" in killed.resumed.stdout
+    return killed.folder
+
+
+def test_a_design_leaves_every_file(designed: Path) -> None:
     for name in ("lens.json", "lens.step", "lens.stl", "report.html"):
         assert (designed / name).stat().st_size > 1000
     for name in ("design", "evaluate", "export", "check", "verify"):
         content = json.loads((designed / f"{name}.json").read_text(encoding="utf-8"))
-        assert all(gate["passed"] for gate in content["gates"]), name
+        assert all(criterion["passed"] for criterion in content["criteria"]), name
     verdict = json.loads((designed / "run.json").read_text(encoding="utf-8"))["verdict"]
     assert (verdict["light"], verdict["files"]) == ("pass", "pass")
     assert verdict["cutting"] == "fail" and verdict["reasons"]["cutting"], "said, but no failure of the run"
@@ -81,18 +130,23 @@ def test_the_whole_way_leaves_every_file(designed: Path) -> None:
     assert not (designed / "checkpoint.pt").exists()
 
 
-def test_single_stages_run_again(designed: Path) -> None:
-    own_light = (designed / "evaluate.json").read_bytes()
-    done = lensforge("evaluate", designed, "--rays", 2048, "--pixels", 8)
+def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(designed, folder)
+    own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
+    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8)
     assert done.returncode == 0, done.stderr
     values = dict(line.split("\t") for line in done.stdout.splitlines())
     assert values["rays"] == "2048"
     assert values["pixels"] == "8"
     assert float(values["nmse"]) > 0.0 and float(values["nmse_standard_error"]) > 0.0
-    assert own_light == (designed / "evaluate.json").read_bytes(), "other conditions: beside the lens's own light"
-    assert json.loads((designed / "evaluate_other.json").read_text(encoding="utf-8"))["rays"] == 2048
-    assert lensforge("check", designed).returncode == 0
-    assert lensforge("evaluate", designed, "--source", designed / "lens.stl").returncode == 2
+    assert own_light == (folder / "evaluate.json").read_bytes(), "other conditions: beside the lens's own light"
+    assert json.loads((folder / "evaluate_other.json").read_text(encoding="utf-8"))["rays"] == 2048
+    assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
+    (folder / "report.html").unlink()
+    assert lensforge_here("check", folder).returncode == 0
+    assert not (folder / "report.html").exists()
+    assert lensforge_here("evaluate", folder, "--source", folder / "lens.stl").returncode == 2
 
 
 def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) -> None:
@@ -105,28 +159,13 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
 
 
-def test_a_killed_design_resumes_to_the_same_lens(tmp_path: Path) -> None:
-    # cut in the second level, which is long enough to be caught in
-    spec = write_spec(tmp_path, steps=400)
-    command = ["design", spec, "--accuracy", "draft", "--out", tmp_path / "cut"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "lensforge", *map(str, command)],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        encoding="utf-8",
-    )
-    assert process.stderr is not None
-    assert any(line.startswith("level 1/2") for line in process.stderr)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "--resume" in stderr
-    assert "Traceback" not in stderr
-    done = lensforge(*command, "--resume")
-    assert done.returncode == 0, done.stderr
-    straight = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "straight")
-    assert straight.returncode == 0, straight.stderr
-    assert (tmp_path / "cut/lens.json").read_bytes() == (tmp_path / "straight/lens.json").read_bytes()
+def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
+    assert killed.code == 130
+    assert "--resume" in killed.stderr
+    assert "Traceback" not in killed.stderr
+    assert "level 2/2" in killed.resumed.stderr and "level 1/2" not in killed.resumed.stderr
+    straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
+    assert straight == lf.load_lens(designed / "lens.json")
 
 
 @pytest.mark.parametrize(
@@ -175,10 +214,10 @@ def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path) -> N
 
 def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    result = lensforge("design", write_spec(tmp_path), "--out", tmp_path / "file" / "out", "--accuracy", "draft")
+    spec, out = write_spec(tmp_path, steps=1), tmp_path / "file" / "out"
+    result = lensforge_here("design", spec, "--out", out, "--accuracy", "draft")
     assert result.returncode == 2
-    assert len(result.stderr.splitlines()[-1:]) == 1
-    assert "cannot be written" in result.stderr
+    assert "cannot be written" in result.stderr.splitlines()[-1]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
@@ -207,14 +246,14 @@ def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> 
     assert (designed / "lens.json").read_bytes() == before
 
 
-def test_a_failed_gate_is_exit_code_one_and_says_which(tmp_path: Path) -> None:
+def test_a_missed_criterion_is_exit_code_one_and_says_which(tmp_path: Path) -> None:
     # a wall of 6.9 mm and a cavity do not go into 7 mm
     spec = write_spec(tmp_path, steps=1, **{"min_thickness_mm = 1.0": "min_thickness_mm = 6.9"})
-    result = lensforge("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
+    result = lensforge_here("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
     assert result.returncode == 1
     assert "wall margin" in result.stderr
-    assert "fails by" in result.stderr
-    assert (tmp_path / "out" / "lens.step").exists(), "a failed gate still leaves its files"
+    assert "missed by" in result.stderr
+    assert (tmp_path / "out" / "lens.step").exists(), "a missed criterion still leaves its files"
 
 
 def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:
@@ -239,8 +278,8 @@ def test_help_is_quick_to_ask_for() -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     spec = write_spec(tmp_path)
-    done = lensforge("design", spec, "--device", "cuda", "--snapshots", "--out", tmp_path / "out")
+    done = lensforge_here("design", spec, "--device", "cuda", "--snapshots", "--out", tmp_path / "out")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert "--device cuda" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
+    assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
     assert list(tmp_path.iterdir()) == [spec]

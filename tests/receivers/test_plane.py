@@ -5,13 +5,12 @@ import pytest
 import torch
 from scenes import DEVICES
 
-from lensforge.receivers.hits import Hits
+from lensforge.kernels.fates import Fate
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.receiver import Receiver
+from lensforge.receivers.receiver import Hits, Receiver
 from lensforge.spec import CrossTarget
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fates import Fate
 
 RECEIVER = PlaneReceiver(100.0, PixelGrid(300.0, 32))
 
@@ -36,8 +35,8 @@ def test_rays_land_where_their_lines_meet_the_plane() -> None:
     landed, rise = landings.landed, exits.directions[:, 2]
     assert 500 < landed.sum() < 1000
     assert torch.equal(landed, exits.left_lens & (rise > 1e-12))
-    assert torch.equal(landings.averted, exits.left_lens & ~landed)
-    assert landings.averted[:4].tolist() == [True, True, False, True]
+    assert torch.equal(landings.missed_receiver, exits.left_lens & ~landed)
+    assert landings.missed_receiver[:4].tolist() == [True, True, False, True]
     across = torch.cat([landings.hits, torch.full_like(landings.hits[:, :1], 100.0)], dim=1) - exits.points
     off_line = torch.linalg.cross(across, exits.directions)[landed & (rise > 1e-3)]
     assert off_line.abs().max() < 1e-9
@@ -55,7 +54,7 @@ def test_the_twin_lands_them_alike(device: str, dtype: torch.dtype) -> None:
     assert found.hits.dtype == dtype and found.hits.device.type == device
     steep = (exits.directions[:, 2].abs() > 1e-2) | ~exits.left_lens
     assert torch.equal(found.landed.cpu()[steep], wanted.landed[steep])
-    assert torch.equal(found.averted.cpu()[steep], wanted.averted[steep])
+    assert torch.equal(found.missed_receiver.cpu()[steep], wanted.missed_receiver[steep])
     tolerance = 100.0 * torch.finfo(dtype).eps
     assert torch.allclose(found.hits.cpu().double()[steep], wanted.hits[steep], rtol=tolerance, atol=1e4 * tolerance)
     assert torch.allclose(found.flux.cpu().double(), wanted.flux, rtol=tolerance)

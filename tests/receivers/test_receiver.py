@@ -4,11 +4,9 @@ import torch
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.receivers.bins import bin_flux, flux_in_square
-from lensforge.receivers.filter import gaussian3
-from lensforge.receivers.losses import mirror_mean, nmse_loss, uniformity_loss
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.splat import splat_flux
+from lensforge.optimisation.merit import nmse_loss, uniformity_loss
+from lensforge.optimisation.symmetry import mirror_mean
+from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, gaussian3, splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, TextTarget
 

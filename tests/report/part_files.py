@@ -1,12 +1,12 @@
 """Results that not every lens has, with numbers that are easy to recognise: stray light, a photograph, a surface."""
 
 import numpy as np
-from result_folders import MAKERS, PIXELS, STAGES, evaluate_arrays, gate, make_folder, make_results
+from result_folders import MAKERS, PIXELS, STAGES, criterion, evaluate_arrays, make_folder, make_results
 
 from lensforge.measurement.comparison import (
-    Departure,
+    DeviationExtent,
     Evenness,
-    Judged,
+    LightMetrics,
     Located,
     PhotoComparison,
     Pose,
@@ -36,14 +36,14 @@ def make_stray(lens, **changes):
         "balance_error": 0.0,
         "detected_stray_by_cause": dict.fromkeys(("total_reflection", "base", "met_again"), 0.0)
         | {"inner_reflection": 0.0025, "outer_reflection": 0.01},
-        "misjudged_flux": 0.0135,
+        "misplaced_flux": 0.0135,
         "nmse_vs_sequential": 0.00325,
         "spread": StraySpread(centroid_mm=(1.0, -2.0), rms_radius_mm=62.5, peak_w_m2=3.5, peak_of_mean=0.085),
         "efficiency": 0.86,
         "efficiency_sequential": 0.875,
         "receiver_mm": 300.0,
         "seconds": 6.5,
-        "gates": (gate("stray_balance", 0.0, 1e-9),),
+        "criteria": (criterion("stray_balance", 0.0, 1e-9),),
         "sequential": light["raw_map"],
         "direct": light["raw_map"],
         "stray": 0.02 * light["target_map"] + 0.1,
@@ -59,7 +59,7 @@ def make_photo(lens, **changes):
         "on": "on.png",
         "off": "off.png",
         "corners": ((10.0, 10.0), (90.0, 12.0), (88.0, 95.0), (9.0, 91.0)),
-        "corners_located": Located(seen_in="--off", lit=False, edge_rms_px=0.125, edge_bow_px=0.25),
+        "corners_located": Located(seen_in="off", lit=False, edge_rms_px=0.125, edge_bow_px=0.25),
         "target_mm": 300.0,
         "receiver_mm": 300.0,
         "gamma": 1.0,
@@ -71,7 +71,7 @@ def make_photo(lens, **changes):
         "measured_evenness": Evenness(uniformity=0.625, rsd=0.05),
         "simulated_evenness": Evenness(uniformity=0.75, rsd=0.04),
         "clipped": 0.0,
-        "gates": (gate("photo_clipped", 0.0, 0.01),),
+        "criteria": (criterion("photo_clipped", 0.0, 0.01),),
         "measured": light["raw_map"],
         "simulated": light["map"],
         "axis_mm": light["axis_mm"],
@@ -83,8 +83,8 @@ def make_photo(lens, **changes):
 def make_surface(lens, **changes):
     light, axis = evaluate_arrays(), np.linspace(-1.0, 1.0, NODES)
     x, y = np.meshgrid(axis, axis)
-    extent = Departure(pv=12.5, rms=2.25, min=-5.0, max=7.5)
-    judged = Judged(nmse=Metric(value=0.0125), uniformity=None, rsd=None, efficiency=Metric(value=0.85))
+    extent = DeviationExtent(pv=12.5, rms=2.25, min=-5.0, max=7.5)
+    metrics = LightMetrics(nmse=Metric(value=0.0125), uniformity=None, rsd=None, efficiency=Metric(value=0.85))
     content = {
         "inputs": {"lens": lens.sha256},
         "surface": "outer",
@@ -101,12 +101,12 @@ def make_surface(lens, **changes):
         "residual_rms_um": 0.75,
         "rays": 8192,
         "receiver_mm": 300.0,
-        "design": judged,
-        "measured": Judged(
+        "design": metrics,
+        "measured": LightMetrics(
             nmse=Metric(value=0.0175), uniformity=None, rsd=None, efficiency=Metric(value=0.8375)
         ),
         "nmse_between": 0.00225,
-        "gates": (gate("points_used", 1.0, 0.9, ">="),),
+        "criteria": (criterion("points_used", 1.0, 0.9, ">="),),
         "points": np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 9.875]]),
         "distance_um": np.array([2.5, -2.5]),
         "chart": axis,
@@ -128,10 +128,10 @@ def verified():
     return {
         "brep": BrepCast(rays=1024, seconds=1.0, against_design=_AGREEMENT, against_mesh=_AGREEMENT),
         "mitsuba": mitsuba,
-        "gates": (
-            gate("deviation_rms", 0.0125, 0.015),
-            gate("brep_deviation_rms", 0.0015, 0.0075),
-            gate("mitsuba_nmse_vs_design", 0.0065, 0.02),
+        "criteria": (
+            criterion("deviation_rms", 0.0125, 0.015),
+            criterion("brep_deviation_rms", 0.0015, 0.0075),
+            criterion("mitsuba_nmse_vs_design", 0.0065, 0.02),
         ),
         "gaps_step_mm": 0.1 * quantiles,
         "gaps_mitsuba_mm": 5.0 * quantiles,

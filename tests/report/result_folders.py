@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 
+from lensforge.criteria import Criterion
 from lensforge.evaluation.light import Flux, Light, MissedByCause
-from lensforge.gates import Gate
 from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.lens import Lens
-from lensforge.manufacturing.cut import (
+from lensforge.manufacturing.result import (
     Check,
     Curvature,
     Cutter,
     Draft,
     FaceResult,
+    Finding,
     Relief,
     Scallop,
     Scallops,
@@ -21,17 +22,16 @@ from lensforge.manufacturing.cut import (
     Wall,
     Walls,
 )
-from lensforge.manufacturing.verdicts import ShopVerdict
 from lensforge.optimisation.design import Design, Level, Margins
 from lensforge.records import Extent, Metric
 from lensforge.report import solid_view
-from lensforge.report.build import render_report
+from lensforge.report.lens_page import render_report
 from lensforge.results import Results
-from lensforge.sources.account import SourceAccount
+from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.verification.proof import Deviation, PartFlux, PartMissed, PlainCast, Proof
+from lensforge.verification.proof import LandingDeviation, PartFlux, PartMissed, PlainCast, Proof
 
 STAGES = ("design", "evaluate", "export", "check", "verify")
 PIXELS, NODES = 16, 21
@@ -56,8 +56,8 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
     return Lens(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
 
 
-def gate(name, value, limit, sense="<="):
-    return Gate(name=name, value=value, sense=sense, limit=limit, unit="mm", remedy="try something else")
+def criterion(name, value, limit, sense="<="):
+    return Criterion(name=name, value=value, sense=sense, limit=limit, unit="mm", remedy="try something else")
 
 
 def make_results(stages=STAGES, lens=None, outdated=None, **records):
@@ -155,10 +155,10 @@ def make_design(lens, **changes):
         "max_radius_mm": 10.75,
         "height_mm": 10.5,
         "constraints": Margins(cavity_clearance_mm=0.5, wall_margin_mm=0.25, radius_margin_mm=0.125),
-        "source": SourceAccount(title="2 mm square", flux_w=1.0, symmetry="square"),
+        "source": SourceSummary(title="2 mm square", flux_w=1.0, symmetry="square"),
         "source_outline_mm": ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)),
         "history": history,
-        "gates": (gate("cavity clearance", 0.5, -0.001, ">="),),
+        "criteria": (criterion("cavity clearance", 0.5, -0.001, ">="),),
     }
     return Design(**{**content, **changes})
 
@@ -173,9 +173,11 @@ def make_light(lens, **changes):
         "rsd": None,
         "nmse_of_noise": None,
         "flux": Flux(
-            detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, absorbed_fresnel=0.09
+            detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, reflected=0.09
         ),
-        "missed_by_cause": MissedByCause(backward=0.0, outside_cavity=0.0, base=0.01, averted=0.02, crossed=0.0),
+        "missed_by_cause": MissedByCause(
+            backward=0.0, outside_cavity=0.0, base=0.01, missed_receiver=0.02, surfaces_intersect=0.0
+        ),
         "seed": 7,
         "rays": 65536,
         "replicates": 16,
@@ -190,7 +192,7 @@ def make_light(lens, **changes):
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
         "preset_error": None,
         "seconds": 2.5,
-        "gates": (gate("flux not converged", 0.0, 0.0),),
+        "criteria": (criterion("flux not converged", 0.0, 0.0),),
         **evaluate_arrays(),
     }
     return Light(**{**content, **changes})
@@ -220,7 +222,7 @@ def make_part(lens, stl=None, **changes):
         ),
         "files": {name: stamp_of(content) for name, content in files.items()},
         "seconds": 3.5,
-        "gates": (gate("form_error", 1.75, 10.0),),
+        "criteria": (criterion("form_error", 1.75, 10.0),),
         "step": files[STEP_FILE],
         "stl": files[STL_FILE],
         "threemf": files[THREEMF_FILE],
@@ -257,8 +259,8 @@ def make_check(lens, **changes):
         "relief": Relief(outer=None, inner=None, note="there is no base"),
         "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
-        "gates": (gate("radial wall", 1.9, 0.999, ">="),),
-        "verdicts": (ShopVerdict(name="wall", surface="body", holds=True, reason="the wall is thick enough"),),
+        "criteria": (criterion("radial wall", 1.9, 0.999, ">="),),
+        "verdicts": (Finding(name="wall", surface="body", holds=True, reason="the wall is thick enough"),),
         "seconds": 4.5,
         **check_arrays(),
     }
@@ -281,18 +283,20 @@ def make_proof(lens, **changes):
         "nmse_same_rays": 0.000225,
         "efficiency": 0.8475,
         "efficiency_design_same_rays": 0.8485,
-        "deviation_mm": Deviation(rms=0.0125, max=0.25, p99=0.05),
+        "deviation_mm": LandingDeviation(rms=0.0125, max=0.25, p99=0.05),
         "deviation_limit_mm": 0.015,
         "rays_compared": 18765,
         "flux_deviation": 0.00035,
         "fate_disagreements": 3,
         "fate_disagreement_flux": 0.00015,
-        "flux": PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, absorbed_fresnel=0.09),
-        "missed_by_cause": PartMissed(no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, averted=0.02),
-        "referee": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
+        "flux": PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09),
+        "missed_by_cause": PartMissed(
+            no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02
+        ),
+        "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
         "brep": None,
         "mitsuba": None,
-        "gates": (gate("deviation_rms", 0.0125, 0.015),),
+        "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
         "irradiance": images["raw_map"],
         "design_irradiance": images["map"],
         "gaps_mesh_mm": np.linspace(1e-4, 0.1, 501),

@@ -7,9 +7,8 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.optimisation.optimiser import search
-from lensforge.report.snapshot import FOLDER, load_snapshots
-from lensforge.report.snapshot_figure import snapshot_figure
-from lensforge.report.snapshots import Snapshots, outer_slope
+from lensforge.report.search_figures import snapshot_figure
+from lensforge.report.snapshots import FOLDER, Snapshots, load_snapshots, outer_slope
 from lensforge.sources.build import build_source
 
 

@@ -24,11 +24,11 @@ def rays(count=12, unit="W", wavelengths="none", seed=1) -> RayFile:
         "each": random.uniform(400.0, 700.0, count).astype(np.float32),
     }[wavelengths]
     return RayFile(
-        positions=random.uniform(-1.0, 1.0, (count, 3)).astype(np.float32),
+        positions_mm=random.uniform(-1.0, 1.0, (count, 3)).astype(np.float32),
         directions=directions.astype(np.float32),
         flux=flux,
-        unit=unit,
-        wavelengths=waves,
+        flux_unit=unit,
+        wavelengths_nm=waves,
         header_flux_w=total if unit == "W" else None,
         header_flux_lm=total if unit == "lm" else None,
     )

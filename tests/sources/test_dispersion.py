@@ -9,7 +9,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS
-from lensforge.sources.build import account_of, build_source
+from lensforge.sources.build import build_source, summarise
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.reading import decode
 from lensforge.sources.spectrum import Spectrum
@@ -41,10 +41,10 @@ def test_a_scene_without_wavelengths_or_without_dispersion_has_one_index(tmp_pat
 
 def test_rays_of_a_file_have_the_index_at_their_own_wavelength(tmp_path):
     measured = rays(200, wavelengths="each")
-    source = saved(tmp_path, replace(measured, wavelengths=measured.wavelengths * 0.8 + 100.0))
+    source = saved(tmp_path, replace(measured, wavelengths_nm=measured.wavelengths_nm * 0.8 + 100.0))
     spec = small_spec(source=source, lens__material="PMMA")
     everything = build_source(spec.source, spec.lens.dispersion)
-    expected = PMMA.index((measured.wavelengths * 0.8 + 100.0).astype(np.float32).astype(np.float64))
+    expected = PMMA.index((measured.wavelengths_nm * 0.8 + 100.0).astype(np.float32).astype(np.float64))
     np.testing.assert_array_equal(everything.sample(200, 0).refractive_indices, expected)
     by_place = dict(zip(map(tuple, everything.rays.origins), everything.rays.refractive_indices, strict=True))
     for part in (
@@ -70,8 +70,8 @@ def test_a_common_table_of_the_header_is_drawn_from_and_belongs_to_the_rays(tmp_
     np.testing.assert_array_equal(
         emitter.sample(4000, 1).refractive_indices, emitter.sample(4000, 2).refractive_indices
     )
-    account = account_of(emitter, spec.source)
-    assert 430.0 < account.wavelengths_nm[0] < account.wavelengths_nm[1] < 470.0
+    summary = summarise(emitter, spec.source)
+    assert 430.0 < summary.wavelengths_nm[0] < summary.wavelengths_nm[1] < 470.0
 
 
 def test_rays_that_name_their_table_are_drawn_from_it(tmp_path):

@@ -8,14 +8,14 @@ import torch
 from scenes import small_spec, sphere, table_of
 
 from lensforge.optics.materials import MATERIALS
-from lensforge.receivers.hits import Hits
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tolerancing.shifted_source import ShiftedSource
-from lensforge.tracing.fused import Scene, trace_tables
-from lensforge.tracing.reference import ExactSurface, trace_exact
+from lensforge.tolerancing.perturbations import ShiftedSource
+from lensforge.tracing.exact import ExactSurface, trace_exact
+from lensforge.tracing.tables import Scene, trace_tables
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
 RECEIVER = PlaneReceiver(Z, PixelGrid(200.0, 16))

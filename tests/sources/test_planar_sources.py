@@ -8,7 +8,7 @@ from scipy.integrate import dblquad, quad
 from lensforge.errors import InputError
 from lensforge.sources.areas import Disc, Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
-from lensforge.sources.luminance import Picture
+from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.qmc import sobol
 
 POINTS = sobol(2**16, 2, 7)
@@ -51,7 +51,7 @@ def test_disc_is_uniform():
 def test_picture_gives_every_pixel_its_share_the_right_way_up(tmp_path):
     values = np.array([[0, 10, 40], [20, 80, 90]], dtype=np.uint8)
     Image.fromarray(values).save(tmp_path / "led.png")
-    picture = Picture.read(tmp_path / "led.png", width_mm=3.0)
+    picture = LuminanceImage.read(tmp_path / "led.png", width_mm=3.0)
     x, y = picture.place(POINTS).T
     counts, _, _ = np.histogram2d(y, x, bins=[[-1.0, 0.0, 1.0], [-1.5, -0.5, 0.5, 1.5]])
     np.testing.assert_allclose(counts[::-1] / len(x), values / values.sum(), atol=2e-4)
@@ -70,7 +70,7 @@ def test_picture_gives_every_pixel_its_share_the_right_way_up(tmp_path):
     ],
 )
 def test_symmetry_of_pictures(rows, name):
-    assert Picture(np.array(rows, dtype=np.float64), 1.0).symmetry == name
+    assert LuminanceImage(np.array(rows, dtype=np.float64), 1.0).symmetry == name
 
 
 def test_pictures_that_cannot_be_used_are_one_line(tmp_path):
@@ -78,7 +78,7 @@ def test_pictures_that_cannot_be_used_are_one_line(tmp_path):
     (tmp_path / "text.png").write_text("no picture", encoding="utf-8")
     for name, message in (("dark.png", "dark"), ("text.png", "not a readable image"), ("none.png", "no such file")):
         with pytest.raises(InputError, match=message):
-            Picture.read(tmp_path / name, 1.0)
+            LuminanceImage.read(tmp_path / name, 1.0)
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 2.5, 80.0])

@@ -4,6 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from radiance_samples import write_radiance
 
 from lensforge.errors import InputError
 from lensforge.sources.areas import Rectangles
@@ -11,8 +12,7 @@ from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.planar import PlanarEmitter
 from lensforge.sources.qmc import sobol
 from lensforge.sources.radiance import RadianceEmitter
-from lensforge.sources.radiance_file import read_radiance, write_radiance
-from lensforge.sources.radiance_table import RadianceTable
+from lensforge.sources.radiance_table import RadianceTable, read_radiance
 
 AREA_M2 = 6e-6
 X, Y = np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])  # 3 mm x 2 mm in four cells
@@ -30,7 +30,7 @@ def moments(rays):
     values = np.array(
         [x, y, x * x, y * y, x * y, kx, ky, kz, kx * kx, ky * ky, kz * kz, x * kx, y * ky, x * ky, x * kz]
     )
-    return values @ rays.weights / rays.weights.sum()
+    return values @ rays.flux / rays.flux.sum()
 
 
 @pytest.mark.parametrize("gamma_max", [10.0, 45.0, 90.0])
@@ -46,7 +46,7 @@ def test_a_constant_table_is_the_lambertian_rectangle_ray_by_ray():
     rays, points = flat.sample(4096, 5), sobol(4096, 4, 5)
     np.testing.assert_allclose(rays.directions, CosinePower(1.0).aim(points[:, 2:]), atol=1e-12)
     np.testing.assert_allclose(rays.origins[:, :2], points[:, [1, 0]] * [3.0, 2.0] + [-1.0, 0.0], atol=1e-12)
-    assert rays.weights.sum() == pytest.approx(2.0, rel=1e-12)
+    assert rays.flux.sum() == pytest.approx(2.0, rel=1e-12)
 
 
 def test_a_separable_table_is_area_times_intensity():

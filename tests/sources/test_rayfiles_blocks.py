@@ -7,7 +7,8 @@ import pytest
 from rayfile_samples import CASES, encoded, image, rays
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import read_rayfile, record, text
+from lensforge.sources.rayfiles import rayfile as rayfile_module
+from lensforge.sources.rayfiles import read_rayfile, text
 from lensforge.sources.rayfiles.reading import decode
 
 
@@ -20,7 +21,7 @@ def test_text_is_read_alike_in_one_block_in_many_and_through_a_file(name, monkey
     monkeypatch.setattr(text, "_IN_MEMORY", 1000)
     from_file = decode(image(content))
     for other in (in_blocks, from_file):
-        for column in ("positions", "directions", "flux", "wavelengths"):
+        for column in ("positions_mm", "directions", "flux", "wavelengths_nm"):
             np.testing.assert_array_equal(getattr(other, column), getattr(whole, column))
     lines = content.split(b"\n")
     lines[300] = lines[300].replace(b".", b"?")
@@ -34,16 +35,16 @@ def test_text_is_read_alike_in_one_block_in_many_and_through_a_file(name, monkey
 def test_rays_are_written_alike_in_one_block_and_in_many(name, monkeypatch):
     original = replace(CASES[name][-1], header_flux_w=None, header_flux_lm=None)
     whole = encoded(name, original)
-    monkeypatch.setattr(record, "CHUNK_ROWS", 5)
+    monkeypatch.setattr(rayfile_module, "CHUNK_ROWS", 5)
     assert encoded(name, original) == whole
 
 
 def test_pages_given_back_are_read_again_from_the_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "CHUNK_ROWS", 700)
+    monkeypatch.setattr(rayfile_module, "CHUNK_ROWS", 700)
     original = rays(5000)
     (tmp_path / "in.tm25ray").write_bytes(encoded("tm25", original))
     rayfile = read_rayfile(tmp_path / "in.tm25ray")
     for _ in range(2):
         blocks = list(rayfile.blocks())
-        np.testing.assert_array_equal(np.concatenate([block.positions for block in blocks]), original.positions)
+        np.testing.assert_array_equal(np.concatenate([block.positions_mm for block in blocks]), original.positions_mm)
         assert [len(block) for block in blocks] == [700] * 7 + [100]

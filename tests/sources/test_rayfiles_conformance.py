@@ -29,15 +29,15 @@ def test_round_trip_keeps_rays_unit_wavelengths_and_total(name, index):
     back = decode(image(encoded(name, original)))
     factor = len(original) if name in SCALED_BY_COUNT else 1
     assert back.format == name
-    assert back.unit == original.unit
-    np.testing.assert_array_equal(back.positions.astype(np.float32), original.positions)
+    assert back.flux_unit == original.flux_unit
+    np.testing.assert_array_equal(back.positions_mm.astype(np.float32), original.positions_mm)
     np.testing.assert_array_equal(back.directions.astype(np.float32), original.directions)
     np.testing.assert_allclose(back.flux, original.flux * factor, rtol=2e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=3e-7)
-    if original.wavelengths is None:
-        assert back.wavelengths is None
+    if original.wavelengths_nm is None:
+        assert back.wavelengths_nm is None
     else:
-        np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=2e-7)
+        np.testing.assert_allclose(back.wavelengths_nm, original.wavelengths_nm, rtol=2e-7)
 
 
 @pytest.mark.parametrize(("name", "index"), NAMED_CASES)
@@ -120,8 +120,8 @@ def test_conversion_between_any_two_formats_keeps_rays_and_total(source, target,
     report = convert(tmp_path / "in", tmp_path / "out", target)
     back = read_rayfile(tmp_path / "out")
     assert (report.from_format, report.to_format, report.rays, report.lost) == (source, target, len(original), ())
-    np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
-    np.testing.assert_allclose(back.wavelengths, original.wavelengths, rtol=3e-7)
+    np.testing.assert_allclose(back.positions_mm, original.positions_mm, rtol=1e-7)
+    np.testing.assert_allclose(back.wavelengths_nm, original.wavelengths_nm, rtol=3e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
 
 
@@ -131,7 +131,7 @@ def test_asap_loses_the_wavelengths_and_says_so(source, tmp_path):
     (tmp_path / "in").write_bytes(encoded(source, original))
     assert convert(tmp_path / "in", tmp_path / "out.dis").lost == ("wavelengths",)
     back = read_rayfile(tmp_path / "out.dis")
-    np.testing.assert_allclose(back.positions, original.positions, rtol=1e-7)
+    np.testing.assert_allclose(back.positions_mm, original.positions_mm, rtol=1e-7)
     assert back.total_flux() == pytest.approx(original.total_flux(), rel=1e-6)
 
 
@@ -180,9 +180,9 @@ def test_the_suffix_chooses_a_format_for_writing_only_where_it_is_clear(tmp_path
 def test_changed_rays_never_meet_the_old_bytes(tmp_path):
     write_rayfile(tmp_path / "in", rays(), "tm25")
     rayfile = read_rayfile(tmp_path / "in")
-    moved = replace(rayfile, positions=rayfile.positions + np.float32(1.0))
+    moved = replace(rayfile, positions_mm=rayfile.positions_mm + np.float32(1.0))
     write_rayfile(tmp_path / "out", moved, "tm25")
-    np.testing.assert_array_equal(read_rayfile(tmp_path / "out").positions, rayfile.positions + np.float32(1.0))
+    np.testing.assert_array_equal(read_rayfile(tmp_path / "out").positions_mm, rayfile.positions_mm + np.float32(1.0))
 
 
 def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
@@ -204,6 +204,6 @@ def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
 def test_reading_maps_binary_files_instead_of_loading_them(tmp_path):
     write_rayfile(tmp_path / "in", rays(), "tm25")
     rayfile = read_rayfile(tmp_path / "in")
-    assert rayfile.positions.base is not None
-    assert not rayfile.positions.flags.owndata
+    assert rayfile.positions_mm.base is not None
+    assert not rayfile.positions_mm.flags.owndata
     assert not rayfile.flux.flags.writeable

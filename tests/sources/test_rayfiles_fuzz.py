@@ -13,9 +13,9 @@ from rayfile_samples import CASES, SHARED, encoded, image, with_spectrum_numbers
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import FORMATS, describe
-from lensforge.sources.rayfiles.cleaning import valid_rays
+from lensforge.sources.rayfiles.rayfile import usable_rays
 from lensforge.sources.rayfiles.reading import decode
-from lensforge.sources.rayfiles.wavelengths import wavelengths_of
+from lensforge.sources.rayfiles.spectra import wavelengths_of
 
 SPECIAL_WORDS = [
     struct.pack("<i", value) for value in (0, 1, 2, 3, 7, -1, 2**31 - 1, -(2**31), 2013, 1010, 0x7F800001)
@@ -81,7 +81,7 @@ def survive(content, random):
     try:
         rayfile = decode(image(content))
         json.loads(describe(rayfile).model_dump_json(), parse_constant=_not_json)
-        wavelengths_of(rayfile, valid_rays(rayfile), None)
+        wavelengths_of(rayfile, usable_rays(rayfile))
         encoded(list(FORMATS)[random.integers(len(FORMATS))], rayfile)
     except InputError as error:
         line = str(error)

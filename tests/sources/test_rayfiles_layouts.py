@@ -33,11 +33,11 @@ def tm25(columns=7, flags=(1, 1, 1, 0, 0, 0, 0, 0), spectral=0, tables=(), label
 
 def test_tm25_plain():
     rayfile = decode(image(tm25()))
-    np.testing.assert_array_equal(rayfile.positions, [[0.0, 0.125, 0.25], [0.875, 1.0, 1.125]])
+    np.testing.assert_array_equal(rayfile.positions_mm, [[0.0, 0.125, 0.25], [0.875, 1.0, 1.125]])
     np.testing.assert_array_equal(rayfile.directions[1], [1.25, 1.375, 1.5])
     np.testing.assert_array_equal(rayfile.flux, [0.75, 1.625])
-    assert (rayfile.unit, rayfile.header_flux_w, rayfile.header_flux_lm) == ("W", 2.0, None)
-    assert rayfile.wavelengths is None
+    assert (rayfile.flux_unit, rayfile.header_flux_w, rayfile.header_flux_lm) == ("W", 2.0, None)
+    assert rayfile.wavelengths_nm is None
     assert rayfile.header["name"] == "text 0"
     assert rayfile.header["data_reference"] == "text 8"
     assert rayfile.header["creation_method"] == "measured"
@@ -48,8 +48,8 @@ def test_tm25_tables_are_padded_once_as_one_block_and_extra_columns_are_passed()
     tables = [[(400.0, 1.0), (500.0, 0.5)], [(450.0, 1.0)]]  # 4+16 and 4+8 bytes: 32, not 2 x 32
     content = tm25(columns=9, spectral=3, tables=tables, labels=("phase", "age"), extra_text="12345678")
     rayfile = decode(image(content))
-    assert rayfile.positions[0].tolist() == [0.0, 0.125, 0.25]
-    assert rayfile.positions[1, 0] == 9 / 8
+    assert rayfile.positions_mm[0].tolist() == [0.0, 0.125, 0.25]
+    assert rayfile.positions_mm[1, 0] == 9 / 8
     assert rayfile.header["spectral_tables"][1] == {"wavelength_nm": [450.0], "weight": [1.0]}
     assert rayfile.header["extra_columns"] == ["phase", "age"]
     assert rayfile.header["extra_text"] == "12345678"
@@ -69,21 +69,21 @@ def test_tm25_all_columns_in_their_order():
     """x y z k k k, W, nm, lm, six of Stokes, two of tristimulus, index: radiant flux is used, the rest is named."""
     rayfile = decode(image(tm25(columns=18, flags=(1,) * 8, spectral=4)))
     assert rayfile.flux[0] == 6 / 8
-    assert rayfile.wavelengths[0] * 1 == pytest.approx(7 / 8 * 1000)  # under 100: µm
+    assert rayfile.wavelengths_nm[0] * 1 == pytest.approx(7 / 8 * 1000)  # under 100: µm
     assert any("radiant flux (W) is used" in warning for warning in rayfile.warnings)
     assert any("stokes, tristimulus" in warning for warning in rayfile.warnings)
 
 
 def test_tm25_lumens_come_from_the_luminous_column():
     rayfile = decode(image(tm25(columns=8, flags=(1, 1, 0, 1, 1, 0, 0, 0), spectral=2)))
-    assert rayfile.unit == "lm"
+    assert rayfile.flux_unit == "lm"
     assert rayfile.flux[0] == 7 / 8
     assert rayfile.header_flux is None
 
 
 @pytest.mark.parametrize("bits", [0x7F800001, 0x0100807F, 0x7FC00000, 0])
 def test_tm25_all_ways_of_an_unknown_wavelength(bits):
-    assert decode(image(tm25(spectral=1, wavelength_bits=bits))).wavelengths is None
+    assert decode(image(tm25(spectral=1, wavelength_bits=bits))).wavelengths_nm is None
 
 
 def test_tm25_single_wavelength_is_shared():
@@ -132,16 +132,16 @@ def zemax(rays=1, unit=4, ray_format=0, flux_type=0, row=ROW, byte_order="<"):
 @pytest.mark.parametrize(("unit", "factor"), [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)])
 def test_zemax_binary_units(unit, factor):
     rayfile = decode(image(zemax(unit=unit)))
-    np.testing.assert_allclose(rayfile.positions, [[factor, 2 * factor, 3 * factor]])
+    np.testing.assert_allclose(rayfile.positions_mm, [[factor, 2 * factor, 3 * factor]])
     assert rayfile.single_wavelength == pytest.approx(550.0)
     assert rayfile.total_flux() == 0.5  # OpticStudio takes the rays, not the header's 9 W
 
 
 def test_zemax_binary_flux_types():
-    assert decode(image(zemax(flux_type=1))).unit == "lm"
+    assert decode(image(zemax(flux_type=1))).flux_unit == "lm"
     spectral = decode(image(zemax(ray_format=2, flux_type=1, row=(*ROW, 0.45))))
-    assert spectral.unit == "W"  # spectral rays always are
-    np.testing.assert_allclose(spectral.wavelengths, [450.0], rtol=1e-6)
+    assert spectral.flux_unit == "W"  # spectral rays always are
+    np.testing.assert_allclose(spectral.wavelengths_nm, [450.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -163,8 +163,8 @@ def test_zemax_binary_headers_that_lie(changes, message):
 @pytest.mark.parametrize("first", ["2 2", "2 2 0 1", "2 2 0 0 0 0 0", "2.000000\t2.000000\t0.0"])
 def test_zemax_text_first_lines(first):
     rayfile = decode(image(f"{first}\n1 2 3 0 0 1 0.5\r\n4 5 6 0 0 1 0.25\n".encode()))
-    np.testing.assert_array_equal(rayfile.positions, [[10, 20, 30], [40, 50, 60]])
-    assert rayfile.unit == ("lm" if first == "2 2 0 1" else "W")
+    np.testing.assert_array_equal(rayfile.positions_mm, [[10, 20, 30], [40, 50, 60]])
+    assert rayfile.flux_unit == ("lm" if first == "2 2 0 1" else "W")
 
 
 def test_zemax_text_counts_its_rays():
@@ -182,12 +182,12 @@ def lighttools(row=ROW, flux_type=0, far_field=0, colour=0, unit=1, major=2):
 
 def test_lighttools_binary():
     rayfile = decode(image(lighttools(unit=4)))
-    np.testing.assert_allclose(rayfile.positions, [[25.4, 50.8, 76.2]])
-    assert (rayfile.unit, rayfile.total_flux()) == ("W", 2.0)
+    np.testing.assert_allclose(rayfile.positions_mm, [[25.4, 50.8, 76.2]])
+    assert (rayfile.flux_unit, rayfile.total_flux()) == ("W", 2.0)
     coloured = decode(image(lighttools(row=(*ROW, 450.0), flux_type=1, colour=2)))
-    assert (coloured.unit, coloured.wavelengths[0]) == ("lm", 450.0)
+    assert (coloured.flux_unit, coloured.wavelengths_nm[0]) == ("lm", 450.0)
     far = decode(image(lighttools(row=ROW[3:], far_field=1)))
-    assert far.positions.tolist() == [[7.0, 8.0, 9.0]]
+    assert far.positions_mm.tolist() == [[7.0, 8.0, 9.0]]
     assert far.directions.tolist() == [[0.0, np.float32(0.6), np.float32(0.8)]]
 
 
@@ -204,8 +204,8 @@ def test_lighttools_text_with_carriage_returns_and_long_exponents():
         " 1.5e-016 2 3 0 0 1 0.5\r\n 4 5 6 0 0 1 0.25\r\nlt_endofdata"
     )
     rayfile = decode(image(content.encode()))
-    np.testing.assert_allclose(rayfile.positions, [[1.5e-15, 20, 30], [40, 50, 60]])
-    assert (rayfile.unit, rayfile.total_flux()) == ("lm", 4.0)
+    np.testing.assert_allclose(rayfile.positions_mm, [[1.5e-15, 20, 30], [40, 50, 60]])
+    assert (rayfile.flux_unit, rayfile.total_flux()) == ("lm", 4.0)
     for old, new, message in (
         ("luminous_flux", "photons", "lt_datatype: photons"),
         ("centimeters", "furlongs", "lt_length_units: furlongs"),
@@ -220,7 +220,7 @@ def test_lighttools_text_with_carriage_returns_and_long_exponents():
 def test_speos_weights_are_scaled_by_the_header():
     rows = struct.pack("<16f", *ROW[:6], 550.0, 1.0, *ROW[:6], 450.0, 3.0)
     rayfile = decode(image(struct.pack("<7f", 8.0, *(2.0,) * 5, 100.0) + rows))
-    assert (rayfile.unit, rayfile.total_flux(), rayfile.header_flux_lm) == ("W", 8.0, 100.0)
+    assert (rayfile.flux_unit, rayfile.total_flux(), rayfile.header_flux_lm) == ("W", 8.0, 100.0)
     np.testing.assert_allclose(next(rayfile.blocks_adding_up_to(8.0)).flux, [2.0, 6.0])
 
 
@@ -229,8 +229,8 @@ def test_csv_names_its_columns_in_any_order():
     with pytest.raises(InputError, match="none of the known"):
         decode(image(content.replace(b"kx", b"ex")))
     rayfile = decode(image(content))
-    assert rayfile.positions.tolist() == [[1.0, 2.0, 3.0]]
-    assert (rayfile.unit, rayfile.flux[0]) == ("lm", 0.5)
+    assert rayfile.positions_mm.tolist() == [[1.0, 2.0, 3.0]]
+    assert (rayfile.flux_unit, rayfile.flux[0]) == ("lm", 0.5)
     with pytest.raises(InputError, match="exactly one"):
         decode(image(content.replace(b"remark", b"flux_w")))
 
@@ -249,7 +249,7 @@ def asap(rays=1, words=7):
 
 def test_asap():
     rayfile = decode(image(asap()))
-    np.testing.assert_array_equal(rayfile.positions, [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(rayfile.positions_mm, [[1.0, 2.0, 3.0]])
     np.testing.assert_allclose(rayfile.directions, [[0.0, 0.6, 0.8]], rtol=1e-7)
     assert (rayfile.format, rayfile.total_flux(), rayfile.header["name"]) == ("asap", 0.5, "blue die")
     assert "experimental" in rayfile.warnings[0]
@@ -261,9 +261,9 @@ def test_asap():
 def test_speos_text_by_hand():
     content = b"2\r\n1 0 1 2 0 0 1 450 0.5\r\n2 3 4 5 0 1 0 0.6 1.5\r\n"
     rayfile = decode(image(content))
-    assert rayfile.positions.tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
+    assert rayfile.positions_mm.tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
     assert rayfile.directions.tolist() == [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
-    assert (rayfile.wavelengths.tolist(), rayfile.flux.tolist()) == ([450.0, 0.6], [0.5, 1.5])
+    assert (rayfile.wavelengths_nm.tolist(), rayfile.flux.tolist()) == ([450.0, 0.6], [0.5, 1.5])
     polarised = decode(image(b"1\n1 0 1 2 0 0 1 450 0.5 1 2 3 4 5\n"))
     assert any("columns 10 to 14" in warning for warning in polarised.warnings)
     with pytest.raises(InputError, match="promises 3 rays, the file holds 2"):

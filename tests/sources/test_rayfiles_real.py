@@ -6,8 +6,8 @@ from rayfile_samples import SHARED, encoded, image
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import describe, read_rayfile, write_rayfile
-from lensforge.sources.rayfiles.photopic import luminous_efficacy
 from lensforge.sources.rayfiles.reading import decode
+from lensforge.sources.rayfiles.spectra import luminous_efficacy
 
 pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
 OSRAM = SHARED / "osram" / "rayfile_LERTDUW_S2WP_blue_100k_20161013_IES_TM25.TM25RAY"
@@ -41,7 +41,7 @@ def test_encoded_anew_the_rays_are_the_same(path):
     """Not a copy of the bytes: decoded, encoded by our writer, decoded again."""
     rayfile = read_rayfile(path)
     back = decode(image(encoded(rayfile.format, rayfile)))
-    np.testing.assert_allclose(back.positions, rayfile.positions, rtol=1e-7, atol=1e-30)
+    np.testing.assert_allclose(back.positions_mm, rayfile.positions_mm, rtol=1e-7, atol=1e-30)
     np.testing.assert_array_equal(back.directions, rayfile.directions)
     np.testing.assert_allclose(back.flux / back.flux.sum(), rayfile.flux / rayfile.flux.sum(), rtol=1e-6)
     assert back.total_flux() == pytest.approx(rayfile.total_flux(), rel=1e-6)
@@ -74,7 +74,7 @@ def test_the_measured_led_has_the_lumens_of_its_own_spectrum():
 
 def test_the_same_ten_thousand_rays_in_two_formats():
     tm25, text = (read_rayfile(SHARED / "pairs" / f"Cyl10k.1.{end}") for end in ("tm25ray", "ray"))
-    np.testing.assert_allclose(tm25.positions, text.positions, atol=5e-6)
+    np.testing.assert_allclose(tm25.positions_mm, text.positions_mm, atol=5e-6)
     np.testing.assert_allclose(tm25.directions, text.directions, atol=5e-6)
     np.testing.assert_allclose(tm25.flux, text.flux, rtol=5e-6)
     assert text.ray_sum() == pytest.approx(10_000.0)
@@ -85,9 +85,9 @@ def test_the_same_three_rays_in_three_formats():
     names = ("ThreeRays_Wavelength.1.ray", "ThreeRays_Wavelength.1.txt", "ThreeRays_Wavelength_ZMX.ray")
     binary, text, zemax = (read_rayfile(SHARED / "pairs" / name) for name in names)
     for other in (text, zemax):
-        np.testing.assert_allclose(binary.positions, other.positions, rtol=1e-6)
+        np.testing.assert_allclose(binary.positions_mm, other.positions_mm, rtol=1e-6)
         np.testing.assert_allclose(binary.directions, other.directions, rtol=1e-6)
-        np.testing.assert_allclose(binary.wavelengths, other.wavelengths, rtol=1e-6)
+        np.testing.assert_allclose(binary.wavelengths_nm, other.wavelengths_nm, rtol=1e-6)
         np.testing.assert_allclose(binary.flux, other.flux, rtol=5e-7)
 
 

@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles import RayFile, RayFileSummary, describe, outline
-from lensforge.sources.rayfiles.cleaning import valid_rays
-from lensforge.sources.rayfiles.photopic import luminous_efficacy
+from lensforge.sources.rayfiles.rayfile import usable_rays
+from lensforge.sources.rayfiles.spectra import luminous_efficacy
 from lensforge.sources.rayfiles.summary import Box, WavelengthRange
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 
@@ -50,13 +50,13 @@ def test_parallel_rays_have_no_focus():
 
 def test_bad_rows_are_dropped_by_cause_and_directions_are_normalised():
     rayfile = rays(10)
-    positions, directions, flux = (np.array(a) for a in (rayfile.positions, rayfile.directions, rayfile.flux))
+    positions, directions, flux = (np.array(a) for a in (rayfile.positions_mm, rayfile.directions, rayfile.flux))
     positions[0, 1], directions[1, 2], flux[2], positions[3, 0] = np.nan, np.inf, np.nan, 1e30
     directions[4] = 0.0
     flux[5], flux[6] = 0.0, -1.0
     directions[7] *= 3.0
-    broken = replace(rayfile, positions=positions, directions=directions, flux=flux)
-    kept = valid_rays(broken)
+    broken = replace(rayfile, positions_mm=positions, directions=directions, flux=flux)
+    kept = usable_rays(broken)
     assert kept.dropped == {"not_finite": 4, "zero_direction": 1, "no_flux": 2}
     assert len(kept) + sum(kept.dropped.values()) == 10
     np.testing.assert_allclose(np.linalg.norm(kept.directions, axis=1), 1.0, atol=1e-15)
@@ -120,7 +120,7 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     """The streamed sums do not depend on the size of the parts."""
     rayfile = rays(1000, wavelengths="each")
     whole = describe(rayfile)
-    monkeypatch.setattr("lensforge.sources.rayfiles.record.CHUNK_ROWS", 64)
+    monkeypatch.setattr("lensforge.sources.rayfiles.rayfile.CHUNK_ROWS", 64)
     parts = describe(rayfile)
     np.testing.assert_allclose(parts.virtual_focus_mm, whole.virtual_focus_mm, rtol=1e-12)
     assert parts.flux.ray_sum == pytest.approx(whole.flux.ray_sum, rel=1e-12)
@@ -133,8 +133,8 @@ def test_parts_add_up_to_the_whole(monkeypatch):
     [
         ({"header_flux_w": 99.0}, "the header is used"),
         ({"header_flux_w": 99.0, "header_role": "ignored"}, "the sum over the rays is used"),
-        ({"positions": np.random.default_rng(1).normal(size=(12, 3)) * 1000.0}, "length unit"),
-        ({"positions": np.random.default_rng(1).normal(size=(12, 3)) / 1000.0}, "length unit"),
+        ({"positions_mm": np.random.default_rng(1).normal(size=(12, 3)) * 1000.0}, "length unit"),
+        ({"positions_mm": np.random.default_rng(1).normal(size=(12, 3)) / 1000.0}, "length unit"),
     ],
 )
 def test_warnings(changes, message):

@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from PIL import Image
+from radiance_samples import write_radiance
 from scipy.spatial import ConvexHull
 
 from lensforge import sources
@@ -18,10 +19,9 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, write_photometric
-from lensforge.sources.radiance_file import write_radiance
 from lensforge.sources.radiance_table import RadianceTable
 from lensforge.spec import parse_spec
-from lensforge.spec.source import Source as SourceSpec
+from lensforge.spec.source import SourceSpec
 from lensforge.surfaces.symmetry import NAMES, contains, group
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -146,8 +146,8 @@ def test_it_is_a_source_of_the_stated_flux_with_unit_directions(source):
         rays = source.sample(count, seed=3)
         assert len(rays) == count
         assert rays.origins.shape == rays.directions.shape == (count, 3)
-        assert rays.weights.sum() == pytest.approx(source.flux_w, rel=1e-12)
-        assert (rays.weights > 0.0).all()
+        assert rays.flux.sum() == pytest.approx(source.flux_w, rel=1e-12)
+        assert (rays.flux > 0.0).all()
         np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=1), 1.0, rtol=0.0, atol=1e-12)
         assert np.isfinite(rays.origins).all()
 
@@ -155,7 +155,7 @@ def test_it_is_a_source_of_the_stated_flux_with_unit_directions(source):
 @every
 def test_the_seed_decides(source):
     first, again, other = source.sample(777, seed=5), source.sample(777, seed=5), source.sample(777, seed=6)
-    for name in ("origins", "directions", "weights", "refractive_indices"):
+    for name in ("origins", "directions", "flux", "refractive_indices"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
     assert not np.array_equal(first.directions, other.directions)
 
@@ -165,12 +165,12 @@ def _moments(rays, matrix):
     x, y, _ = (rays.origins @ matrix.T).T
     kx, ky, kz = (rays.directions @ matrix.T).T
     values = [x, y, kx, ky, x * y, kx * ky, x * ky, x * x, y * y, kx * kx, ky * ky, np.exp(0.3 * x + 0.7 * ky), kz]
-    return np.array([value @ rays.weights for value in values]) / rays.weights.sum()
+    return np.array([value @ rays.flux for value in values]) / rays.flux.sum()
 
 
 def _differs(source, name):
     """How far the moments of any mirror image of group ``name`` are from those of the rays themselves."""
-    rays = source.sample(min(source.population or 2**14, 2**14), seed=1)
+    rays = source.sample(min(source.ray_count or 2**14, 2**14), seed=1)
     truth = _moments(rays, np.eye(3))
     return max(np.abs(_moments(rays, mirror) - truth).max() for mirror in group(name))
 
@@ -183,7 +183,7 @@ def test_its_mirror_images_look_the_same(source):
 @every
 def test_no_larger_mirror_group_would_be_true(source):
     """A source that is called less symmetric than it is would cost speed."""
-    if source.population is None:
+    if source.ray_count is None:
         larger = [name for name in NAMES if name != source.symmetry and contains(name, source.symmetry)]
         assert all(_differs(source, name) > 2e-3 for name in larger)
 
@@ -193,7 +193,7 @@ def test_the_outline_is_a_polygon_around_where_rays_start(source):
     outline = source.outline()
     assert outline.shape[1] == 3
     assert (outline[:, 2] == 0.0).all()
-    if source.population is None and np.ptp(outline) > 0.0:
+    if source.ray_count is None and np.ptp(outline) > 0.0:
         equations = ConvexHull(outline[:, :2]).equations
         starts = source.sample(2000, seed=2).origins[:, :2]
         assert (starts @ equations[:, :2].T + equations[:, 2] < 1e-9).all()
@@ -202,9 +202,9 @@ def test_the_outline_is_a_polygon_around_where_rays_start(source):
 @every
 def test_sampling_converges_faster_than_random_points(source):
     """Scrambled Sobol points in four dimensions: the error falls almost as 1/n; random points have n^-1/2."""
-    if source.population is not None:
-        everything = source.sample(source.population, 0)
-        np.testing.assert_array_equal(everything.origins, source.sample(source.population, 1).origins)
+    if source.ray_count is not None:
+        everything = source.sample(source.ray_count, 0)
+        np.testing.assert_array_equal(everything.origins, source.sample(source.ray_count, 1).origins)
         return
     truth = _moments(source.sample(2**18, seed=99), np.eye(3))
     counts = [2**8, 2**12]

@@ -8,12 +8,21 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.spec import parse_spec, source, spectrum, target
+from lensforge.records.validation import its_type
+from lensforge.spec import parse_spec, ray_source, source, target
 from lensforge.spec.design import require_spec
-from lensforge.spec.fixed import FixedAsphere, FixedSphere, FixedSurface
-from lensforge.spec.section import Section, its_type
-from lensforge.spec.source import CosineIntensity, PhotometricIntensity, TableIntensity
-from lensforge.spec.spectrum import FileSpectrum, LineSpectrum, TableSpectrum
+from lensforge.spec.emission import (
+    CosineIntensity,
+    FileSpectrum,
+    IntensitySpec,
+    LineSpectrum,
+    PhotometricIntensity,
+    SpectrumSpec,
+    TableIntensity,
+    TableSpectrum,
+)
+from lensforge.spec.lens import FixedAsphere, FixedSphere, FixedSurface
+from lensforge.spec.section import Section
 
 SPECS = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 
@@ -202,15 +211,17 @@ INTENSITIES = (
 )
 SOURCES = (
     source.SquareSource(side_mm=1.0),
-    source.RayfileSource(file="led.ray"),
-    source.RayfilesSource(files=(source.RayfilePart(file="blue.ray"), source.RayfilePart(file="yellow.ray"))),
+    ray_source.RayfileSource(file="led.ray"),
+    ray_source.RayfilesSource(
+        files=(ray_source.RayfilePart(file="blue.ray"), ray_source.RayfilePart(file="yellow.ray"))
+    ),
     source.RectangleSource(width_mm=1.0, height_mm=2.0),
     source.DiscSource(diameter_mm=1.0),
     source.ChipsSource(chips=(source.Chip(x_mm=0.0, y_mm=0.5, width_mm=1.0, height_mm=1.0),)),
     source.ChipArraySource(columns=2, rows=2, width_mm=1.0, height_mm=1.0, pitch_mm=(1.2, 1.2)),
     source.LuminanceSource(file="led.png", width_mm=1.0),
     source.RadianceSource(file="led.npz"),
-    source.RaySource(ROWS),
+    ray_source.RaySource(ROWS),
 )
 PLACE = {"distance_mm": 100.0, "receiver_mm": 200.0}
 TARGETS = (
@@ -228,7 +239,10 @@ SECTIONS: list[dict[str, Section]] = [
     *({"target": each} for each in TARGETS),
     *({"source": source.RectangleSource(intensity=each, **RECTANGLE)} for each in INTENSITIES),
     *({"source": source.RectangleSource(spectrum=each, **RECTANGLE)} for each in SPECTRA),
-    *({"source": source.RayfilesSource(files=(source.RayfilePart(file="a.ray", spectrum=each),))} for each in SPECTRA),
+    *(
+        {"source": ray_source.RayfilesSource(files=(ray_source.RayfilePart(file="a.ray", spectrum=each),))}
+        for each in SPECTRA
+    ),
     *({"lens": lf.LensSection(levels=(9, 25), fixed_inner=each, outer_offset_mm=6.0)} for each in INNER),
     *({"lens": lf.LensSection(levels=(9, 25), inner_offset_mm=3.0, fixed_outer=each)} for each in OUTER),
 ]
@@ -237,9 +251,9 @@ SECTIONS: list[dict[str, Section]] = [
 @pytest.mark.parametrize(
     ("union", "made"),
     [
-        (spectrum.Spectrum, SPECTRA),
-        (source.Intensity, INTENSITIES),
-        (source.Source, SOURCES),
+        (SpectrumSpec, SPECTRA),
+        (IntensitySpec, INTENSITIES),
+        (source.SourceSpec, SOURCES),
         (target.Target, TARGETS),
         (FixedSurface, INNER),
         (FixedSurface, OUTER),

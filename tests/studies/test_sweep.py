@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scenes import small_spec
 
+from lensforge.criteria import require
 from lensforge.errors import InputError
-from lensforge.gates import require
 from lensforge.lens import load_lens
 from lensforge.pipeline import CHECKPOINT
 from lensforge.results import Results, load_results
-from lensforge.stages import build, check, evaluate, search_lens
-from lensforge.studies.sweep.page import tradeoff_figure
+from lensforge.stages import build, check, design, evaluate
+from lensforge.studies.sweep.page import sweep_figure
 from lensforge.studies.sweep.runs import run_sweep
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import parse_variation, variant_name, variation_of
@@ -36,7 +36,7 @@ class Designer:
 
 
 def searched(spec, folder, resume=False, progress=None):
-    return search_lens(spec, "draft", 3, None, None, folder / CHECKPOINT, resume, progress, "cpu")
+    return design(spec, accuracy="draft", seed=3, checkpoint=folder / CHECKPOINT, resume=resume, progress=progress)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_every_design_is_the_spec_with_its_own_value(swept):
 
 def test_the_plot_shows_the_figures_of_the_designs(swept):
     folder, content = swept
-    figure = tradeoff_figure(content)
+    figure = sweep_figure(content)
     drawn = {axes.get_ylabel(): axes.containers[0][0].get_xydata() for axes in figure.axes}
     for row, nmse, efficiency in zip(content.designs, *drawn.values(), strict=True):
         assert np.array_equal(nmse, [row.value, row.nmse.value])
@@ -170,7 +170,7 @@ def test_a_name_holds_any_value():
     assert len(variant_name("x" * 64, -1e20)) <= 64
 
 
-def test_gates_are_named_by_their_design(tmp_path):
+def test_criteria_are_named_by_their_design(tmp_path):
     def whole(spec, folder, resume) -> None:
         Designer()(spec, folder, resume)
         part = build(load_lens(folder / "lens.json"))
@@ -178,9 +178,9 @@ def test_gates_are_named_by_their_design(tmp_path):
         check(part).write(folder)
 
     content = run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8", SCALED), tmp_path, whole, **SETTINGS)
-    assert {gate.name.split(": ")[0] for gate in content.gates} == {"small-7", "small-8"}
-    assert len(content.gates) == sum(len(row.gates) for row in content.designs) > 10
-    require(content.gates)
+    assert {criterion.name.split(": ")[0] for criterion in content.criteria} == {"small-7", "small-8"}
+    assert len(content.criteria) == sum(len(row.criteria) for row in content.designs) > 10
+    require(content.criteria)
 
 
 def test_a_sweep_in_memory_is_that_of_the_folders(swept):

@@ -14,8 +14,8 @@ from lensforge.spec import parse_spec
 from lensforge.studies.tradeoff.measure import Effort, measure, run_tradeoff
 from lensforge.studies.tradeoff.record import Tradeoff
 
-NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.judge_nodes_per_sigma)}))
-EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (2.5,), (0, 40), (12,), cad=False)
+NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.evaluate_nodes_per_sigma)}))
+EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (12,), cad=False)
 SPEC = small_spec(base={"kind": "none"})
 
 
@@ -32,12 +32,12 @@ class Measured:
     symmetry: str = "none"
 
     @property
-    def population(self):
+    def ray_count(self):
         return len(self.rays)
 
     def sample(self, count, seed):
         rows = np.random.default_rng(seed).permutation(len(self.rays))[:count]
-        weights = self.rays.weights[rows]
+        weights = self.rays.flux[rows]
         return RayBundle(self.rays.origins[rows], self.rays.directions[rows], weights / weights.sum())
 
     def outline(self):
@@ -52,30 +52,27 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_every_ladder_has_its_rows_and_a_reference_without_error(folder):
-    ladders = Tradeoff.read(folder).ladders
-    assert list(ladders) == [
-        *("rays", "tables", "degrees", "precision", "search"),
-        *("pixels", "filter", "nurbs", "mesh", "casting"),
-    ]
-    for name, ladder in ladders.items():
-        units = ladder.units
-        assert all({error: found.unit for error, found in rung.errors.items()} == units for rung in ladder.rows)
+def test_every_study_has_its_levels_and_a_reference_without_error(folder):
+    studies = Tradeoff.read(folder).studies
+    assert list(studies) == ["rays", "tables", "pixels", "filter", "nurbs", "mesh", "casting"]
+    for name, study in studies.items():
+        units = study.units
+        assert all({error: found.unit for error, found in level.errors.items()} == units for level in study.levels)
         if name != "pixels":  # hard bins are the reference of the splat at each number of pixels
-            (reference,) = [rung for rung in ladder.rows if rung.reference]
+            (reference,) = [level for level in study.levels if level.reference]
             assert [reference.errors[error].value for error in units if error != "noise_nmse"] == [0.0] * (
                 len(units) - (name == "filter")
             )
 
 
-def test_the_presets_say_what_the_rows_say(folder):
+def test_the_presets_have_the_errors_of_their_levels(folder):
     content = Tradeoff.read(folder)
     assert set(content.presets) == set(PRESETS)
-    rungs = {rung.setting: rung for rung in content.ladders["tables"].rows}
+    levels = {level.setting: level for level in content.studies["tables"].levels}
     for name, preset in PRESETS.items():
-        price = content.presets[name]
-        assert price.design.table_rho == rungs[preset.nodes_per_sigma].errors["rho"]
-        assert price.evaluation.table_rho == rungs[preset.judge_nodes_per_sigma].errors["rho"]
+        accuracy = content.presets[name]
+        assert accuracy.design.table_rho == levels[preset.nodes_per_sigma].errors["rho"]
+        assert accuracy.evaluation.table_rho == levels[preset.evaluate_nodes_per_sigma].errors["rho"]
     shares = [content.presets[name].evaluation.noise_nmse for name in PRESETS]
     assert shares == sorted(shares, reverse=True)
 
@@ -83,22 +80,22 @@ def test_the_presets_say_what_the_rows_say(folder):
 def test_the_page_needs_nothing_else(folder):
     page = (folder / "tradeoff.html").read_text(encoding="utf-8")
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "http://" not in page.replace("http://www.w3.org", "")
-    assert page.count("<svg") == 16
+    assert page.count("<svg") == 13
     assert "mathdefault" not in page
 
 
-def test_a_plot_shows_the_rungs_of_a_ladder(folder):
+def test_a_plot_shows_the_levels_of_a_study(folder):
     tradeoff = Tradeoff.read(folder)
-    axes = tradeoff.plot(ladder="tables", error="rho")
+    axes = tradeoff.plot(study="tables", error="rho")
     (line,) = axes.lines
-    rungs = [rung for rung in tradeoff.ladders["tables"].rows if not rung.reference]
-    assert np.array_equal(line.get_ydata(), [rung.errors["rho"].value for rung in rungs])
-    assert np.array_equal(line.get_xdata(), [rung.seconds for rung in rungs])
+    levels = [level for level in tradeoff.studies["tables"].levels if not level.reference]
+    assert np.array_equal(line.get_ydata(), [level.errors["rho"].value for level in levels])
+    assert np.array_equal(line.get_xdata(), [level.seconds for level in levels])
     assert axes.get_yscale() == "log" and "<img" in tradeoff._repr_html_()
-    with pytest.raises(InputError, match=r"^ladder = 'foo': must be one of .*tables"):
-        tradeoff.plot(ladder="foo")
+    with pytest.raises(InputError, match=r"^study = 'foo': must be one of .*tables"):
+        tradeoff.plot(study="foo")
     with pytest.raises(InputError, match=r"^error = 'foo': must be one of .*rho"):
-        tradeoff.plot(ladder="tables", error="foo")
+        tradeoff.plot(study="tables", error="foo")
 
 
 def test_the_lens_of_another_scene_is_refused(folder):
@@ -124,10 +121,10 @@ def test_without_a_lens_a_draft_is_designed(tmp_path):
 def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
     source = Measured(build_source(SPEC.source).sample(5000, 1))
     content = measure(small_lens(), source, EFFORT, lambda _: None)
-    ladder = content.ladders["rays"]
-    assert {rung.series for rung in ladder.rows} == {"plain Monte Carlo", "reference"}
-    assert [rung.setting for rung in ladder.rows] == [2**8, 2**10, 2**12, 5000]
-    assert ladder.order["plain Monte Carlo"]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.1)
+    study = content.studies["rays"]
+    assert {level.series for level in study.levels} == {"plain Monte Carlo", "reference"}
+    assert [level.setting for level in study.levels] == [2**8, 2**10, 2**12, 5000]
+    assert study.order["plain Monte Carlo"]["irradiance_nmse"].value == pytest.approx(-1.0, abs=0.1)
     assert content.presets["standard"].evaluation.rays == 5000
     assert content.inputs == {"lens": small_lens().sha256}
 

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from lensforge.kernels.first_hit import first_hit
+from lensforge.kernels.jit import kernel
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tracing.intersect_kernel import first_hit
-from lensforge.tracing.jit import kernel
 
 
 @kernel

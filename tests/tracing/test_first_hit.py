@@ -5,9 +5,9 @@ import pytest
 from hard_rays import all_hits, gap, hard_rays
 from scenes import random_surface
 
+from lensforge.kernels.bounds import surface_bounds
+from lensforge.kernels.first_hit import BELOW, FOUND
 from lensforge.surfaces.spline import TableGrid, tabulate
-from lensforge.tracing.bounds_kernel import surface_bounds
-from lensforge.tracing.intersect_kernel import BELOW, FOUND
 
 SCAN = 1500
 

@@ -9,18 +9,20 @@ from hard_rays import all_hits, hard_rays
 from landed import Landed, by_kernels, in_torch
 from scenes import DEVICES, random_surface, sphere, table_of
 
+from lensforge.arguments import device_of
 from lensforge.errors import InputError
+from lensforge.kernels.bounds import surface_bounds
+from lensforge.kernels.fates import Fate
+from lensforge.kernels.first_hit import FOUND, LOST
+from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid, tabulate
-from lensforge.tracing.bounds_kernel import surface_bounds
 from lensforge.tracing.device_search import first_crossing
-from lensforge.tracing.device_table import DeviceTable
+from lensforge.tracing.device_table import DeviceTable, tables_on
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fates import Fate
-from lensforge.tracing.fused import Scene
-from lensforge.tracing.intersect_kernel import FOUND, LOST
-from lensforge.tracing.on_device import search_device, trace_on_device
+from lensforge.tracing.sequence import TensorRays, trace_sequence
+from lensforge.tracing.tables import Scene
 
 GRID = TableGrid(64)
 SCENE, DISTANCE = Scene(1.4936, GRID), 100.0
@@ -33,9 +35,15 @@ def _tables(seed: int, roughness: float, *radii: float) -> list[torch.Tensor]:
     return [table_of(surface, GRID).requires_grad_() for surface in surfaces]
 
 
+def _on_device(device: str, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
+    first, second = (TableSurface(table) for table in tables_on(torch.device(device), inner, outer, scene))
+    every = TensorRays.of(rays, scene.refractive_index, torch.float64, torch.device(device))
+    return trace_sequence(first, second, every, scene.fresnel)
+
+
 def _both(device: str, tables: list[torch.Tensor], rays: RayBundle, scene: Scene = SCENE) -> tuple[Landed, Landed]:
     """By the kernels, and on the device, copied back."""
-    found = trace_on_device(torch.device(device), *tables, scene, rays)
+    found = _on_device(device, *tables, scene, rays)
     back = ExitRays(
         *(each.cpu() for each in (found.points, found.directions, found.flux, found.sin2_exit, found.fates))
     )
@@ -95,9 +103,9 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
     for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
         kernels, found = _both(device, _tables(seed, roughness, *radii), rays, replace(SCENE, refractive_index=1.6))
         _agree(kernels, found)
-        assert torch.equal(found.averted, kernels.averted)
-        seen |= set(kernels.fates.tolist()) | ({"averted"} if kernels.averted.any() else set())
-    assert seen == set(Fate) - {Fate.NOT_CONVERGED} | {"averted"}
+        assert torch.equal(found.missed_receiver, kernels.missed_receiver)
+        seen |= set(kernels.fates.tolist()) | ({"missed_receiver"} if kernels.missed_receiver.any() else set())
+    assert seen == set(Fate) - {Fate.NOT_CONVERGED} | {"missed_receiver"}
 
 
 def test_totally_reflected_rays_pull_as_in_the_kernels(device: str) -> None:
@@ -127,8 +135,8 @@ def test_hard_rays_cross_where_the_kernel_says(device: str, seed: int, roughness
 def test_a_surface_through_the_origin_is_refused_in_one_line(device: str) -> None:
     inner, outer = _tables(1, 0.0)
     with pytest.raises(InputError, match=r"outer surface: its radius falls to -0\.05"):
-        trace_on_device(torch.device(device), inner, outer - 2.5, SCENE, SquareEmitter(0.1).sample(8, 0))
+        _on_device(device, inner, outer - 2.5, SCENE, SquareEmitter(0.1).sample(8, 0))
 
 
 def test_a_device_is_found_by_its_name(device: str) -> None:
-    assert search_device(device) == (None if device == "cpu" else torch.device("cuda"))
+    assert device_of(device) == (None if device == "cpu" else torch.device("cuda"))

@@ -15,9 +15,9 @@ from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.surface import Surface
+from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
 from lensforge.tracing.exit_rays import ExitRays
-from lensforge.tracing.fused import Scene, trace_tables
-from lensforge.tracing.reference import ExactSurface, Search, trace_exact
+from lensforge.tracing.tables import Scene, trace_tables
 
 N, FAR = 1.4936, 30.0
 LENS = random_surface(1, 0.8, 0.01, (9, 25)), random_surface(2, 2.45, 0.01, (9, 25))
@@ -98,7 +98,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     else:
         exact = [
             ExactSurface(
-                s.basis, torch.tensor(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64), Search(64, 50)
+                s.basis, torch.tensor(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64), DenseScan(64, 50)
             )
             for s in LENS
         ]
@@ -108,4 +108,4 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     points, directions, share = _back(surfaces, hits, -out)
     assert np.abs(points - rays.origins[kept]).max() < 1e-12
     assert np.abs(directions + rays.directions[kept]).max() < 1e-12
-    assert np.allclose(share * rays.weights[kept], carried, rtol=1e-12)
+    assert np.allclose(share * rays.flux[kept], carried, rtol=1e-12)

@@ -141,4 +141,4 @@ def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distan
     lost = (other == 0.0) | (points[:, 2] <= 0.0) | (ends[:, 2] <= 0.0) | ~(second[:, 2] > 0.0)
     second = np.where(lost[:, None], np.nan, second)
     landings = ends[:, :2] + (distance - ends[:, 2:]) / second[:, 2:] * second[:, :2]
-    return landings, np.where(lost, 0.0, rays.weights * one * other), second
+    return landings, np.where(lost, 0.0, rays.flux * one * other), second

@@ -5,8 +5,8 @@ import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
+from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.nonsequential import Limits
-from lensforge.verification.picture import Receiver
 from lensforge.verification.proof import StrayLight
 from lensforge.verification.stray import trace_stray
 
@@ -25,7 +25,7 @@ def run(trace=trace_stray, **changes):
         "refractive_index": INDEX,
         "absorption_per_mm": 0.0,
         "distance_mm": DISTANCE,
-        "receiver": Receiver(SIDE, PIXELS, 0.0),
+        "receiver": ImagePlane(SIDE, PIXELS, 0.0),
         "window_mm": SIDE,
     }
     return trace(STL, **{**given, **changes})
@@ -34,7 +34,7 @@ def run(trace=trace_stray, **changes):
 MADE_FROM = dict.fromkeys(("lens", "export"), "0" * 64)
 
 
-def test_pictures_hold_the_flux_of_the_account_and_are_read_back(tmp_path):
+def test_pictures_hold_the_flux_of_the_budget_and_are_read_back(tmp_path):
     found = run(inputs=MADE_FROM)
     pixel = (SIDE / PIXELS * 1e-3) ** 2
     assert found.stray.sum() * pixel == pytest.approx(found.flux.detected_stray, rel=1e-12)
@@ -43,10 +43,10 @@ def test_pictures_hold_the_flux_of_the_account_and_are_read_back(tmp_path):
     assert found.inputs == MADE_FROM
     found.write(tmp_path)
     assert StrayLight.read(tmp_path) == found
-    assert len(found.gates) == 3 and all(gate.passed for gate in found.gates)
+    assert len(found.criteria) == 3 and all(criterion.passed for criterion in found.criteria)
     assert found.balance_error < 1e-9
     assert sum(found.detected_stray_by_cause.model_dump().values()) == pytest.approx(found.flux.detected_stray)
-    assert found.misjudged_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
+    assert found.misplaced_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
 
 
 def test_the_sequential_share_is_the_closed_form_of_the_lens():
@@ -74,7 +74,7 @@ def test_a_black_base_takes_light_that_a_polished_one_lets_go():
 
 def test_a_cut_off_that_leaves_too_much_out_fails():
     found = run(limits=Limits(cut_off=0.1))
-    assert {gate.name for gate in found.gates if not gate.passed} == {"stray_too_dim"}
+    assert {criterion.name for criterion in found.criteria if not criterion.passed} == {"stray_too_dim"}
 
 
 def test_a_base_of_no_kind_is_input_error():
@@ -91,6 +91,6 @@ def test_bytes_that_are_no_mesh_are_input_error():
             refractive_index=INDEX,
             absorption_per_mm=0.0,
             distance_mm=DISTANCE,
-            receiver=Receiver(SIDE, PIXELS, 0.0),
+            receiver=ImagePlane(SIDE, PIXELS, 0.0),
             window_mm=SIDE,
         )

@@ -4,7 +4,7 @@ import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.verification.picture import Receiver
+from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.proof import Proof
 from lensforge.verification.verify import verify_part
 
@@ -45,7 +45,7 @@ def inverted():
 def design_irradiance():
     many = lambertian(400_000, 2.0, seed=2)
     landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
-    return Receiver(SIDE, PIXELS).irradiance(landings, flux)
+    return ImagePlane(SIDE, PIXELS).irradiance(landings, flux)
 
 
 @pytest.fixture
@@ -60,8 +60,8 @@ def verify(design_irradiance):
             "pixels": PIXELS,
             "design_irradiance": design_irradiance,
             "design_hits": HITS,
-            "design_weights": WEIGHTS,
-            "referee_rays": 20,
+            "design_flux": WEIGHTS,
+            "plain_rays": 20,
         }
         return verify_part(mesh.export(file_type="stl"), **{**given, **changes})
 
@@ -72,7 +72,7 @@ MADE_FROM = dict.fromkeys(("lens", "export", "evaluate"), "0" * 64)
 
 
 def failed(result):
-    return {gate.name for gate in result.gates if not gate.passed}
+    return {criterion.name for criterion in result.criteria if not criterion.passed}
 
 
 def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, design_irradiance):
@@ -89,8 +89,8 @@ def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, 
     assert result.nmse_vs_design == pytest.approx(result.noise_floor_nmse, rel=0.25)
     assert result.nmse_same_rays < 0.01 * result.noise_floor_nmse
     assert result.deviation_mm.rms < result.deviation_mm.p99 < result.deviation_mm.max < 0.05
-    assert result.referee.casts == 40
-    assert result.referee.disagreements == 0
+    assert result.plain_cast.casts == 40
+    assert result.plain_cast.disagreements == 0
 
 
 WRONG = {
@@ -111,7 +111,7 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_lens_exported_wrongly_fails(verify, name):
-    result = verify(WRONG[name](), referee_rays=1)
+    result = verify(WRONG[name](), plain_rays=1)
     assert "deviation_rms" in failed(result)
     assert sum(result.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
@@ -123,44 +123,44 @@ def test_a_hole_fails(verify):
 
 
 def test_a_wrong_index_fails(verify):
-    assert "deviation_rms" in failed(verify(right(), refractive_index=INDEX + 0.001, referee_rays=1))
+    assert "deviation_rms" in failed(verify(right(), refractive_index=INDEX + 0.001, plain_rays=1))
 
 
 def test_a_design_that_counts_too_much_flux_fails(verify):
-    assert failed(verify(right(), design_weights=WEIGHTS * 1.005, referee_rays=1)) == {"flux_deviation"}
+    assert failed(verify(right(), design_flux=WEIGHTS * 1.005, plain_rays=1)) == {"flux_deviation"}
 
 
 def test_rays_that_the_design_loses_are_counted(verify):
     hits = HITS.copy()
     inside = np.nonzero((np.abs(hits) < 100.0).all(axis=1))[0][:100]
     hits[inside] = np.nan
-    result = verify(right(), design_hits=hits, referee_rays=1)
+    result = verify(right(), design_hits=hits, plain_rays=1)
     assert result.fate_disagreements == 100
     assert result.fate_disagreement_flux == pytest.approx(100 / 8000)
     assert "fate_disagreement_flux" in failed(result)
 
 
 def test_a_window_smaller_than_the_receiver_counts_less(verify):
-    result = verify(right(), window_mm=100.0, referee_rays=1)
+    result = verify(right(), window_mm=100.0, plain_rays=1)
     assert result.efficiency == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= 50.0]), rel=1e-2)
-    assert result.efficiency < 0.5 * verify(right(), referee_rays=1).efficiency
+    assert result.efficiency < 0.5 * verify(right(), plain_rays=1).efficiency
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"design_hits": HITS[:-1]}, "design_hits: shape"),
-        ({"design_weights": WEIGHTS[:-1]}, "design_weights: shape"),
+        ({"design_flux": WEIGHTS[:-1]}, "design_flux: shape"),
         ({"design_irradiance": np.ones((3, 3))}, "design_irradiance: shape"),
         ({"design_irradiance": np.zeros((PIXELS, PIXELS))}, "must be above 0"),
     ],
 )
 def test_what_does_not_fit_is_input_error(verify, change, message):
     with pytest.raises(InputError, match=message):
-        verify(right(rings=6), **change, referee_rays=1)
+        verify(right(rings=6), **change, plain_rays=1)
 
 
-def test_gates_read_as_sentences(verify):
-    result = verify(right(rings=8), referee_rays=1)
-    gate = next(gate for gate in result.gates if gate.name == "deviation_rms")
-    assert "finer mesh" in str(gate)
+def test_criteria_read_as_sentences(verify):
+    result = verify(right(rings=8), plain_rays=1)
+    criterion = next(criterion for criterion in result.criteria if criterion.name == "deviation_rms")
+    assert "finer mesh" in str(criterion)

@@ -16,7 +16,7 @@ _SYMMETRY, _PLANES, _GAMMAS, _NAME, _LORL, _FACTOR, _SETS = 2, 3, 5, 8, 22, 23, 
 
 
 def matches(text: str) -> bool:
-    """Whether the first lines hold the numbers that EULUMDAT has there."""
+    """True where the first lines hold the numbers that EULUMDAT has there."""
     lines = text.splitlines()
     try:
         return len(lines) > _HEADER_LINES and all(_number(lines[i], "") >= 0.0 for i in (1, 2, 3, 4, 5, 6))
@@ -78,7 +78,7 @@ def encode(photometric: PhotometricFile) -> str:
 
 
 def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
-    """Which of the C angles have their intensities in the file, in its order."""
+    """Indices of the C angles whose intensities are in the file, in its order."""
     if symmetry == 0:
         return np.arange(planes)
     if symmetry == 1:
@@ -93,7 +93,7 @@ def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:
 
 
 def _lamp_lumens(lines: list[str], name: str) -> float:
-    """Of the first set of lamps: further sets are other lamps for the same luminaire. 1000 where none is stated."""
+    """Lumens of the first set of lamps; further sets are alternatives for the same luminaire. 1000 if not stated."""
     lumens = _number(lines[_HEADER_LINES + 2], name)
     return lumens if lumens > 0.0 else 1000.0
 

@@ -22,7 +22,7 @@ _PER_LINE = 10
 
 
 def matches(text: str) -> bool:
-    """Whether ``text`` has the one line that all versions share."""
+    """True where ``text`` has the one line that all versions share."""
     return _TILT.search(text) is not None
 
 

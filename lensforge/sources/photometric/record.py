@@ -1,4 +1,4 @@
-"""What both photometric formats hold: candela over C and gamma, lamp lumens, and the luminous opening."""
+"""Record of a photometric file of either format: candela over C and gamma, lamp lumens, luminous opening."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ HUGE = 1e12  # no candela, no lumen; squares of sums of them stay finite
 
 @dataclass(frozen=True, eq=False)
 class PhotometricFile:
-    """A far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.
+    """Far field. ``intensity`` in cd for ``lamp_lumens``; None where the file is absolute and states no lamp flux.
 
     ``stated_lumens`` is the luminaire's flux by the file itself (EULUMDAT's light output ratio), None where it states
     none. ``diameter_mm``: of the luminous opening, where it is round; 0 elsewhere.
@@ -43,7 +43,7 @@ class PhotometricFormat:
 def tabulated(
     c_deg: Float[np.ndarray, " c"], gamma_deg: Float[np.ndarray, " g"], candela: Float[np.ndarray, "c g"], name: str
 ) -> TabulatedIntensity:
-    """The table, its mirror images added where the file leaves them out; ``name`` is the file in errors."""
+    """Make the table, its mirror images added where the file leaves them out; ``name`` is the file in errors."""
     for label, angles, most in (("C", c_deg, 360.0), ("gamma", gamma_deg, 180.0)):
         if np.any(np.diff(angles) <= 0.0) or angles[0] < 0.0 or angles[-1] > most:
             raise InputError(f"{name}: its {label} angles must rise within 0 to {most:g}; export it again")

@@ -1,5 +1,6 @@
-"""Bytes of a ray file: mapped and bounds-checked on the way in, rows of little-endian float32 on the way out."""
+"""Bytes of a ray file: read through a bounds-checked memory map, written as rows of little-endian float32."""
 
+import mmap
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +10,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.mapped import give_back
-from lensforge.sources.rayfiles.record import CHUNK_ROWS, HUGE
 
+CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
+HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
 _SMALLEST_KNOWN = 1e-30  # 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
 
 
@@ -41,15 +42,15 @@ class FileImage:
         return len(self.data)
 
     def refuse(self, problem: str) -> InputError:
-        """The error for this file, one line."""
+        """Error of one line that names this file."""
         return InputError(f"{self.path}: {problem}")
 
     def part(self, start: int, stop: int) -> bytes:
-        """A copy of the bytes from ``start`` to ``stop``, fewer where the file ends earlier."""
+        """Copy of the bytes from ``start`` to ``stop``, fewer where the file ends earlier."""
         return self.data[start:stop].tobytes()
 
     def unpack(self, layout: struct.Struct, offset: int = 0) -> tuple[Any, ...]:
-        """The fields of ``layout`` at ``offset``."""
+        """Unpack the fields of ``layout`` at ``offset``. Raises :class:`InputError` beyond the end of the file."""
         if offset + layout.size > self.size:
             raise self.refuse(
                 f"truncated: {self.size} bytes, its header needs {offset + layout.size}; fetch the file again"
@@ -57,14 +58,14 @@ class FileImage:
         return layout.unpack(self.part(offset, offset + layout.size))
 
     def rows(self, start: int, count: int, columns: int, tail: int = 0) -> Float[np.ndarray, "n columns"]:
-        """``count`` rows of float32 from ``start``, a view; rows and ``tail`` bytes must end where the file ends."""
+        """View of ``count`` rows of float32 from ``start``; rows and ``tail`` bytes must end where the file ends."""
         expected = start + 4 * columns * count + tail
         if count < 1:
             raise self.refuse("holds no rays (its header says 0); export it again")
         if expected != self.size:
-            verdict = "truncated" if self.size < expected else "longer than that"
+            fault = "truncated" if self.size < expected else "longer than that"
             raise self.refuse(
-                f"{count} rays of {columns} columns make {expected} bytes, the file has {self.size} ({verdict}); "
+                f"{count} rays of {columns} columns make {expected} bytes, the file has {self.size} ({fault}); "
                 "fetch or export it again"
             )
         return self.data[start : self.size - tail].view("<f4").reshape(count, columns)
@@ -82,7 +83,7 @@ def plain_text(raw: bytes, encoding: str) -> str:
 
 
 def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, "*n"]:
-    """``values`` times ``factor`` in float64; the view itself, still mapped, where the factor is 1."""
+    """Multiply ``values`` by ``factor`` in float64; where the factor is 1 return the view itself, still mapped."""
     if factor == 1.0:
         return values
     result = np.empty(values.shape)
@@ -90,14 +91,32 @@ def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, 
         for start in range(0, len(values), CHUNK_ROWS):
             some = slice(start, start + CHUNK_ROWS)
             np.multiply(values[some], factor, out=result[some], dtype=np.float64)
-            give_back(values)
+            release_pages(values)
     return result
 
 
 def float_rows(*columns: Float[np.ndarray, "n ..."] | None) -> bytes:
-    """The columns that there are, side by side as rows of little-endian float32."""
+    """Rows of little-endian float32 from the given columns side by side; None is left out."""
     blocks = [column if column.ndim == 2 else column[:, None] for column in columns if column is not None]
     rows = np.empty((len(blocks[0]), sum(block.shape[1] for block in blocks)), dtype="<f4")
     with np.errstate(invalid="ignore", over="ignore"):
         np.concatenate(blocks, axis=1, out=rows, casting="same_kind")
     return rows.tobytes()
+
+
+def release_pages(*arrays: np.ndarray | None) -> None:
+    """Tell the system that the pages under ``arrays`` are not needed now; they are read from the file again when used.
+
+    Only views of mapped files have such pages; nothing happens to other arrays, nor where the system cannot do it.
+    """
+    mappings = {id(base): base for base in map(_owner, arrays) if isinstance(base, mmap.mmap)}
+    for mapping in mappings.values():
+        if hasattr(mapping, "madvise"):
+            mapping.madvise(mmap.MADV_DONTNEED)
+
+
+def _owner(array: np.ndarray | None) -> object:
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        owner = owner.base
+    return owner

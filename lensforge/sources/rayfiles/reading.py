@@ -1,4 +1,4 @@
-"""Ray files in and out: the format is told by the content, never by the name."""
+"""Reading, writing and conversion of ray files; the format is recognised by the content, never by the name."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,12 +9,11 @@ from jaxtyping import UInt8
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
-from lensforge.sources.rayfiles.binary import FileImage, scaled
+from lensforge.sources.rayfiles.binary import FileImage, release_pages, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.formats.zemax_binary import NM_PER_MICRON
-from lensforge.sources.rayfiles.mapped import give_back
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile
 from lensforge.sources.rayfiles.summary import Conversion
 
 # Suffixes of formats whose layout is not public, and the programs that write them.
@@ -42,7 +41,7 @@ def read_rayfile(path: Path) -> RayFile:
 
 
 def decode(image: FileImage) -> RayFile:
-    """The rays in ``image``; what :func:`read_rayfile` does once the file is mapped."""
+    """Decode a mapped file, whatever its format."""
     rayfile = replace(_in_nanometres(_format_of(image).decode(image)), path=str(image.path))
     object.__setattr__(rayfile, "verbatim", image.data)
     return rayfile
@@ -67,15 +66,15 @@ def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Fo
 def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
     for start in range(0, len(content), _COPIED):
         yield content[start : start + _COPIED].data
-        give_back(content)
+        release_pages(content)
 
 
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
-    """Read ``path_in``, write ``path_out``; say from what to what, how many rays, and what did not come along."""
+    """Read ``path_in``, write ``path_out``; say from what to what, how many rays, and what was lost."""
     rayfile = read_rayfile(path_in)
     chosen = write_rayfile(path_out, rayfile, format)
     back = read_rayfile(path_out)
-    lost = ["wavelengths"] * (rayfile.wavelengths is not None and back.wavelengths is None)
+    lost = ["wavelengths"] * (rayfile.wavelengths_nm is not None and back.wavelengths_nm is None)
     lost += ["spectral tables"] * (bool(rayfile.spectral_tables) and "spectral_tables" not in back.header)
     lost += ["spectral table of each ray"] * (rayfile.spectrum_numbers is not None and back.spectrum_numbers is None)
     return Conversion(
@@ -123,12 +122,12 @@ def _format_for(path: Path) -> Format:
 
 def _in_nanometres(rayfile: RayFile) -> RayFile:
     """Wavelengths that can only be µm, whatever their format says, become nm, with a warning."""
-    if rayfile.wavelengths is None:
+    if rayfile.wavelengths_nm is None:
         return rayfile
     with np.errstate(invalid="ignore"):
-        sample = np.nan_to_num(rayfile.wavelengths[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)
+        sample = np.nan_to_num(rayfile.wavelengths_nm[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)
     if not 0.0 < sample.max() < _MICRONS_BELOW:
         return rayfile
     warning = f"wavelengths below {_MICRONS_BELOW:g} nm: taken as µm"
-    nanometres = scaled(rayfile.wavelengths, NM_PER_MICRON)
-    return replace(rayfile, wavelengths=nanometres, warnings=(*rayfile.warnings, warning))
+    nanometres = scaled(rayfile.wavelengths_nm, NM_PER_MICRON)
+    return replace(rayfile, wavelengths_nm=nanometres, warnings=(*rayfile.warnings, warning))

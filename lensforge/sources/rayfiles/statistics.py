@@ -1,17 +1,13 @@
-"""What is in a ray file, in numbers that an engineer checks before trusting it."""
+"""Statistics of a ray file: the numbers that an engineer checks before trusting it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
-from lensforge.records import Point
-from lensforge.sources.account import RaysDropped
-from lensforge.sources.rayfiles.cleaning import ValidRays, causes, no_usable_ray, valid_chunks
 from lensforge.sources.rayfiles.formats import FORMATS
-from lensforge.sources.rayfiles.photopic import luminous_efficacy
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays, causes, no_usable_ray, usable_chunks
+from lensforge.sources.rayfiles.spectra import luminous_efficacy
 from lensforge.sources.rayfiles.summary import (
     Box,
     FileFlux,
@@ -22,6 +18,7 @@ from lensforge.sources.rayfiles.summary import (
     WavelengthRange,
 )
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
+from lensforge.sources.source_summary import RaysDropped, as_point
 
 _FLUX_TOLERANCE = 0.01  # header and rays that disagree by more than this get a warning
 _EFFICACY_TOLERANCE = 0.02
@@ -30,7 +27,7 @@ _PLAUSIBLE_MM = (0.05, 100.0)  # largest side of an LED's bounding box; outside,
 
 @dataclass
 class _Sums:
-    """Everything that one pass over the rays gathers."""
+    """Sums that one pass over the rays gathers."""
 
     rays: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
@@ -45,7 +42,7 @@ class _Sums:
     wavelength_high: float = -np.inf
     wavelength_flux: float = 0.0
 
-    def add(self, rays: ValidRays) -> None:
+    def add(self, rays: UsableRays) -> None:
         for cause, count in rays.dropped.items():
             self.dropped[cause] = self.dropped.get(cause, 0) + count
         if len(rays) == 0:
@@ -55,11 +52,11 @@ class _Sums:
         self.flux_squared += float(rays.flux @ rays.flux)
         self.backward += float(rays.flux[rays.directions[:, 2] < 0.0].sum())
         self.direction += rays.flux @ rays.directions
-        self.low = np.minimum(self.low, rays.positions.min(axis=0))
-        self.high = np.maximum(self.high, rays.positions.max(axis=0))
-        self.focus.add(rays.positions, rays.directions, rays.flux)
-        if rays.wavelengths is not None:
-            self._add_wavelengths(rays.wavelengths, rays.flux)
+        self.low = np.minimum(self.low, rays.positions_mm.min(axis=0))
+        self.high = np.maximum(self.high, rays.positions_mm.max(axis=0))
+        self.focus.add(rays.positions_mm, rays.directions, rays.flux)
+        if rays.wavelengths_nm is not None:
+            self._add_wavelengths(rays.wavelengths_nm, rays.flux)
 
     def _add_wavelengths(self, wavelengths: np.ndarray, flux: np.ndarray) -> None:
         usable = (wavelengths > 0.0) & (wavelengths < 1e7)
@@ -70,13 +67,13 @@ class _Sums:
 
 
 def outline(rayfile: RayFile) -> RayFileHeader:
-    """What the header says, without a look at the rays: at once, whatever the size of the file."""
+    """Describe the header without reading the rays: at once, whatever the size of the file."""
     return RayFileHeader(
         format=rayfile.format,
         title=_title(rayfile),
         rays=len(rayfile),
         units=_units(rayfile),
-        flux=HeaderFlux(unit=rayfile.unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
+        flux=HeaderFlux(unit=rayfile.flux_unit, header_w=rayfile.header_flux_w, header_lm=rayfile.header_flux_lm),
         wavelengths_nm=_header_wavelengths(rayfile),
         header=dict(rayfile.header),
         warnings=rayfile.warnings,
@@ -84,12 +81,12 @@ def outline(rayfile: RayFile) -> RayFileHeader:
 
 
 def describe(rayfile: RayFile) -> RayFileSummary:
-    """Numbers about the usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
+    """Summarise the usable rays: lengths in mm, flux in the file's unit, wavelengths in nm.
 
     One pass in parts, so that memory stays bounded. Raises :class:`InputError` if no ray is usable.
     """
     sums = _Sums()
-    for part in valid_chunks(rayfile):
+    for part in usable_chunks(rayfile):
         sums.add(part)
     if sums.rays == 0:
         raise no_usable_ray(rayfile, sums.dropped)
@@ -103,9 +100,9 @@ def describe(rayfile: RayFile) -> RayFileSummary:
         rays_dropped=RaysDropped.model_validate(sums.dropped),
         effective_rays=sums.flux**2 / sums.flux_squared,
         flux=_flux(rayfile, sums),
-        bounding_box_mm=Box(min=_point(sums.low), max=_point(sums.high)),
-        virtual_focus_mm=None if focus is None else _point(focus),
-        mean_direction=_point(sums.direction / sums.flux),
+        bounding_box_mm=Box(min=as_point(sums.low), max=as_point(sums.high)),
+        virtual_focus_mm=None if focus is None else as_point(focus),
+        mean_direction=as_point(sums.direction / sums.flux),
         wavelengths_nm=_wavelengths(sums) or _header_wavelengths(rayfile),
         header=dict(rayfile.header),
         warnings=(*rayfile.warnings, *_warnings(rayfile, sums)),
@@ -119,12 +116,12 @@ def _title(rayfile: RayFile) -> str | None:
 
 def _units(rayfile: RayFile) -> FileUnits:
     length = rayfile.header.get("mm_per_unit")
-    return FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.unit)
+    return FileUnits(length_in_file_mm=length if isinstance(length, float | int) else 1.0, flux=rayfile.flux_unit)
 
 
 def _flux(rayfile: RayFile, sums: _Sums) -> FileFlux:
     return FileFlux(
-        unit=rayfile.unit,
+        unit=rayfile.flux_unit,
         header_w=rayfile.header_flux_w,
         header_lm=rayfile.header_flux_lm,
         total=rayfile.stated_flux or sums.flux,
@@ -135,11 +132,6 @@ def _flux(rayfile: RayFile, sums: _Sums) -> FileFlux:
     )
 
 
-def _point(coordinates: Float[np.ndarray, " 3"]) -> Point:
-    x, y, z = coordinates.tolist()
-    return x, y, z
-
-
 def _wavelengths(sums: _Sums) -> WavelengthRange | None:
     if not np.isfinite(sums.wavelength_low):
         return None
@@ -148,28 +140,28 @@ def _wavelengths(sums: _Sums) -> WavelengthRange | None:
 
 
 def _header_wavelengths(rayfile: RayFile) -> WavelengthRange | None:
-    """Of the wavelength that all rays share, or of the spectral tables together; the mean where there is one table."""
+    """Range of the wavelength that all rays share, or of all spectral tables; the mean where there is one table."""
     shared = rayfile.single_wavelength
     if shared is not None:
         return WavelengthRange(min=shared, max=shared, mean=shared)
     tables = rayfile.spectral_tables
     if not tables:
         return None
-    waves = np.concatenate([table.wavelength_nm for table in tables])
-    power = np.trapezoid(tables[0].weight, tables[0].wavelength_nm)
+    waves = np.concatenate([table.wavelengths_nm for table in tables])
+    power = np.trapezoid(tables[0].power_density, tables[0].wavelengths_nm)
     mean = None
     if len(tables) == 1 and power > 0.0:
-        mean = float(np.trapezoid(tables[0].weight * tables[0].wavelength_nm, tables[0].wavelength_nm) / power)
+        mean = float(np.trapezoid(tables[0].power_density * tables[0].wavelengths_nm, tables[0].wavelengths_nm) / power)
     return WavelengthRange(min=float(waves.min()), max=float(waves.max()), mean=mean)
 
 
 def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
-    unit, header = rayfile.unit, rayfile.header_flux
+    unit, header = rayfile.flux_unit, rayfile.header_flux
     if sums.rays < len(rayfile):
         yield f"{len(rayfile) - sums.rays} of {len(rayfile)} rays dropped: {causes(sums.dropped)}"
     if header and rayfile.header_role != "scale" and abs(sums.flux / header - 1.0) > _FLUX_TOLERANCE:
-        winner = "sum over the rays" if rayfile.header_role == "ignored" else "header"
-        yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {winner} is used"
+        used = "sum over the rays" if rayfile.header_role == "ignored" else "header"
+        yield f"rays add up to {sums.flux:.6g} {unit}, the header says {header:.6g} {unit}: the {used} is used"
     side = float((sums.high - sums.low).max())
     if not _PLAUSIBLE_MM[0] <= side <= _PLAUSIBLE_MM[1]:
         yield f"rays start within {side:.3g} mm: check the length unit"
@@ -179,11 +171,11 @@ def _warnings(rayfile: RayFile, sums: _Sums) -> Iterator[str]:
 
 
 def _efficacy_warnings(rayfile: RayFile) -> Iterator[str]:
-    """lm/W of the header against the spectrum of the file, where it has one common table."""
+    """Compare the lm/W of the header with that of the file's spectrum, where it has one common table."""
     tables = rayfile.spectral_tables
     if len(tables) != 1 or not (rayfile.header_flux_w and rayfile.header_flux_lm):
         return
     stated = rayfile.header_flux_lm / rayfile.header_flux_w
-    expected = luminous_efficacy(tables[0].wavelength_nm, tables[0].weight)
+    expected = luminous_efficacy(tables[0].wavelengths_nm, tables[0].power_density)
     if expected is not None and abs(stated / expected - 1.0) > _EFFICACY_TOLERANCE:
         yield f"the header has {stated:.4g} lm/W, its spectrum {expected:.4g} lm/W: check W and lm"

@@ -1,4 +1,4 @@
-"""What is known of a ray file: its header alone, a summary of its rays, and what came of a conversion."""
+"""Records about a ray file: its header alone, a summary of its rays, and the result of a conversion."""
 
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
@@ -6,32 +6,32 @@ from pydantic import PrivateAttr
 
 from lensforge.errors import InputError
 from lensforge.records import Count, NotNegative, Number, Point, Record, Share, StageResult, Text
-from lensforge.sources.account import RaysDropped
-from lensforge.sources.rayfiles.picture import Histograms, Panel, draw_panel
-from lensforge.sources.rayfiles.record import HeaderValue, RayFile, Unit
+from lensforge.sources.rayfiles.plot import Histograms, Panel, draw_panel
+from lensforge.sources.rayfiles.rayfile import FluxUnit, HeaderValue, RayFile
+from lensforge.sources.source_summary import RaysDropped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 class FileUnits(Record):
-    """Units of all that is told of a file; ``length_in_file_mm``: how many mm the file's own unit of length is."""
+    """Units of the summary; ``length_in_file_mm``: the file's own unit of length in mm."""
 
     length: Literal["mm"] = "mm"
     length_in_file_mm: Number
-    flux: Unit
+    flux: FluxUnit
 
 
 class HeaderFlux(Record):
-    """The totals that a header states; ``unit`` is that of the rays."""
+    """Totals that a header states; ``unit`` is that of the rays."""
 
-    unit: Unit
+    unit: FluxUnit
     header_w: Number | None
     header_lm: Number | None
 
 
 class FileFlux(HeaderFlux):
-    """The flux of the source, by header and by rays, in ``unit``; ``total_from``: which of the two ``total`` is."""
+    """Flux of the source by header and by rays, in ``unit``; ``total_from``: the one that ``total`` is."""
 
     total: Number
     total_from: Literal["header", "rays"]
@@ -56,7 +56,7 @@ class Box(Record):
 
 
 class RayFileHeader(Record):
-    """What a header says, without a look at the rays. ``header``: its fields by the names of its format."""
+    """Header of a ray file alone. ``header``: its fields by the names of its format."""
 
     format: Text
     title: Text | None
@@ -69,9 +69,9 @@ class RayFileHeader(Record):
 
 
 class RayFileSummary(StageResult):
-    """What is in a ray file: header, counts, and statistics of the usable rays; lengths in mm, wavelengths in nm.
+    """Summary of a ray file: header, counts, and statistics of the usable rays; lengths in mm, wavelengths in nm.
 
-    ``effective_rays``: as many rays of equal weight would have the same noise.
+    ``effective_rays``: number of rays of equal flux that would have the same noise.
     """
 
     stage: ClassVar[str] = "rays"
@@ -94,12 +94,12 @@ class RayFileSummary(StageResult):
     _rayfile: RayFile | None = PrivateAttr(None)
 
     def holding(self, rayfile: RayFile) -> "RayFileSummary":
-        """This summary, with its rays at hand for :meth:`plot`; they are no part of what is compared or saved."""
+        """Attach the rays for :meth:`plot`; they are neither compared nor saved."""
         self._rayfile = rayfile
         return self
 
     def plot(self, axes: "Axes | None" = None, *, which: Panel = "front") -> "Axes":
-        """Where rays start, seen from the front (x, y) or the side (x, z), their forward directions, or the intensity.
+        """Plot start points from the front (x, y) or the side (x, z), the forward directions, or the intensity.
 
         Raises :class:`InputError` for an unknown panel, and for a summary that was read from a file: it has no rays.
         """
@@ -113,12 +113,12 @@ class RayFileSummary(StageResult):
         return axes
 
     def _repr_html_(self) -> str:
-        """For a notebook: where the rays start, and the row as a table."""
+        """Show start points and the summary as a table in a notebook."""
         return Record._repr_html_(self) if self._rayfile is None else super()._repr_html_()
 
 
 class Conversion(Record):
-    """From which format to which a file was written, its size, and what the new format could not hold."""
+    """Conversion of a ray file: formats, size, and what the new format could not hold."""
 
     from_format: Text
     to_format: Text

@@ -8,9 +8,8 @@ from tempfile import TemporaryFile, gettempdir
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.rayfiles.binary import FileImage
-from lensforge.sources.rayfiles.mapped import give_back
-from lensforge.sources.rayfiles.record import as_float64
+from lensforge.sources.rayfiles.binary import FileImage, release_pages
+from lensforge.sources.rayfiles.rayfile import as_float64
 
 _BLOCK = 2**24  # bytes of text parsed at a time
 _IN_MEMORY = 2**27  # bytes of text whose numbers stay in memory
@@ -25,7 +24,7 @@ def parse_rows(
     columns: Sequence[int] | None = None,
     width: int | None = None,
 ) -> Float[np.ndarray, "n columns"]:
-    """The numbers between two bytes in float64, every row of the same length; ``first_line`` is its number in the file.
+    """Parse the numbers between two bytes as float64 rows of one length; ``first_line`` is the first row's in the file.
 
     Block by block; what would fill the memory goes to a temporary file, and is mapped like a binary one. ``columns``:
     those to keep, in their order, of ``width``.
@@ -58,7 +57,7 @@ def _parsed(
                 raise image.refuse(f"line {line}: {rows.shape[1]} numbers, {width} expected; export it again")
             yield rows
         begin, line = begin + len(body), line + body.count(b"\n")
-        give_back(image.data)
+        release_pages(image.data)
 
 
 def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) -> Float[np.ndarray, "n columns"]:
@@ -93,7 +92,7 @@ def cut_warnings(image: FileImage) -> tuple[str, ...]:
 
 
 def print_rows(*columns: Float[np.ndarray, "n ..."] | None, delimiter: str = " ") -> bytes:
-    """The columns that there are, side by side: 9 digits for float32, 17 for float64."""
+    """Print the given columns side by side: 9 digits for float32, 17 for float64; None is left out."""
     blocks = [column if column.ndim == 2 else column[:, None] for column in columns if column is not None]
     styles = ["%.9g" if block.dtype == np.float32 else "%.17g" for block in blocks for _ in block.T]
     rows = np.concatenate([as_float64(block) for block in blocks], axis=1)

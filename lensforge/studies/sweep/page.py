@@ -7,12 +7,12 @@ from matplotlib.figure import Figure
 
 from lensforge.records import Metric
 from lensforge.report.compare_pictures import ComparedPictures
-from lensforge.report.drawing import BLUE, GREEN, GREY, ORANGE, WIDE, in_house_style, new_figure, to_png
+from lensforge.report.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
 from lensforge.report.numerals import number
 from lensforge.report.page import template
 from lensforge.report.pictures import picture
 from lensforge.results import Results
-from lensforge.studies.sweep.table import Curve, Judged, Sweep, SweepRow
+from lensforge.studies.sweep.table import Curve, Sweep, SweepRow, SweptMetric
 
 _HEIGHT = 3.2
 _AXES = {
@@ -21,13 +21,15 @@ _AXES = {
     "target.distance_mm": "distance of the target (mm)",
     "source.side_mm": "side of the source (mm)",
 }
-_JUDGED: dict[Judged, str] = {"nmse": "NMSE", "uniformity": "uniformity", "efficiency": "efficiency"}
-_HEAD = ("largest radius (mm)", "height (mm)", "steps", "gates")
+_METRICS: dict[SweptMetric, str] = {"nmse": "NMSE", "uniformity": "uniformity", "efficiency": "efficiency"}
+_HEAD = ("largest radius (mm)", "height (mm)", "steps", "criteria")
 
 
 def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
     """The page; ``results`` of each design, in their order."""
-    judged: list[Judged] = [name for name in _JUDGED if any(getattr(row, name) is not None for row in sweep.designs)]
+    metrics: list[SweptMetric] = [
+        name for name in _METRICS if any(getattr(row, name) is not None for row in sweep.designs)
+    ]
     names = [f"{sweep.vary.split('.')[-1]} = {row.value:g}" for row in sweep.designs]
     compared = ComparedPictures(names, results)
     return template("sweep.html").render(
@@ -36,9 +38,9 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         scale=sweep.scale,
         accuracy=sweep.accuracy,
         seed=sweep.seed,
-        plot=picture("sweep", tradeoff_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
-        head=[sweep.vary, *sweep.scale, *(_JUDGED[name] for name in judged), *_HEAD],
-        rows=[(row.folder, _cells(row, judged)) for row in sweep.designs],
+        plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
+        head=[sweep.vary, *sweep.scale, *(_METRICS[name] for name in metrics), *_HEAD],
+        rows=[(row.folder, _cells(row, metrics)) for row in sweep.designs],
         maps=compared.maps,
         sections=compared.sections,
         version=sweep.version,
@@ -46,19 +48,19 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
 
 
 def sweep_png(sweep: Sweep) -> bytes:
-    """The trade-off as a PNG file."""
-    return to_png(tradeoff_figure(sweep))
+    """The plot of the sweep as a PNG file."""
+    return to_png(sweep_figure(sweep))
 
 
-def _cells(row: SweepRow, judged: Sequence[Judged]) -> list[str]:
-    failed = [gate.name for gate in row.gates if not gate.passed]
+def _cells(row: SweepRow, metrics: Sequence[SweptMetric]) -> list[str]:
+    missed = [criterion.name for criterion in row.criteria if not criterion.passed]
     return [
         *(number(value, 4) for value in row.changes.values()),
-        *(_measured(getattr(row, name)) for name in judged),
+        *(_measured(getattr(row, name)) for name in metrics),
         f"{row.max_radius_mm:.3f}",
         f"{row.height_mm:.3f}",
         number(row.steps),
-        f"fails: {', '.join(failed)}" if failed else "all hold",
+        f"missed: {', '.join(missed)}" if missed else "all met",
     ]
 
 
@@ -72,9 +74,9 @@ def _label(sweep: Sweep) -> str:
     return _AXES.get(sweep.vary, sweep.vary)
 
 
-@in_house_style
-def tradeoff_figure(sweep: Sweep) -> Figure:
-    """NMSE on the left axis, efficiency on the right one, with their standard errors; uniformity where it is judged."""
+@in_report_style
+def sweep_figure(sweep: Sweep) -> Figure:
+    """NMSE on the left axis, efficiency on the right one, with standard errors; uniformity where it is defined."""
     figure, left = new_figure(WIDE, _HEIGHT)
     right = left.twinx()
     right.spines["right"].set_visible(True)

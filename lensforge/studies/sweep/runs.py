@@ -1,6 +1,6 @@
-"""``lensforge sweep``: the designs of a variation, each in a folder of its own, and ``sweep.json`` with what came out.
+"""``lensforge sweep``: the designs of a variation, each in a folder of its own, and ``sweep.json`` with their results.
 
-``sweep.json`` is written after every design, so that an interrupted sweep goes on behind the last finished one, and
+``sweep.json`` is written after every design, so that an interrupted sweep continues after the last finished one, and
 within a design from its checkpoint.
 """
 
@@ -21,8 +21,8 @@ from lensforge.version import __version__
 PAGE, PLOT = "sweep.html", "sweep.png"
 
 
-class WholeWay(Protocol):
-    """The whole way for one design, with the accuracy and the seed of the sweep."""
+class RunDesign(Protocol):
+    """A run of every stage for one design, with the accuracy and the seed of the sweep."""
 
     def __call__(self, spec: Spec, folder: Path, resume: bool) -> object:
         """Leave a finished result folder; with ``resume`` go on from the checkpoint there."""
@@ -33,7 +33,7 @@ def run_sweep(
     spec: Spec,
     variation: Variation,
     directory: Path,
-    whole_way: WholeWay,
+    run_design: RunDesign,
     *,
     accuracy: Accuracy = "standard",
     seed: int = 0,
@@ -42,8 +42,8 @@ def run_sweep(
 ) -> Sweep:
     """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
 
-    ``accuracy`` and ``seed``: those that ``whole_way`` designs with. With ``resume`` designs that sweep.json lists are
-    kept, whatever values are asked for now. A design that fails a gate is listed with it, and the sweep goes on. Raises
+    ``accuracy`` and ``seed``: those that ``run_design`` uses. With ``resume`` designs that sweep.json lists are kept,
+    whatever the values are now. A design that misses a criterion is listed with it, and the sweep goes on. Raises
     :class:`InputError` before the first design for a value that the spec cannot have, and for a sweep.json of another
     sweep.
     """
@@ -54,7 +54,7 @@ def run_sweep(
             continue
         announce(f"design {number} of {len(variants)}: {variation.field} = {variant.value:g}")
         folder = directory / variant.spec.name
-        whole_way(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
+        run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
         made = sweep_of(spec, variation, [(variant, load_results(folder))])
         sweep = made if sweep is None else sweep.joined(made)
         sweep.write(directory)
@@ -71,7 +71,7 @@ def _show(sweep: Sweep, directory: Path) -> None:
 
 
 def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
-    """What an earlier call finished; None where there is nothing. The list of values may grow, nothing else change."""
+    """The designs that an earlier call finished, None without any. Its values may differ, nothing else."""
     if not (directory / f"{Sweep.stage}.json").exists():
         return None
     sweep = Sweep.read(directory)
@@ -85,5 +85,5 @@ def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accur
     }
     for name, value in wanted.items():
         if getattr(sweep, name) != value:
-            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; run without --resume")
+            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; start anew without resume")
     return sweep

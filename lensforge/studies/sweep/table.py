@@ -1,10 +1,10 @@
-"""The result of a sweep: what came out of each design, and the field that was varied."""
+"""Result of a sweep: the figures of each design, and the field that was varied."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
-from lensforge.gates import Gate
+from lensforge.criteria import Criterion
 from lensforge.optimisation.design import Margins
 from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, StageResult, Text
 from lensforge.results import Results
@@ -14,7 +14,7 @@ from lensforge.studies.sweep.vary import Variant, Variation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Judged = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
+SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
 class SweepRow(Record):
@@ -36,7 +36,7 @@ class SweepRow(Record):
     steps: Count
     seconds: NotNegative
     constraints: Margins
-    gates: tuple[Gate, ...]
+    criteria: tuple[Criterion, ...]
 
 
 class Sweep(StageResult):
@@ -57,14 +57,16 @@ class Sweep(StageResult):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Of the varied field, smallest first."""
+        """Values of the varied field, smallest first."""
         return tuple(row.value for row in self.designs)
 
     @property
-    def gates(self) -> tuple[Gate, ...]:
-        """The gates of all designs, each named by its design too."""
+    def criteria(self) -> tuple[Criterion, ...]:
+        """The criteria of all designs, each named by its design too."""
         return tuple(
-            gate.model_copy(update={"name": f"{row.folder}: {gate.name}"}) for row in self.designs for gate in row.gates
+            criterion.model_copy(update={"name": f"{row.folder}: {criterion.name}"})
+            for row in self.designs
+            for criterion in row.criteria
         )
 
     def rows(self) -> list[dict[str, float | int | bool | str | None]]:
@@ -79,11 +81,11 @@ class Sweep(StageResult):
         content |= {"inputs": {row.folder: lenses[row.folder] for row in designs}, "designs": designs}
         return type(self).model_validate(content)
 
-    def plot(self, axes: "Axes | None" = None, *, metric: Judged = "nmse") -> "Axes":
+    def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
         """``metric`` over the varied field, with its standard error. Raises :class:`InputError` for an unknown one."""
         from lensforge.figures.plots import new_axes, require_choice
 
-        require_choice("metric", metric, get_args(Judged))
+        require_choice("metric", metric, get_args(SweptMetric))
         axes, curve = new_axes(axes), Curve.of(self, metric)
         axes.errorbar(curve.across, curve.up, curve.errors, marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
@@ -99,8 +101,8 @@ class Curve:
     errors: list[float]
 
     @staticmethod
-    def of(sweep: Sweep, metric: Judged) -> "Curve":
-        """Where no standard error is known it counts as 0."""
+    def of(sweep: Sweep, metric: SweptMetric) -> "Curve":
+        """Curve of ``metric``; an unknown standard error counts as 0."""
         found = [(row.value, measured) for row in sweep.designs if (measured := getattr(row, metric)) is not None]
         return Curve(
             [value for value, _ in found],
@@ -110,7 +112,7 @@ class Curve:
 
 
 def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Results]]) -> Sweep:
-    """The sweep of designs that are made: each variant of ``spec`` with its results, at least one of them."""
+    """The sweep of finished designs: variants of ``spec`` with their results, at least one of them."""
     lens = found[0][1].lens
     found = sorted(found, key=lambda pair: pair[0].value)
     return Sweep(
@@ -140,5 +142,5 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         steps=design.steps,
         seconds=design.seconds,
         constraints=design.constraints,
-        gates=tuple(gate for _, gate in results.gates()),
+        criteria=tuple(criterion for _, criterion in results.criteria()),
     )

@@ -1,4 +1,4 @@
-"""Which designs a sweep makes: a spec with one field set to each value, and others scaled in proportion to it."""
+"""Variants of a spec: one field set to each of several values, others scaled in proportion to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Variation:
     scaled: tuple[str, ...] = ()
 
     def variants(self, base: Spec) -> list[Variant]:
-        """The designs, smallest value first. Raises :class:`InputError` for what a spec cannot have."""
+        """The designs, smallest value first. Raises :class:`InputError` for values that a spec cannot have."""
         return [self._variant(base, value) for value in self.values]
 
     def _variant(self, base: Spec, value: float) -> Variant:
@@ -46,7 +46,7 @@ class Variation:
 
 
 def variation_of(field: str, values: Sequence[float], scaled: Sequence[str] = ()) -> Variation:
-    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for what is no variation."""
+    """``field`` at each of ``values``, sorted, each kept once. Raises :class:`InputError` for an invalid variation."""
     if not isinstance(field, str) or isinstance(scaled, str) or not all(isinstance(name, str) for name in scaled):
         raise InputError(
             f"sweep: field = {field!r}, scale = {scaled!r}: a field's dotted name, and a list of such names"
@@ -73,13 +73,13 @@ def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
 
 
 def variant_name(name: str, value: float) -> str:
-    """Of the design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
+    """Name of a design and of its folder: the spec's name and the value, in characters that a spec's name may have."""
     shown = f"{value:g}".replace(".", "_").replace("+", "")
     return f"{name[: 63 - len(shown)]}-{shown}"
 
 
 def _value(spec: Spec, field: str) -> object:
-    """What ``field`` is in ``spec``. Raises :class:`InputError` where there is no such field."""
+    """Value of ``field`` in ``spec``. Raises :class:`InputError` where there is no such field."""
     found: object = spec
     for part in field.split("."):
         known = type(found).model_fields if isinstance(found, Section) else {}

@@ -1,1 +1,1 @@
-"""Accuracy against time, measured on one scene: each knob's ladder, with the error that every rung leaves."""
+"""Accuracy against time, measured on one scene: each knob's study, with the error that every level leaves."""

@@ -1,8 +1,8 @@
-"""Pixels, the four-pixel splat and the evaluation filter: what the picture loses beside the noise of its rays.
+"""Pixels, the four-pixel splat and the evaluation's filter: the bias of the picture, apart from ray noise.
 
-A difference between two pictures of the same rays has a mean, the bias that is asked for, and noise. The mean square
-of the mean over runs holds both; what the runs' scatter says about the noise is taken off, so an estimate may fall
-below zero when the bias is below the noise.
+A difference between two pictures of the same rays has a mean, the bias, and noise. The mean square of the mean over
+runs holds both; the noise is estimated from the scatter of the runs and taken off, so an estimate may fall below zero
+where the bias is below the noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,16 +11,13 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.metrics import nmse
-from lensforge.receivers.bins import bin_flux
-from lensforge.receivers.filter import gaussian3
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.splat import splat_flux
+from lensforge.evaluation.metrics import jackknife_error, nmse
+from lensforge.receivers.pixels import PixelGrid, bin_flux, gaussian3, splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.spec import Spec
-from lensforge.studies.tradeoff.ladder import Errors, Ladder, Meter, Rung, Setting, orders_of
-from lensforge.studies.tradeoff.runs import Run
+from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Errors, Meter, RefinementLevel, Setting, orders_of
+from lensforge.studies.tradeoff.runs import TracedRun
 
 PIXELS = (16, 32, 64, 128, 256)
 VARIANCES = (0.0, 0.25, 0.5, 1.0, 2.0)
@@ -29,7 +26,7 @@ _MOST_PARTS = 8
 Images = Float[np.ndarray, "r p p"]
 
 
-def pixel_ladder(runs: Sequence[Run], spec: Spec, settings: Sequence[int] = PIXELS) -> Ladder:
+def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] = PIXELS) -> ConvergenceStudy:
     """Unfiltered pictures of ``runs`` at each number of pixels.
 
     ``splat_nmse``: mean square difference between the splat and hard bins over the mean square, without noise.
@@ -45,50 +42,52 @@ def pixel_ladder(runs: Sequence[Run], spec: Spec, settings: Sequence[int] = PIXE
         target = target_irradiance(spec.target, grid)
         found[pixels] = bins, splats, partial(_quiet_nmse, target=target), meter
     finest = max(settings)
-    truth = found[finest][2](found[finest][0])
-    rungs = []
+    finest_nmse = found[finest][2](found[finest][0])
+    levels = []
     for pixels, (bins, splats, to_target, meter) in found.items():
         splat_error = with_error(np.stack([splats, bins], axis=1), lambda both: bias(both[:, 0], both[:, 1]))
         shift = with_error(bins, to_target)
-        shifted = Metric(value=shift.value - truth, standard_error=shift.standard_error)
+        shifted = Metric(value=shift.value - finest_nmse, standard_error=shift.standard_error)
         errors = {"splat_nmse": splat_error, "nmse_shift": Metric(value=0.0) if pixels == finest else shifted}
-        rungs.append(_rung(pixels, meter, len(runs), errors, {"nmse": shift.value}, spec))
-    orders = {"hard bins": orders_of(rungs, ("splat_nmse",))}
-    return Ladder(
+        levels.append(_level(pixels, meter, len(runs), errors, {"nmse": shift.value}, spec))
+    orders = {"hard bins": orders_of(levels, ("splat_nmse",))}
+    return ConvergenceStudy(
         name="pixels",
         title="Pixels and the splat",
         knob="--pixels, optimise.pixels",
         reference=f"hard bins; for the NMSE those of {finest} pixels",
         plotted=("splat_nmse",),
         against="setting",
-        rows=tuple(rungs),
+        levels=tuple(levels),
         order=orders,
     )
 
 
-def _rung(pixels: int, meter: Meter, runs: int, errors: Errors, other: dict[str, Setting], spec: Spec) -> Rung:
+def _level(
+    pixels: int, meter: Meter, runs: int, errors: Errors, other: dict[str, Setting], spec: Spec
+) -> RefinementLevel:
     users = [
         name
         for name, used in (("the design", spec.optimise.pixels), ("the evaluation", spec.evaluate.pixels))
         if used == pixels
     ]
-    return Rung(
+    return RefinementLevel(
         setting=pixels,
         series="hard bins",
         seconds=meter.seconds / runs,
         peak_mb=meter.peak_mb,
         errors=errors,
-        presets=tuple(users),
+        used_by=tuple(users),
         other=other,
     )
 
 
-def filter_ladder(runs: Sequence[Run], spec: Spec, variances: Sequence[float] = VARIANCES) -> Ladder:
-    """What the 3 x 3 Gaussian takes away: blur (``irradiance_nmse``, without noise), and gives: less noise."""
+def filter_study(runs: Sequence[TracedRun], spec: Spec, variances: Sequence[float] = VARIANCES) -> ConvergenceStudy:
+    """The 3 x 3 Gaussian at several variances: blur (``irradiance_nmse``, without noise), and noise that is left."""
     runs = in_parts(runs)
     grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
     bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
-    rungs = []
+    levels = []
     for variance in sorted({*variances, spec.evaluate.filter_variance}):
         with Meter() as meter:
             smooth = np.stack([gaussian3(image, variance) for image in bins])
@@ -97,29 +96,29 @@ def filter_ladder(runs: Sequence[Run], spec: Spec, variances: Sequence[float] = 
         errors["noise_nmse"] = with_error(smooth, lambda images: _noise(images) / float(np.sum(images.mean(0) ** 2)))
         users = ("the evaluation",) if variance == spec.evaluate.filter_variance else ()
         seconds = meter.seconds / len(runs)
-        rungs.append(
-            Rung(
+        levels.append(
+            RefinementLevel(
                 setting=variance,
                 series="3 x 3 Gaussian",
                 seconds=seconds,
                 peak_mb=meter.peak_mb,
                 errors=errors,
-                presets=users,
+                used_by=users,
                 reference=variance == 0.0,
             )
         )
-    return Ladder(
+    return ConvergenceStudy(
         name="filter",
         title="Filter of the evaluation",
         knob="evaluate.filter_variance",
         reference=f"no filter; the noise is that of one run of {len(runs[0])} rays",
         plotted=("irradiance_nmse", "noise_nmse"),
         against="setting",
-        rows=tuple(rungs),
+        levels=tuple(levels),
     )
 
 
-def in_parts(runs: Sequence[Run]) -> list[Run]:
+def in_parts(runs: Sequence[TracedRun]) -> list[TracedRun]:
     """``runs`` themselves; a single one, such as a measured source gives, dealt out at random."""
     if len(runs) > 1:
         return list(runs)
@@ -127,7 +126,7 @@ def in_parts(runs: Sequence[Run]) -> list[Run]:
     order = np.random.default_rng(0).permutation(len(run))
     rows = np.array_split(order, min(_MOST_PARTS, len(run)))
     return [
-        Run(run.hits[kept], run.flux[kept] * len(run) / len(kept), run.seconds / len(rows), 0.0, run.peak_mb)
+        TracedRun(run.hits[kept], run.flux[kept] * len(run) / len(kept), run.seconds / len(rows), 0.0, run.peak_mb)
         for kept in rows
     ]
 
@@ -141,10 +140,8 @@ def bias(images: Images, others: Images) -> float:
 
 def with_error(runs: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float]) -> Metric:
     """``statistic`` of all runs, and its standard error by the jackknife over them."""
-    count = len(runs)
-    left_out = np.array([statistic(np.delete(runs, k, axis=0)) for k in range(count)])
-    scatter = (count - 1) / count * np.sum((left_out - left_out.mean()) ** 2)
-    return Metric(value=float(statistic(runs)), standard_error=float(np.sqrt(scatter)))
+    left_out = [statistic(np.delete(runs, k, axis=0)) for k in range(len(runs))]
+    return Metric(value=float(statistic(runs)), standard_error=jackknife_error(np.array(left_out)))
 
 
 def _noise(images: Images) -> float:
@@ -158,5 +155,5 @@ def _quiet_nmse(images: Images, target: Float[np.ndarray, "p p"]) -> float:
     return nmse(mean, target) - _noise(images) / len(images) / float(np.sum(wanted**2))
 
 
-def _splat(run: Run, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
+def _splat(run: TracedRun, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
     return splat_flux(run.hits, run.flux, grid)

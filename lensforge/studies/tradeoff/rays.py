@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,16 +10,14 @@ from jaxtyping import Float
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.metrics import nmse
 from lensforge.evaluation.simulate import REPLICATES, TracedLens
-from lensforge.receivers.bins import bin_flux, flux_in_square
-from lensforge.receivers.filter import gaussian3
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
-from lensforge.studies.tradeoff.ladder import Errors, Ladder, Rung, orders_of
-from lensforge.studies.tradeoff.runs import Run, resample, trace_run
+from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Errors, RefinementLevel, orders_of
+from lensforge.studies.tradeoff.runs import Cost, RunPicture, TracedRun, long_run, picture_of, resample, trace_run
 
 QMC, PLAIN = "quasi-Monte-Carlo", "plain Monte Carlo"
 RUNS, PLAIN_RUNS = 8, 16
@@ -29,24 +26,9 @@ SETTINGS = tuple(2**power for power in (12, 14, 16, 18, 20))
 MOST_AT_ONCE = 2**20  # longer runs are made of scrambles of so many rays, as in an evaluation: it bounds the memory
 
 
-class _Seen(NamedTuple):
-    """Efficiency and filtered image (W) of a run."""
-
-    efficiency: float
-    image: Float[np.ndarray, "p p"]
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Of a run that was not kept: its seconds, and the most memory at once (MB)."""
-
-    seconds: float
-    peak_mb: float
-
-
 @dataclass(frozen=True)
 class _Scores:
-    """Of each run of a rung: efficiency, filtered image (W), NMSE against the target; and that of the mean image."""
+    """Efficiency, filtered image (W) and NMSE against the target of each run of a level; NMSE of the mean image."""
 
     efficiency: Float[np.ndarray, " r"]
     images: Float[np.ndarray, "r p p"]
@@ -54,116 +36,96 @@ class _Scores:
     nmse_of_mean: float
 
     @staticmethod
-    def of(seen: Sequence[_Seen], spec: Spec) -> "_Scores":
-        """Judged against the target of ``spec``."""
+    def of(pictures: Sequence[RunPicture], spec: Spec) -> "_Scores":
+        """Scores of ``pictures`` against the target of ``spec``."""
         target = target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels))
 
         def to_target(image: Float[np.ndarray, "p p"]) -> float:
             return nmse(image, target) if image.any() else 1.0
 
-        images = np.stack([one.image for one in seen])
-        efficiency = np.array([one.efficiency for one in seen])
+        images = np.stack([picture.image for picture in pictures])
+        efficiency = np.array([picture.efficiency for picture in pictures])
         return _Scores(efficiency, images, np.array([to_target(image) for image in images]), to_target(images.mean(0)))
 
 
-_Rung = tuple[int, _Scores, Run | Cost]
+_MeasuredLevel = tuple[int, _Scores, TracedRun | Cost]
 
 
-def ray_ladder(
+def ray_study(
     traced: TracedLens, spec: Spec, source: Source, settings: Sequence[int] = SETTINGS, runs: int = RUNS
-) -> tuple[Ladder, list[Run]]:
-    """The ladder, and the runs of its top rung.
+) -> tuple[ConvergenceStudy, list[TracedRun]]:
+    """The study, and the runs of its finest level.
 
-    The reference is the mean of the top rung's runs; errors are those of one run: the standard deviation of the
+    The reference is the mean of the finest level's runs; errors are those of one run: the standard deviation of the
     efficiency over ``runs`` scrambles, the mean square difference of the filtered images over their mean square, and
-    by how much noise raises the NMSE against the target. A measured source has no sequence to scramble: its rays are
-    the reference, and only plain Monte Carlo is measured. Runs of more than 2^20 rays are made of several scrambles,
-    as those of an evaluation are, and fall as these do, with the power -1; they are not kept.
+    the amount by which noise raises the NMSE against the target. A measured source has no sequence to scramble: its
+    rays are the reference, and only plain Monte Carlo is measured. Runs of more than 2^20 rays are made of several
+    scrambles, as in an evaluation; their noise falls with the power -1, and they are not kept.
     """
-    judge = _judge(spec, source)
+    picture = partial(picture_of, spec, source.flux_w)
     trace = partial(trace_run, traced, PlaneReceiver.of(spec.target, spec.evaluate.pixels), source)
-    rungs: list[Rung] = []
-    if source.population is not None:
-        kept = [trace(source.population, 0)]
-        longest: _Rung = (source.population, _Scores.of([judge(kept[0])], spec), kept[0])
+    levels: list[RefinementLevel] = []
+    if source.ray_count is not None:
+        kept = [trace(source.ray_count, 0)]
+        longest: _MeasuredLevel = (source.ray_count, _Scores.of([picture(kept[0])], spec), kept[0])
     else:
-        found, kept = _quasi(trace, spec, judge, settings, runs)
+        found, kept = _quasi(trace, spec, picture, settings, runs)
         longest = found[-1]
-        rungs += [_rung(rays, QMC, scores, longest[1], run) for rays, scores, run in found]
+        levels += [_level(rays, QMC, scores, longest[1], run) for rays, scores, run in found]
     pool = kept[0]
-    by_pool = _Scores.of([judge(pool)], spec)
+    by_pool = _Scores.of([picture(pool)], spec)
     for rays in (rays for rays in settings if rays <= len(pool)):
         drawn = [resample(pool, rays, np.random.default_rng([rays, k])) for k in range(PLAIN_RUNS)]
-        rungs.append(_rung(rays, PLAIN, _Scores.of([judge(run) for run in drawn], spec), by_pool, drawn[0]))
-    rungs.append(_reference_rung(*longest))
+        levels.append(_level(rays, PLAIN, _Scores.of([picture(run) for run in drawn], spec), by_pool, drawn[0]))
+    levels.append(_reference_level(*longest))
     orders = {
         series: orders_of(
-            [rung for rung in rungs if rung.series == series and rung.setting <= MOST_AT_ONCE],
+            [level for level in levels if level.series == series and level.setting <= MOST_AT_ONCE],
             ("efficiency", "irradiance_nmse"),
         )
         for series in (QMC, PLAIN)
     }
-    return _ladder(tuple(rungs), orders), kept
+    return _study(tuple(levels), orders), kept
 
 
 def _quasi(
-    trace: Callable[[int, int], Run], spec: Spec, judge: Callable[[Run], _Seen], settings: Sequence[int], runs: int
-) -> tuple[list[_Rung], list[Run]]:
-    """Rays, scores and one run's cost of each rung; and the runs of the highest rung that can be kept."""
-    found: list[_Rung] = []
-    kept: list[Run] = []
+    trace: Callable[[int, int], TracedRun],
+    spec: Spec,
+    picture: Callable[[TracedRun], RunPicture],
+    settings: Sequence[int],
+    runs: int,
+) -> tuple[list[_MeasuredLevel], list[TracedRun]]:
+    """Rays, scores and one run's cost of each level; and the runs of the finest level that can be kept."""
+    found: list[_MeasuredLevel] = []
+    kept: list[TracedRun] = []
     number = 0
     for rays in settings:
         parts = -(-rays // MOST_AT_ONCE)
         if parts == 1:
             kept = [trace(rays, number + k) for k in range(runs)]
-            found.append((rays, _Scores.of([judge(run) for run in kept], spec), kept[0]))
+            found.append((rays, _Scores.of([picture(run) for run in kept], spec), kept[0]))
         else:
-            made = [_long_run(trace, judge, parts, number + k * parts) for k in range(runs)]
-            found.append((rays, _Scores.of([seen for seen, _ in made], spec), made[0][1]))
+            part = partial(trace, MOST_AT_ONCE)
+            made = [long_run(part, picture, range(number + k * parts, number + (k + 1) * parts)) for k in range(runs)]
+            found.append((rays, _Scores.of([one for one, _ in made], spec), made[0][1]))
         number += runs * parts
     return found, kept
 
 
-def _ladder(rungs: tuple[Rung, ...], orders: dict[str, Errors]) -> Ladder:
-    return Ladder(
+def _study(levels: tuple[RefinementLevel, ...], orders: dict[str, Errors]) -> ConvergenceStudy:
+    return ConvergenceStudy(
         name="rays",
         title="Rays",
         knob="--rays",
-        reference="all runs of the longest rung together",
+        reference="all runs of the finest level together",
         plotted=("efficiency", "irradiance_nmse"),
         against="seconds",
-        rows=rungs,
+        levels=levels,
         order={series: found for series, found in orders.items() if found},
     )
 
 
-def _judge(spec: Spec, source: Source) -> Callable[[Run], _Seen]:
-    """A function that looks at a run as ``evaluate`` does."""
-    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
-    window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-
-    def judge(run: Run) -> _Seen:
-        image = gaussian3(bin_flux(run.hits, run.flux, grid), spec.evaluate.filter_variance)
-        return _Seen(flux_in_square(run.hits, run.flux, window_mm) / source.flux_w, image)
-
-    return judge
-
-
-def _long_run(
-    trace: Callable[[int, int], Run], judge: Callable[[Run], _Seen], parts: int, number: int
-) -> tuple[_Seen, Cost]:
-    """What ``parts`` scrambles of :data:`MOST_AT_ONCE` rays show together; none of their rays is kept."""
-    efficiency, image, seconds, peak_mb = 0.0, np.zeros(1), 0.0, 0.0
-    for part in range(parts):
-        run = trace(MOST_AT_ONCE, number + part)
-        seen = judge(run)
-        efficiency, image = efficiency + seen.efficiency / parts, image + seen.image / parts
-        seconds, peak_mb = seconds + run.seconds, max(peak_mb, run.peak_mb)
-    return _Seen(efficiency, image), Cost(seconds, peak_mb)
-
-
-def _rung(rays: int, series: str, scores: _Scores, reference: _Scores, run: Run | Cost) -> Rung:
+def _level(rays: int, series: str, scores: _Scores, reference: _Scores, run: TracedRun | Cost) -> RefinementLevel:
     count = len(scores.efficiency)
     spread = float(scores.efficiency.std(ddof=1))
     mean = scores.images.mean(axis=0)
@@ -174,17 +136,17 @@ def _rung(rays: int, series: str, scores: _Scores, reference: _Scores, run: Run 
         "irradiance_nmse": _mean(noise),
         "nmse_raised": _mean(scores.nmse - reference.nmse_of_mean),
     }
-    return Rung(
+    return RefinementLevel(
         setting=rays,
         series=series,
         seconds=run.seconds,
         peak_mb=run.peak_mb,
         errors=errors,
-        presets=_users(rays) if series == QMC else (),
+        used_by=_users(rays) if series == QMC else (),
     )
 
 
-def _reference_rung(rays: int, scores: _Scores, run: Run | Cost) -> Rung:
+def _reference_level(rays: int, scores: _Scores, run: TracedRun | Cost) -> RefinementLevel:
     count = len(scores.efficiency)
     known = float(scores.efficiency.std(ddof=1) / np.sqrt(count)) if count > 1 else None
     errors = {
@@ -192,7 +154,7 @@ def _reference_rung(rays: int, scores: _Scores, run: Run | Cost) -> Rung:
         "irradiance_nmse": Metric(value=0.0),
         "nmse_raised": Metric(value=0.0),
     }
-    return Rung(
+    return RefinementLevel(
         setting=count * rays,
         series="reference",
         seconds=count * run.seconds,
@@ -209,9 +171,9 @@ def _mean(values: Float[np.ndarray, " r"]) -> Metric:
 def _users(rays: int) -> tuple[str, ...]:
     """The presets that trace ``rays`` rays at once: in a gradient step, or in one of the evaluation's scrambles."""
     steps = [f"{name}, gradient step" for name, preset in PRESETS.items() if preset.design_rays == rays]
-    judged = [
+    evaluated = [
         f"{name}, 1/{REPLICATES} of the evaluation"
         for name, preset in PRESETS.items()
         if preset.evaluate_rays == rays * REPLICATES
     ]
-    return (*steps, *judged)
+    return (*steps, *evaluated)

@@ -1,17 +1,17 @@
-"""The result of the trade-off: every ladder of one scene, and what each preset costs and leaves there."""
+"""Result of the trade-off: the convergence studies of one scene, and the accuracy of each preset there."""
 
 from typing import TYPE_CHECKING, ClassVar
 
 from lensforge.records import Count, Metric, NotNegative, Number, Record, StageResult, Text
 from lensforge.spec import Accuracy
-from lensforge.studies.tradeoff.ladder import Ladder
+from lensforge.studies.tradeoff.convergence import ConvergenceStudy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 class PresetStage(Record):
-    """What a preset leaves in design or evaluation; ``table_*`` None where its tables were not measured.
+    """Errors of a preset in design or evaluation; ``table_*`` None where its tables were not measured.
 
     ``noise_nmse``: of the filtered irradiance, by ``rays`` rays; ``table_share``: the table's irradiance NMSE over it.
     """
@@ -27,15 +27,15 @@ class PresetStage(Record):
     efficiency_standard_error: NotNegative | None = None
 
 
-class PresetPrice(Record):
-    """A preset in its two stages."""
+class PresetAccuracy(Record):
+    """Accuracy of a preset in its two stages."""
 
     design: PresetStage
     evaluation: PresetStage
 
 
 class MeasuredLens(Record):
-    """How the lens was designed that the ladders were measured on."""
+    """Preset, seed and program version by which the measured lens was designed."""
 
     accuracy: Accuracy
     seed: Count
@@ -43,34 +43,34 @@ class MeasuredLens(Record):
 
 
 class Tradeoff(StageResult):
-    """Accuracy against time for one scene: ``ladders`` by name, ``presets`` read off them, on ``threads`` threads."""
+    """Accuracy against time for one scene: the convergence ``studies`` by name, and the accuracy of the ``presets``."""
 
     stage: ClassVar[str] = "tradeoff"
 
     name: Text
     lens: MeasuredLens
     threads: Count
-    presets: dict[Accuracy, PresetPrice]
-    ladders: dict[Text, Ladder]
+    presets: dict[Accuracy, PresetAccuracy]
+    studies: dict[Text, ConvergenceStudy]
     seconds: NotNegative
 
-    def plot(self, axes: "Axes | None" = None, *, ladder: str = "rays", error: str | None = None) -> "Axes":
-        """An error of a ladder, the first one that it plots, over time or setting; one line for each series.
+    def plot(self, axes: "Axes | None" = None, *, study: str = "rays", error: str | None = None) -> "Axes":
+        """An error of a study, the first one that it plots, over time or setting; one line for each series.
 
-        Raises :class:`InputError` for an unknown ladder, or an error that it has not.
+        Raises :class:`InputError` for an unknown study, or an error that it has not.
         """
         from lensforge.figures.plots import plot_curves, require_choice
 
-        require_choice("ladder", ladder, self.ladders)
-        drawn = self.ladders[ladder]
-        error = next(iter(drawn.plotted or drawn.units)) if error is None else error
+        require_choice("study", study, self.studies)
+        drawn = self.studies[study]
+        error = drawn.plotted[0] if error is None else error
         require_choice("error", error, drawn.units)
         curves: dict[str, tuple[list[float], list[float]]] = {}
-        for rung in drawn.rows:
-            at = rung.seconds if drawn.against == "seconds" else rung.setting
-            if at and not rung.reference and rung.errors[error].value > 0.0:
-                across, up = curves.setdefault(rung.series, ([], []))
+        for level in drawn.levels:
+            at = level.seconds if drawn.against == "seconds" else level.setting
+            if at and not level.reference and level.errors[error].value > 0.0:
+                across, up = curves.setdefault(level.series, ([], []))
                 across.append(at)
-                up.append(rung.errors[error].value)
+                up.append(level.errors[error].value)
         labels = (drawn.against if drawn.against == "seconds" else drawn.knob, error)
         return plot_curves(curves, labels, axes, (True, True))

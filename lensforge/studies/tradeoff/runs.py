@@ -1,21 +1,23 @@
-"""Rays of a scene, traced in independent runs and kept, so that several ladders can look at the same light."""
+"""Independent runs of a scene's rays, kept for several studies to share, and their pictures as in an evaluation."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge import seeds
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.receivers.hits import Hits
-from lensforge.receivers.receiver import Receiver
+from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, gaussian3
+from lensforge.receivers.receiver import Hits, Receiver
 from lensforge.sources.bundle import Source
-from lensforge.studies.tradeoff.ladder import Meter
-
-_SEED_BASE = 2**43  # apart from the seeds of the design, of its evaluation and of its verification
+from lensforge.spec import Spec
+from lensforge.studies.tradeoff.convergence import Meter
 
 
 @dataclass(frozen=True)
-class Run:
+class TracedRun:
     """Hits (mm) and flux (W) on the receiver of one run; ``sampling_s``: the part spent on drawing the rays."""
 
     hits: Float[np.ndarray, "n 2"]
@@ -28,16 +30,30 @@ class Run:
         return len(self.flux)
 
 
-def trace_run(traced: TracedLens, receiver: Receiver, source: Source, rays: int, number: int) -> Run:
-    """Run ``number`` of ``rays`` rays; other numbers are independent scrambles of the same sequence."""
+class RunPicture(NamedTuple):
+    """Efficiency and filtered image (W) of a run."""
+
+    efficiency: float
+    image: Float[np.ndarray, "p p"]
+
+
+class Cost(NamedTuple):
+    """Cost of a run that was not kept: seconds, and peak memory (MB)."""
+
+    seconds: float
+    peak_mb: float
+
+
+def trace_run(traced: TracedLens, receiver: Receiver, source: Source, rays: int, number: int) -> TracedRun:
+    """Trace run ``number`` of ``rays`` rays; other numbers are independent scrambles of the same sequence."""
     with Meter() as all_of_it:
         with Meter() as sampling:
-            bundle = source.sample(rays, _SEED_BASE + number)
+            bundle = source.sample(rays, seeds.of_convergence(number))
         landed = Hits.of(receiver.land(traced.trace(bundle)))
-    return Run(landed.hits, landed.flux, all_of_it.seconds, sampling.seconds, all_of_it.peak_mb)
+    return TracedRun(landed.hits, landed.flux, all_of_it.seconds, sampling.seconds, all_of_it.peak_mb)
 
 
-def resample(run: Run, rays: int, generator: np.random.Generator) -> Run:
+def resample(run: TracedRun, rays: int, generator: np.random.Generator) -> TracedRun:
     """Plain Monte Carlo: ``rays`` rays drawn at random, independently and with replacement, from those of ``run``.
 
     Its expectation is ``run`` itself and its variance that of independent rays, whatever the source. Nothing is
@@ -46,4 +62,25 @@ def resample(run: Run, rays: int, generator: np.random.Generator) -> Run:
     rows = generator.integers(0, len(run), rays)
     share = rays / len(run)
     tracing = (run.seconds - run.sampling_s) * share
-    return Run(run.hits[rows], run.flux[rows] / share, tracing, 0.0, run.peak_mb * share)
+    return TracedRun(run.hits[rows], run.flux[rows] / share, tracing, 0.0, run.peak_mb * share)
+
+
+def picture_of(spec: Spec, flux_w: float, run: TracedRun) -> RunPicture:
+    """The picture of ``run`` by the pixels, filter and window of the evaluation, of a source of ``flux_w``."""
+    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
+    window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
+    image = gaussian3(bin_flux(run.hits, run.flux, grid), spec.evaluate.filter_variance)
+    return RunPicture(flux_in_square(run.hits, run.flux, window_mm) / flux_w, image)
+
+
+def long_run(
+    trace: Callable[[int], TracedRun], picture: Callable[[TracedRun], RunPicture], numbers: Sequence[int]
+) -> tuple[RunPicture, Cost]:
+    """Picture and cost of the runs ``numbers`` as one; none of their rays is kept."""
+    efficiency, image, seconds, peak_mb, parts = 0.0, np.zeros(1), 0.0, 0.0, len(numbers)
+    for number in numbers:
+        run = trace(number)
+        seen = picture(run)
+        efficiency, image = efficiency + seen.efficiency / parts, image + seen.image / parts
+        seconds, peak_mb = seconds + run.seconds, max(peak_mb, run.peak_mb)
+    return RunPicture(efficiency, image), Cost(seconds, peak_mb)

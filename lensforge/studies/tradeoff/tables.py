@@ -1,4 +1,4 @@
-"""Tables: nodes per sigma against the exact surfaces, in nanometres, milliradians, millimetres and irradiance."""
+"""Tables: nodes per sigma, by the error of radius, normal, hits and irradiance against the exact surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,31 +9,39 @@ from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
 from lensforge.lens import Lens
-from lensforge.receivers.hits import Hits
 from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.receiver import Hits
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.studies.tradeoff.ladder import Ladder, Meter, Rung, orders_of
-from lensforge.studies.tradeoff.truth import DIRECTIONS, LIGHT_UNITS, SHAPE_UNITS, SURFACES, Tables, Truth, directions
+from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
+from lensforge.studies.tradeoff.reference import (
+    DIRECTIONS,
+    LIGHT_UNITS,
+    SHAPE_UNITS,
+    SURFACES,
+    ExactReference,
+    Tables,
+    directions,
+)
 from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
-from lensforge.tracing.fused import Scene, trace_tables
+from lensforge.tracing.tables import Scene, trace_tables
 
 SETTINGS = tuple(
-    sorted({value for p in PRESETS.values() for value in (p.nodes_per_sigma, p.judge_nodes_per_sigma)} | {1.7})
+    sorted({value for p in PRESETS.values() for value in (p.nodes_per_sigma, p.evaluate_nodes_per_sigma)} | {1.7})
 )
 _STEP_RAD = 1e-4  # of the central difference: 1e-8 of truncation, 1e-11 of rounding
 
 
 @dataclass(frozen=True)
 class TableMeasurement:
-    """The ladder, the finest grid with its tables, and the exact light that other ladders are held against."""
+    """The study, the finest grid with its tables, and the exact reference for other studies."""
 
-    ladder: Ladder
+    study: ConvergenceStudy
     grid: TableGrid
     tables: Tables
-    truth: Truth
+    reference: ExactReference
 
 
-def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS) -> TableMeasurement:
+def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS) -> TableMeasurement:
     """Tables of each number of nodes per sigma; seconds are those of making them."""
     built = {}
     for setting in settings:
@@ -42,38 +50,28 @@ def table_ladder(lens: Lens, source: Source, settings: Sequence[float] = SETTING
             tables = {name: tabulate(grid, getattr(lens, name)) for name in SURFACES}
         built[setting] = grid, tables, meter
     finest, tables, _ = built[max(settings)]
-    truth = Truth.of(lens, source, finest, tables)
-    rungs = []
+    reference = ExactReference.of(lens, source, finest, tables)
+    levels = []
     for setting, (grid, made, meter) in built.items():
-        light = through_tables(lens, grid, made, truth.rays)
-        errors = truth.shape_errors({name: table_normals(grid, table, directions()) for name, table in made.items()})
-        errors |= truth.light_errors(light.hits, light.flux)
-        nodes = {"nodes": grid.nodes}
-        rungs.append(
-            Rung(
-                setting=setting,
-                series="table",
-                seconds=meter.seconds,
-                peak_mb=meter.peak_mb,
-                errors=errors,
-                presets=_users(setting),
-                other=nodes,
-            )
+        light = through_tables(lens, grid, made, reference.rays)
+        errors = reference.shape_errors(
+            {name: table_normals(grid, table, directions()) for name, table in made.items()}
         )
-    names = tuple(rungs[0].errors)
-    orders = {"table": orders_of(rungs, names)}
-    rungs.append(truth.reference_rung("exact sum", SHAPE_UNITS | LIGHT_UNITS))
-    ladder = Ladder(
+        errors |= reference.light_errors(light.hits, light.flux)
+        levels.append(meter.level(setting, "table", errors, _users(setting), nodes=grid.nodes))
+    orders = {"table": orders_of(levels, tuple(levels[0].errors))}
+    levels.append(reference.level("exact sum", SHAPE_UNITS | LIGHT_UNITS))
+    study = ConvergenceStudy(
         name="tables",
         title="Tables",
         knob="nodes per sigma",
-        reference=f"the exact sum: {DIRECTIONS} directions, {len(truth.rays)} rays",
+        reference=f"the exact sum: {DIRECTIONS} directions, {len(reference.rays)} rays",
         plotted=("rho", "irradiance_nmse"),
         against="seconds",
-        rows=tuple(rungs),
+        levels=tuple(levels),
         order=orders,
     )
-    return TableMeasurement(ladder, finest, tables, truth)
+    return TableMeasurement(study, finest, tables, reference)
 
 
 def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Hits:
@@ -103,5 +101,7 @@ def table_normals(
 
 def _users(setting: float) -> tuple[str, ...]:
     design = [f"{name}, design" for name, preset in PRESETS.items() if preset.nodes_per_sigma == setting]
-    judge = [f"{name}, evaluation" for name, preset in PRESETS.items() if preset.judge_nodes_per_sigma == setting]
-    return (*design, *judge)
+    evaluation = [
+        f"{name}, evaluation" for name, preset in PRESETS.items() if preset.evaluate_nodes_per_sigma == setting
+    ]
+    return (*design, *evaluation)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, plain_text
 from lensforge.sources.rayfiles.format import Format
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile
 
 _HEADER = struct.Struct("<i24x24s4x28x24xi28x")
 _WORDS = 7  # of a ray, and of each record of the header
@@ -27,10 +27,10 @@ def _decode(image: FileImage) -> RayFile:
     _, title, minus_rays = image.unpack(_HEADER)
     rows = image.rows(_HEADER.size, -minus_rays, _WORDS)
     return RayFile(
-        positions=rows[:, 0:3],
+        positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
         flux=rows[:, 6],
-        unit="W",
+        flux_unit="W",
         format=FORMAT.name,
         header={"name": plain_text(title, "latin-1")},
         warnings=("ASAP is experimental: lengths are taken as mm and fluxes as W, check both",),
@@ -38,14 +38,14 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    if rayfile.unit != "W":
+    if rayfile.flux_unit != "W":
         raise InputError(f"{FORMAT.title} files name no unit, and these rays are in lm; convert to tm25 instead")
     if len(rayfile) >= 2**31:
         raise InputError(f"{FORMAT.title} files count to {2**31 - 1} rays, these are {len(rayfile)}; convert to tm25")
     title = str(rayfile.header.get("name") or rayfile.header.get("description") or "")
     yield _HEADER.pack(_MARK, title.encode("latin-1", "replace")[:24].ljust(24), -len(rayfile))
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
-        yield float_rows(block.positions, block.directions, block.flux)
+        yield float_rows(block.positions_mm, block.directions, block.flux)
 
 
 FORMAT = Format("asap", "ASAP binary (experimental)", (".dis",), _matches, _decode, _encode)

@@ -9,12 +9,12 @@ from itertools import takewhile
 
 from lensforge.sources.rayfiles.binary import FileImage, plain_text
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
-from lensforge.sources.rayfiles.record import RayFile, Unit
+from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile
 from lensforge.sources.rayfiles.text import cut_warnings, parse_rows, print_rows
 
 _POSITION = ("x_mm", "y_mm", "z_mm")
 _DIRECTION = ("kx", "ky", "kz")
-_FLUX: dict[str, Unit] = {"flux_w": "W", "flux_lm": "lm"}
+_FLUX: dict[str, FluxUnit] = {"flux_w": "W", "flux_lm": "lm"}
 _WAVELENGTH = "wavelength_nm"
 
 
@@ -42,11 +42,11 @@ def _decode(image: FileImage) -> RayFile:
     order = [names.index(name) for name in kept]
     rows = parse_rows(image, begin, image.size, header_lines + 1, ",", order, width=len(names))
     return RayFile(
-        positions=rows[:, 0:3],
+        positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
         flux=rows[:, 6],
-        unit=_FLUX[flux_names[0]],
-        wavelengths=rows[:, 7] if _WAVELENGTH in names else None,
+        flux_unit=_FLUX[flux_names[0]],
+        wavelengths_nm=rows[:, 7] if _WAVELENGTH in names else None,
         format=FORMAT.name,
         header={"columns": [plain_text(name.encode("latin-1"), "latin-1") for name in names]},
         warnings=cut_warnings(image),
@@ -54,11 +54,11 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    flux_name = next(name for name, unit in _FLUX.items() if unit == rayfile.unit)
-    names = [*_POSITION, *_DIRECTION, flux_name, *([] if rayfile.wavelengths is None else [_WAVELENGTH])]
+    flux_name = next(name for name, unit in _FLUX.items() if unit == rayfile.flux_unit)
+    names = [*_POSITION, *_DIRECTION, flux_name, *([] if rayfile.wavelengths_nm is None else [_WAVELENGTH])]
     yield (",".join(names) + "\n").encode("ascii")
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
-        yield print_rows(block.positions, block.directions, block.flux, block.wavelengths, delimiter=",")
+        yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm, delimiter=",")
 
 
 FORMAT = Format("csv", "comma-separated values", (".csv",), _matches, _decode, _encode)

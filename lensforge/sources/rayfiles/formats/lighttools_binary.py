@@ -1,7 +1,7 @@
 """LightTools binary ray files (`.ray`): `LTRF`, a header of 44 bytes, rows of float32, `LTRFEND`.
 
 The number of rays follows from the size of the file. LightTools writes ray fluxes that add up to the number of rays
-times the flux in the header; the header is the truth, and files written here keep that convention.
+times the flux in the header; the header counts, and files written here keep that convention.
 Tristimulus and polarised rays have no public layout and are refused.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, scaled
 from lensforge.sources.rayfiles.format import Format
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile
 
 _HEADER = struct.Struct("<4s6I4f")
 _MAGIC, _END = b"LTRF", b"LTRFEND"
@@ -48,11 +48,11 @@ def _decode(image: FileImage) -> RayFile:
         warnings.append("lengths are in the unit of the model that wrote it: taken as mm")
     start = 0 if far_field else 3
     return RayFile(
-        positions=_starts(origin, rows) if far_field else scaled(rows[:, 0:3], MM_PER_UNIT[unit_code]),
+        positions_mm=_starts(origin, rows) if far_field else scaled(rows[:, 0:3], MM_PER_UNIT[unit_code]),
         directions=rows[:, start : start + 3],
         flux=rows[:, start + 3],
-        unit="lm" if flux_type else "W",
-        wavelengths=rows[:, start + 4] if colour == _WAVELENGTH else None,
+        flux_unit="lm" if flux_type else "W",
+        wavelengths_nm=rows[:, start + 4] if colour == _WAVELENGTH else None,
         format=FORMAT.name,
         header_flux_w=None if flux_type else known(flux),
         header_flux_lm=known(flux) if flux_type else None,
@@ -71,11 +71,11 @@ def _starts(origin: list[float], rows: np.ndarray) -> np.ndarray:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    colour = _NO_COLOUR if rayfile.wavelengths is None else _WAVELENGTH
+    colour = _NO_COLOUR if rayfile.wavelengths_nm is None else _WAVELENGTH
     total = rayfile.total_flux()
-    yield _HEADER.pack(_MAGIC, 2, 0, int(rayfile.unit == "lm"), 0, colour, _MILLIMETRES, 0.0, 0.0, 0.0, total)
+    yield _HEADER.pack(_MAGIC, 2, 0, int(rayfile.flux_unit == "lm"), 0, colour, _MILLIMETRES, 0.0, 0.0, 0.0, total)
     for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
-        yield float_rows(block.positions, block.directions, block.flux, block.wavelengths)
+        yield float_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm)
     yield _END
 
 

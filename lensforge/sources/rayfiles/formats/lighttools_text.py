@@ -7,7 +7,7 @@ import numpy as np
 
 from lensforge.sources.rayfiles.binary import FileImage, known, plain_text, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
-from lensforge.sources.rayfiles.record import RayFile, Unit
+from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile
 from lensforge.sources.rayfiles.text import numbers, parse_rows, print_rows
 
 _START, _END = b"lt_startofdata", b"lt_endofdata"
@@ -15,7 +15,7 @@ _MM_PER_UNIT = {
     "system": 1.0, "millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0,
     "inches": 25.4, "feet": 304.8, "microns": 1e-3, "micrometers": 1e-3, "nanometers": 1e-6,
 }  # fmt: skip
-_UNITS: dict[str, Unit] = {"luminous_flux": "lm", "radiant_power": "W"}
+_UNITS: dict[str, FluxUnit] = {"luminous_flux": "lm", "radiant_power": "W"}
 _FAR_FIELD = {"no": False, "yes": True}
 _COLOUR = {"none": False, "wavelength": True}
 _Choice = TypeVar("_Choice")
@@ -45,11 +45,11 @@ def _decode(image: FileImage) -> RayFile:
     flux = known((numbers(header.get("lt_radiant_flux", "")) or [0.0])[0])
     start = 0 if far_field else 3
     return RayFile(
-        positions=_origin(image, header, len(rows)) if far_field else scaled(rows[:, 0:3], mm_per_unit),
+        positions_mm=_origin(image, header, len(rows)) if far_field else scaled(rows[:, 0:3], mm_per_unit),
         directions=rows[:, start : start + 3],
         flux=rows[:, start + 3],
-        unit=unit,
-        wavelengths=rows[:, start + 4] if coloured else None,
+        flux_unit=unit,
+        wavelengths_nm=rows[:, start + 4] if coloured else None,
         format=FORMAT.name,
         header_flux_w=flux if unit == "W" else None,
         header_flux_lm=flux if unit == "lm" else None,
@@ -84,9 +84,9 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     header = {
         "lt_rdf_version": "2.0",
         "dataname": str(rayfile.header.get("dataname") or rayfile.header.get("name") or "rays"),
-        "lt_datatype": "radiant_power" if rayfile.unit == "W" else "luminous_flux",
+        "lt_datatype": "radiant_power" if rayfile.flux_unit == "W" else "luminous_flux",
         "lt_far_field_data": "no",
-        "lt_color_info": "none" if rayfile.wavelengths is None else "wavelength",
+        "lt_color_info": "none" if rayfile.wavelengths_nm is None else "wavelength",
         "lt_length_units": "millimeters",
         "lt_data_origin": "0 0 0",
         "lt_radiant_flux": f"{total:.9g}",
@@ -94,7 +94,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     lines = [f"{key}: {value}" for key, value in header.items()]
     yield "\n".join([*lines, "lt_startofdata", ""]).encode("ascii", "replace")
     for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
-        yield print_rows(block.positions, block.directions, block.flux, block.wavelengths)
+        yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm)
     yield _END + b"\n"
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known
 from lensforge.sources.rayfiles.format import Format
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile
 
 _HEADER = struct.Struct("<7f")
 _MARK = struct.pack("<5f", *(2.0,) * 5)
@@ -25,11 +25,11 @@ def _decode(image: FileImage) -> RayFile:
     rows = image.rows(_HEADER.size, (image.size - _HEADER.size) // 32, 8)
     warnings = () if known(watts) else ("the header states no power: the energies are taken as W",)
     return RayFile(
-        positions=rows[:, 0:3],
+        positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
         flux=rows[:, 7],
-        unit="W",
-        wavelengths=rows[:, 6],
+        flux_unit="W",
+        wavelengths_nm=rows[:, 6],
         format=FORMAT.name,
         header_flux_w=known(watts),
         header_flux_lm=known(lumens),
@@ -39,15 +39,15 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    if rayfile.unit != "W" or rayfile.wavelengths is None:
-        have = "lm" if rayfile.unit != "W" else "no wavelengths"
+    if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
+        have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
         raise InputError(
             f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
         )
     total = rayfile.total_flux()
     yield _HEADER.pack(total, *(2.0,) * 5, rayfile.header_flux_lm or 0.0)
     for block in rayfile.blocks_adding_up_to(total):
-        yield float_rows(block.positions, block.directions, block.wavelengths, block.flux)
+        yield float_rows(block.positions_mm, block.directions, block.wavelengths_nm, block.flux)
 
 
 FORMAT = Format("speos", "SPEOS binary", (".ray",), _matches, _decode, _encode)

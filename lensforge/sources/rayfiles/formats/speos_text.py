@@ -11,7 +11,7 @@ import numpy as np
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
-from lensforge.sources.rayfiles.record import RayFile
+from lensforge.sources.rayfiles.rayfile import RayFile
 from lensforge.sources.rayfiles.text import cut_warnings, numbers, opening_lines, parse_rows, print_rows
 
 _WIDTHS = (9, 14)
@@ -42,11 +42,11 @@ def _decode(image: FileImage) -> RayFile:
         raise image.refuse(f"line 1 promises {count:.0f} rays, the file holds {len(rows)}; fetch or export it again")
     unused = ("columns 10 to 14 are not used here, and lost when converted",) if rows.shape[1] > _WIDTHS[0] else ()
     return RayFile(
-        positions=rows[:, 1:4],
+        positions_mm=rows[:, 1:4],
         directions=rows[:, 4:7],
         flux=rows[:, 8],
-        unit="W",
-        wavelengths=rows[:, 7],
+        flux_unit="W",
+        wavelengths_nm=rows[:, 7],
         format=FORMAT.name,
         warnings=(
             "SPEOS text is experimental: lengths are taken as mm and energies as W, check both",
@@ -57,8 +57,8 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    if rayfile.unit != "W" or rayfile.wavelengths is None:
-        have = "lm" if rayfile.unit != "W" else "no wavelengths"
+    if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
+        have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
         raise InputError(
             f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
         )
@@ -66,7 +66,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     number = 1
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
         numbered = np.arange(number, number + len(block), dtype=np.float64)
-        yield print_rows(numbered, block.positions, block.directions, block.wavelengths, block.flux)
+        yield print_rows(numbered, block.positions_mm, block.directions, block.wavelengths_nm, block.flux)
         number += len(block)
 
 

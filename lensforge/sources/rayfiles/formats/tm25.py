@@ -14,7 +14,7 @@ import numpy as np
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, plain_text
 from lensforge.sources.rayfiles.format import Format, require_watts_with_wavelengths
-from lensforge.sources.rayfiles.record import HeaderValue, RayFile, SpectralTable, as_float64, shared_wavelength
+from lensforge.sources.rayfiles.rayfile import HeaderValue, RayFile, SpectralTable, as_float64, shared_wavelength
 
 _FIXED = struct.Struct("<4s2i2fQ28s2i3f3i168x8i")
 _COUNT = struct.Struct("<i")
@@ -81,11 +81,11 @@ def _decode(image: FileImage) -> RayFile:
     unit, name = ("W", "radiant") if fields.flags["radiant"] else ("lm", "luminous")
     at = fields.column(name)
     return RayFile(
-        positions=rows[:, 0:3],
+        positions_mm=rows[:, 0:3],
         directions=rows[:, 3:6],
         flux=rows[:, at],
-        unit="W" if unit == "W" else "lm",
-        wavelengths=_wavelengths(fields, rows),
+        flux_unit="W" if unit == "W" else "lm",
+        wavelengths_nm=_wavelengths(fields, rows),
         spectrum_numbers=rows[:, fields.column("spectrum_index")] if fields.flags["spectrum_index"] else None,
         format=FORMAT.name,
         header_flux_w=known(fields.radiant_w),
@@ -182,7 +182,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(_without_shared_wavelength(rayfile), FORMAT.title)
     header = rayfile.header
     tables = rayfile.spectral_tables
-    per_ray = rayfile.wavelengths is not None and rayfile.single_wavelength is None
+    per_ray = rayfile.wavelengths_nm is not None and rayfile.single_wavelength is None
     total = rayfile.total_flux()
     yield _fixed_bytes(rayfile, total, len(tables), per_ray)
     for name in _TEXTS:
@@ -190,18 +190,18 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     block = b"".join(_table_bytes(table) for table in tables)
     yield block.ljust(_padded(_TABLES_START + len(block)) - _TABLES_START, b"\0")
     for rays in rayfile.blocks_adding_up_to(total):
-        yield float_rows(rays.positions, rays.directions, rays.flux, rays.wavelengths if per_ray else None)
+        yield float_rows(rays.positions_mm, rays.directions, rays.flux, rays.wavelengths_nm if per_ray else None)
 
 
 def _without_shared_wavelength(rayfile: RayFile) -> RayFile:
     """A shared wavelength stands in the header, where lumens do not mind it."""
     if rayfile.single_wavelength is None:
         return rayfile
-    return RayFile(rayfile.positions, rayfile.directions, rayfile.flux, rayfile.unit)
+    return RayFile(rayfile.positions_mm, rayfile.directions, rayfile.flux, rayfile.flux_unit)
 
 
 def _fixed_bytes(rayfile: RayFile, total: float, tables: int, per_ray: bool) -> bytes:
-    header, watts = rayfile.header, rayfile.unit == "W"
+    header, watts = rayfile.header, rayfile.flux_unit == "W"
     single = rayfile.single_wavelength
     spectral_id = 2 if per_ray else 1 if single is not None else 3 if tables else 0
     flags = (1, 1, watts, per_ray, not watts, 0, 0, 0)
@@ -224,7 +224,7 @@ def _padded_text(text: str) -> bytes:
 
 
 def _table_bytes(table: SpectralTable) -> bytes:
-    pairs = np.stack([table.wavelength_nm, table.weight], axis=1).astype("<f4")
+    pairs = np.stack([table.wavelengths_nm, table.power_density], axis=1).astype("<f4")
     return _COUNT.pack(len(pairs)) + pairs.tobytes()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, plain_text, scaled
 from lensforge.sources.rayfiles.format import Format, require_watts_with_wavelengths
-from lensforge.sources.rayfiles.record import RayFile, Unit, shared_wavelength
+from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, shared_wavelength
 
 _HEADER = struct.Struct("<iI100s7fI13f4i")
 _IDENTIFIERS = (1010, 8675309)
@@ -37,15 +37,15 @@ def _decode(image: FileImage) -> RayFile:
     if flux_type not in (0, 1):
         raise image.refuse(f"flux type {flux_type}: 0 (W) or 1 (lm); export it again")
     spectral = ray_format == _SPECTRAL
-    unit: Unit = "lm" if flux_type == 1 and not spectral else "W"
+    unit: FluxUnit = "lm" if flux_type == 1 and not spectral else "W"
     rows = image.rows(_HEADER.size, rays, 8 if spectral else 7)
     shared = known(microns)
     return RayFile(
-        positions=scaled(rows[:, 0:3], MM_PER_UNIT[units]),
+        positions_mm=scaled(rows[:, 0:3], MM_PER_UNIT[units]),
         directions=rows[:, 3:6],
         flux=rows[:, 6],
-        unit=unit,
-        wavelengths=_nanometres(rows[:, 7]) if spectral else _shared(shared, rays),
+        flux_unit=unit,
+        wavelengths_nm=_nanometres(rows[:, 7]) if spectral else _shared(shared, rays),
         format=FORMAT.name,
         header_flux_w=known(ray_set_flux) if unit == "W" else None,
         header_flux_lm=known(ray_set_flux) if unit == "lm" else None,
@@ -70,7 +70,7 @@ def _shared(microns: float | None, rays: int) -> np.ndarray | None:
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     single = rayfile.single_wavelength
-    spectral = rayfile.wavelengths is not None and single is None
+    spectral = rayfile.wavelengths_nm is not None and single is None
     if spectral:
         require_watts_with_wavelengths(rayfile, FORMAT.title)
     total = rayfile.total_flux()
@@ -79,11 +79,12 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         _IDENTIFIERS[0], len(rayfile), description.encode("ascii", "replace")[:99],
         total, total, 0.0 if single is None else single / NM_PER_MICRON, 0.0, 0.0, 0.0, 0.0, _MILLIMETRES,
         *(0.0,) * 6, *(1.0,) * 3, *(0.0,) * 4,
-        _SPECTRAL if spectral else _FLUX_ONLY, int(rayfile.unit == "lm"), 0, 0,
+        _SPECTRAL if spectral else _FLUX_ONLY, int(rayfile.flux_unit == "lm"), 0, 0,
     )  # fmt: skip
     for block in rayfile.blocks_adding_up_to(total):
-        waves = scaled(block.wavelengths, 1.0 / NM_PER_MICRON) if spectral and block.wavelengths is not None else None
-        yield float_rows(block.positions, block.directions, block.flux, waves)
+        waves_nm = block.wavelengths_nm if spectral else None
+        microns = None if waves_nm is None else scaled(waves_nm, 1.0 / NM_PER_MICRON)
+        yield float_rows(block.positions_mm, block.directions, block.flux, microns)
 
 
 FORMAT = Format("zemax_binary", "Zemax binary", (".dat", ".sdf"), _matches, _decode, _encode)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from lensforge.sources.rayfiles.binary import FileImage, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format, require_watts_with_wavelengths
 from lensforge.sources.rayfiles.formats.zemax_binary import MM_PER_UNIT, NM_PER_MICRON
-from lensforge.sources.rayfiles.record import RayFile, Unit
+from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile
 from lensforge.sources.rayfiles.text import cut_warnings, numbers, opening_lines, parse_rows, print_rows
 
 _MILLIMETRES = 4
@@ -43,14 +43,14 @@ def _decode(image: FileImage) -> RayFile:
     if len(rows) != rays:
         raise image.refuse(f"line 1 promises {rays:.0f} rays, the file holds {len(rows)}; fetch or export it again")
     spectral = rows.shape[1] == 8
-    unit: Unit = "lm" if flux_type == 1.0 and not spectral else "W"
+    unit: FluxUnit = "lm" if flux_type == 1.0 and not spectral else "W"
     mm_per_unit = MM_PER_UNIT[int(unit_code)]
     return RayFile(
-        positions=scaled(rows[:, 0:3], mm_per_unit),
+        positions_mm=scaled(rows[:, 0:3], mm_per_unit),
         directions=rows[:, 3:6],
         flux=rows[:, 6],
-        unit=unit,
-        wavelengths=scaled(rows[:, 7], NM_PER_MICRON) if spectral else None,
+        flux_unit=unit,
+        wavelengths_nm=scaled(rows[:, 7], NM_PER_MICRON) if spectral else None,
         format=FORMAT.name,
         header={"mm_per_unit": mm_per_unit},
         warnings=cut_warnings(image),
@@ -59,11 +59,11 @@ def _decode(image: FileImage) -> RayFile:
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(rayfile, FORMAT.title)
-    spectral = rayfile.wavelengths is not None
-    yield f"{len(rayfile)} {_MILLIMETRES} {2 if spectral else 0} {int(rayfile.unit == 'lm')}\n".encode("ascii")
+    spectral = rayfile.wavelengths_nm is not None
+    yield f"{len(rayfile)} {_MILLIMETRES} {2 if spectral else 0} {int(rayfile.flux_unit == 'lm')}\n".encode("ascii")
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
-        waves = None if block.wavelengths is None else scaled(block.wavelengths, 1.0 / NM_PER_MICRON)
-        yield print_rows(block.positions, block.directions, block.flux, waves)
+        microns = None if block.wavelengths_nm is None else scaled(block.wavelengths_nm, 1.0 / NM_PER_MICRON)
+        yield print_rows(block.positions_mm, block.directions, block.flux, microns)
 
 
 FORMAT = Format("zemax_text", "Zemax text", (".txt",), _matches, _decode, _encode)

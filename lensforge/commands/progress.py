@@ -1,0 +1,73 @@
+"""Progress of a design on stderr: level, loss, efficiency, time left."""
+
+from collections.abc import Callable
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from lensforge.optimisation.design import Progress as Step
+from lensforge.spec import Spec
+
+
+class Reporter:
+    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage.
+
+    ``observers`` are called with every step.
+    """
+
+    def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
+        self._observers = observers
+        self._console = Console(stderr=True, highlight=False)
+        self._levels = len(spec.lens.levels)
+        self._name = spec.name
+        self._last: Step | None = None
+        self._bar = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[numbers]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task(self._name, total=None, numbers="")
+
+    def __enter__(self) -> "Reporter":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def on_step(self, step: Step) -> None:
+        """Show a gradient step."""
+        numbers = f"NMSE {step.nmse:.4f}  efficiency {step.efficiency:.3f}"
+        self._bar.update(
+            self._task,
+            completed=step.steps_done,
+            total=step.steps_total,
+            description=f"{self._name}  level {step.level + 1}/{self._levels}",
+            numbers=numbers,
+        )
+        new_level = self._last is not None and self._last.level != step.level
+        if self._bar.disable and (new_level or step.steps_done == step.steps_total):
+            shown = step if step.steps_done == step.steps_total else self._last
+            assert shown is not None
+            self._console.print(
+                f"level {shown.level + 1}/{self._levels}  step {shown.steps_done}/{step.steps_total}  "
+                f"NMSE {shown.nmse:.4f}  efficiency {shown.efficiency:.3f}"
+            )
+        self._last = step
+        for observer in self._observers:
+            observer(step)
+
+    def on_stage(self, stage: str) -> None:
+        """Show that a later stage begins."""
+        if self._bar.disable:
+            self._console.print(stage)
+        self._bar.update(self._task, description=f"{self._name}  {stage}", numbers="")

@@ -1,0 +1,93 @@
+"""``sweep`` and ``tradeoff``: one field of a spec varied, and accuracy against time."""
+
+from pathlib import Path
+
+import click
+
+from lensforge.arguments import threads_of_torch
+from lensforge.commands.design import run_with_progress
+from lensforge.commands.options import ACCURACY, RAYS, SEED, THREADS, with_rays
+from lensforge.commands.printing import print_table
+from lensforge.criteria import require
+from lensforge.spec import Accuracy, Spec, load_spec
+
+_PRINTED = ("nmse", "uniformity", "efficiency", "max_radius_mm", "height_mm")
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--vary", required=True, metavar="FIELD=V1,V2,...", help="The field and its values.")
+@click.option("--scale", multiple=True, metavar="FIELD", help="A field that keeps its ratio to the varied one.")
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_sweep.")
+@ACCURACY
+@SEED
+@click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
+@RAYS
+@THREADS
+def sweep(
+    spec: Path,
+    vary: str,
+    scale: tuple[str, ...],
+    out: Path | None,
+    accuracy: Accuracy,
+    seed: int,
+    resume: bool,
+    rays: int | None,
+    threads: int | None,
+) -> None:
+    """Design SPEC for each value of a field; writes sweep.json, sweep.png and sweep.html.
+
+    \b
+    lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
+        --scale lens.inner_offset_mm --scale lens.outer_offset_mm
+    """
+    from lensforge.studies.sweep.runs import run_sweep
+    from lensforge.studies.sweep.vary import parse_variation
+
+    content = with_rays(load_spec(spec), rays)
+    variation = parse_variation(vary, scale)
+    directory = out or Path("cad_out") / f"{content.name}_sweep"
+
+    def go(spec: Spec, folder: Path, resume: bool) -> object:
+        return run_with_progress(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
+
+    result = run_sweep(
+        content,
+        variation,
+        directory,
+        go,
+        accuracy=accuracy,
+        seed=seed,
+        resume=resume,
+        announce=lambda line: click.echo(line, err=True),
+    )
+    for row in result.designs:
+        figures = row.model_dump(mode="json", include=set(_PRINTED), exclude_none=True)
+        print_table({key: figures[key] for key in _PRINTED if key in figures}, f"{row.folder}.")
+    click.echo(f"page\t{directory / 'sweep.html'}")
+    require(result.criteria)
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
+@click.option(
+    "--most-rays",
+    type=click.IntRange(2**12, 2**24),
+    default=2**20,
+    show_default=True,
+    help="Rays of the longest runs in the convergence study; 2^24 takes some minutes.",
+)
+@THREADS
+def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) -> None:
+    """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
+    content = load_spec(spec)
+    directory = out or Path("cad_out") / content.name
+
+    from lensforge.studies.tradeoff.measure import Effort, run_tradeoff
+
+    with threads_of_torch(threads):
+        effort = Effort.up_to(most_rays)
+        found = run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
+    print_table(found.model_dump(mode="json", include={"presets"})["presets"])
+    click.echo(f"page\t{directory / 'tradeoff.html'}")

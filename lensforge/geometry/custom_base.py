@@ -1,0 +1,176 @@
+"""A custom base: one solid from the user's STEP file, in the lens's coordinates, joined to the body and to its mesh.
+
+Its top lies in z = 0, on the plane ring between the two rims, so that the optical faces take no part in the union:
+they keep their surfaces, and the union is one of plane faces that touch. The union of the meshes keeps every vertex of
+the optical faces, and adds some to their rims where the base's outline crosses them.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from lensforge.errors import InputError
+from lensforge.geometry.mesh import INNER, OUTER, RIM, BodyMesh
+from lensforge.geometry.solid import Solid, uniquely_named
+from lensforge.geometry.step import read_products
+
+BASE = "BASE"
+
+_PLANE_MM = 1e-5  # the uncertainty that STEP files state
+_COVERED_SHARE = 1e-4  # of the opening: a bore as wide as the cavity covers none of it, up to rounding
+_VOLUME_SHARE = 1e-7  # of the base: what the union may lose or gain
+_ANGLE_RAD = 0.1  # between neighbouring facets of a round face of the base
+
+
+@dataclass(frozen=True)
+class CustomBase:
+    """The solid of a file, in mm, with its named faces, and the file."""
+
+    solid: Solid
+    path: Path
+
+
+def read_custom_base(path: Path) -> CustomBase:
+    """The one solid of ``path``. Raises :class:`InputError` for anything else, or where its top is not in z = 0."""
+    parts = read_products(path, "a base is named relative to its spec", "export it as AP203, AP214 or AP242")
+    solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
+    if len(solids) != 1:
+        raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")
+    base = Solid(solids[0][0], solids[0][1].faces)
+    if not base.valid:
+        raise InputError(f"{path}: its solid is not valid (open, or cutting itself); repair it where it was made")
+    top = _top_mm(base)
+    if abs(top) > _PLANE_MM:
+        raise InputError(f"{path}: its top is at z = {top:.6g} mm, the lens ends at 0; move it by {-top:.6g} mm in z")
+    return CustomBase(base, path)
+
+
+def join_base(body: Solid, base: CustomBase) -> Solid:
+    """``body``, a lens without a base, and ``base`` as one solid; faces keep their names, others are ``BASE``.
+
+    Raises :class:`InputError` where the base does not touch the lens, or covers or closes the cavity.
+    """
+    import cadquery as cq
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+
+    _require_placement(body, base)
+    added = base.solid
+    union = BRepAlgoAPI_Fuse(body.shape.wrapped, added.shape.wrapped)
+    solids = cq.Shape.cast(union.Shape()).Solids() if union.IsDone() else []
+    if len(solids) != 1:
+        raise InputError(f"{base.path}: makes {len(solids)} solids with the lens, not one; look where the two touch")
+    if len(solids[0].Shells()) != 1:
+        raise InputError(f"{base.path}: closes the cavity; it must leave a way in from below for the LED")
+    names = {face: name for name, face in added.faces.items()}
+    sources = [*body.faces.items(), *((names.get(face, BASE), face) for face in added.shape.Faces())]
+    faces = [(name, piece) for name, face in sources for piece in _pieces(union, face)]
+    joined = Solid(solids[0], uniquely_named(faces))
+    change = abs(joined.volume_mm3 - body.volume_mm3 - added.volume_mm3)
+    if not {OUTER, INNER} <= set(joined.faces) or change > _VOLUME_SHARE * added.volume_mm3:
+        raise InputError(f"{base.path}: its union with the lens is wrong by {change:.3g} mm^3; simplify the base's top")
+    return joined
+
+
+def _pieces(union: Any, face: Any) -> list[Any]:
+    """Pieces of ``face`` in the union: itself, its parts, or nothing where the two solids touched."""
+    import cadquery as cq
+
+    changed = [cq.Face(piece) for piece in union.Modified(face.wrapped)]
+    if changed or union.IsDeleted(face.wrapped):
+        return changed
+    return [face]
+
+
+def _require_placement(body: Solid, base: CustomBase) -> None:
+    """The base leaves the cavity open in z = 0, and touches the ring between the rims."""
+    import cadquery as cq
+
+    ring = body.faces[RIM]
+    (mouth,) = ring.innerWires()
+    opening = cq.Face.makeFromWires(mouth)
+    covered = _common_area(opening, base.solid) / opening.Area()
+    if covered > _COVERED_SHARE:
+        raise InputError(
+            f"{base.path}: covers {100.0 * covered:.3g} % of the cavity's opening; "
+            f"it must leave free a circle of {2.0 * _reach_mm(mouth):.4g} mm about the axis in z = 0"
+        )
+    if _common_area(ring, base.solid) <= _COVERED_SHARE * opening.Area():
+        raise InputError(
+            f"{base.path}: does not meet the lens, whose rim lies in z = 0 between {_reach_mm(mouth):.4g} and "
+            f"{_reach_mm(ring.outerWire()):.4g} mm from the axis"
+        )
+
+
+def _top_mm(base: Solid) -> float:
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(base.shape.wrapped, box, False, False)
+    return float(box.CornerMax().Z())
+
+
+def _common_area(face: Any, base: Solid) -> float:
+    """Area (mm^2) of ``face`` that lies in or on the base."""
+    import cadquery as cq
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
+
+    common = BRepAlgoAPI_Common(face.wrapped, base.shape.wrapped)
+    return float(sum(piece.Area() for piece in cq.Shape.cast(common.Shape()).Faces()))
+
+
+def _reach_mm(wire: Any) -> float:
+    """Largest distance (mm) of a wire from the axis, by points along it."""
+    points = [wire.positionAt(k / 720.0) for k in range(720)]
+    return float(max((point.x**2 + point.y**2) ** 0.5 for point in points))
+
+
+def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
+    """``mesh`` and ``base``, whose facets keep within ``chord_mm``, as one mesh; all of the base is the face ``BASE``.
+
+    Raises :class:`InputError` where the kernel's mesh of the base is not closed.
+    """
+    lens = _manifold(mesh.vertices, mesh.triangles, mesh.face)
+    vertices, triangles = tessellated(base.solid, chord_mm)
+    below = _manifold(vertices, triangles, np.full(len(triangles), len(mesh.names)))
+    if below.is_empty():
+        raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid where it was made")
+    joined = (lens + below).to_mesh64()
+    return BodyMesh(
+        np.array(joined.vert_properties),  # a copy: the views of the library are read-only
+        np.asarray(joined.tri_verts).astype(np.int64),
+        np.asarray(joined.face_id).astype(np.int64),
+        (*mesh.names, BASE),
+        mesh.rings,
+    )
+
+
+def _manifold(
+    vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"], face: Int[np.ndarray, " t"]
+) -> Any:
+    import manifold3d
+
+    mesh = manifold3d.Mesh64(
+        vert_properties=np.ascontiguousarray(vertices, dtype=np.float64),
+        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
+        face_id=np.ascontiguousarray(face, dtype=np.uint64),
+    )
+    return manifold3d.Manifold(mesh)
+
+
+def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    """The kernel's facets, face by face, with the vertices on shared edges merged."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(base.shape.wrapped, chord_mm, False, _ANGLE_RAD)
+    points: list[tuple[float, float, float]] = []
+    corners = []
+    for face in base.shape.Faces():
+        vertices, triangles = face.tessellate(chord_mm, _ANGLE_RAD)
+        corners.append(np.array(triangles, dtype=np.int64) + len(points))
+        points += [vertex.toTuple() for vertex in vertices]
+    merged, index = np.unique(np.round(np.array(points), 9), axis=0, return_inverse=True)
+    return merged, index.reshape(-1)[np.concatenate(corners)]

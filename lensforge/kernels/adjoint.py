@@ -1,0 +1,130 @@
+"""Adjoint of ``trace``, ray by ray, without a second search.
+
+Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; what the hit does to the normal behind it needs
+the Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
+"""
+
+from math import sqrt
+
+from lensforge.kernels.fates import Fate
+from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.refraction import outward_normal, refract, refract_adjoint, transmittance
+from lensforge.kernels.spline import scatter, slope_and_curvature
+
+
+@inline
+def derivatives(x, y, z, table, origin, inverse_step):
+    """First and second derivatives of the table in the direction of a point: X, Y, XX, XY, YY."""
+    shift = sqrt(x * x + y * y + z * z) + z
+    return slope_and_curvature(table, origin, inverse_step, x / shift, y / shift)
+
+
+@inline
+def hessian_times(x, y, z, vx, vy, vz, jet):
+    """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
+    rho_x, rho_y, xx, xy, yy = jet
+    r = sqrt(x * x + y * y + z * z)
+    ux, uy, uz = x / r, y / r, z / r
+    shift = r + z
+    X, Y = x / shift, y / shift
+    gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
+    ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
+    bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y
+    radial = ux * vx + uy * vy + uz * vz
+    hx, hy, hz = (vx - ux * radial) / r, (vy - uy * radial) / r, (vz - uz * radial) / r  # Hessian of |p| times v
+    av = ax * vx + ay * vy + az * vz
+    bv = bx * vx + by * vy + bz * vz
+    gv = gx * vx + gy * vy + gz * vz
+    # Hessian of X times v = -(av g + X h + gv a) / shift, and likewise for Y.
+    to_a = -(xx * av + xy * bv) + rho_x * gv / shift
+    to_b = -(xy * av + yy * bv) + rho_y * gv / shift
+    to_g = (rho_x * av + rho_y * bv) / shift
+    to_h = 1.0 + (rho_x * X + rho_y * Y) / shift
+    return (
+        to_h * hx + to_a * ax + to_b * bx + to_g * gx,
+        to_h * hy + to_a * ay + to_b * by + to_g * gy,
+        to_h * hz + to_a * az + to_b * bz + to_g * gz,
+        -av,
+        -bv,
+    )
+
+
+@inline
+def hit_adjoint(
+    x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet, gradient, origin, inverse_step
+):  # fmt: skip
+    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m), to the ray's start.
+
+    Adds those to the table's coefficients to ``gradient``. Returns the sensitivity to the start point; that to the
+    direction is the path length times it.
+    """
+    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
+    ex, ey, ez = ex + hx, ey + hy, ez + hz
+    by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
+    r = sqrt(x * x + y * y + z * z)
+    scatter(gradient, origin, inverse_step, x / (r + z), y / (r + z), by_radius, by_slope_x, by_slope_y)
+    return ex - by_radius * nx, ey - by_radius * ny, ez - by_radius * nz
+
+
+@kernel
+def trace_adjoint(
+    origins, directions, emitted, indices, inner, outer, scene, lengths, fates,
+    level, by_crossings, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
+):  # fmt: skip
+    """Add every ray's contribution to the gradients by the tables' coefficients.
+
+    If it left the lens: to where it crosses the plane ``z = level``, to its direction (where ``by_directions`` is not
+    empty) and to its flux; to sin^2 also if the outer surface reflected it totally.
+    """
+    fresnel, table_origin, inverse_step = scene
+    for k in range(len(emitted)):
+        index = indices[min(k, len(indices) - 1)]
+        left = fates[k] == Fate.LEFT_LENS
+        if not left and not (fates[k] == Fate.TOTAL_REFLECTION and lengths[k, 1] > 0.0):
+            continue
+        gx, gy, gw, gs, fx, fy, fz = 0.0, 0.0, 0.0, by_sin2[k], 0.0, 0.0, 0.0
+        if left:
+            gx, gy, gw = by_crossings[k, 0], by_crossings[k, 1], by_flux[k]
+            if len(by_directions) > 0:
+                fx, fy, fz = by_directions[k, 0], by_directions[k, 1], by_directions[k, 2]
+        crosses = gx != 0.0 or gy != 0.0
+        if not crosses and gw == 0.0 and gs == 0.0 and fx == 0.0 and fy == 0.0 and fz == 0.0:
+            continue
+        # the ray again, forwards
+        ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
+        t1, t2 = lengths[k, 0], lengths[k, 1]
+        px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
+        jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
+        nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
+        bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, 1.0 / index)
+        through1, slope1 = transmittance(c1, sqrt(q1_squared), 1.0 / index) if fresnel else (1.0, 0.0)
+        sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
+        jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
+        mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
+        cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
+        if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
+            continue  # tangent, or at the critical angle, to the last bit: there is no derivative
+        # and backwards: behind the lens, outer surface, inner surface
+        by_c2 = -2.0 * index * index * c2 * gs
+        through2, slope2 = 1.0, 0.0
+        if left and fresnel:
+            through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
+        by_c2 += gw * emitted[k] * through1 * slope2
+        ex, ey, ez = 0.0, 0.0, 0.0
+        if crosses:
+            t3 = (level - sz) / cz
+            by_t3 = gx * cx + gy * cy
+            ex, ey, ez = gx, gy, -by_t3 / cz
+            fx, fy, fz = fx + gx * t3, fy + gy * t3, fz - by_t3 * t3 / cz
+        by_c1 = gw * emitted[k] * through2 * slope1
+        fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
+        ex, ey, ez = hit_adjoint(
+            sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
+            jet2, outer_gradient, table_origin, inverse_step,
+        )  # fmt: skip
+        fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
+        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
+        hit_adjoint(
+            px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
+            jet1, inner_gradient, table_origin, inverse_step,
+        )  # fmt: skip

@@ -1,0 +1,63 @@
+"""Sums over rays for the merit function, in one pass, and their adjoint.
+
+Besides the image these are two terms for rays that the image cannot see: they have no flux and no derivative in it, so
+plain descent never leads them back. Each is bounded, ``e/(1+e)``, so that a few wild rays cannot outweigh the image,
+and counts the flux that a ray left the source with.
+"""
+
+from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.splat import add_to_pixels, pixels_adjoint
+
+# Squared exit sine from which a ray counts as near total reflection, and the excess that counts as one.
+SAFE_SIN2 = 0.97
+SIN2_SCALE = 0.1
+
+
+@inline
+def excess_outside(x, y, half):
+    """Distances of a hit from the receiver in x and in y, in its half widths."""
+    return max(abs(x) - half, 0.0) / half, max(abs(y) - half, 0.0) / half
+
+
+@kernel
+def collect(hits, flux, sin2_exit, landed, emitted, side, window, image, sums):
+    """Add all rays to ``image`` (pixels, pixels) and to ``sums``: in the window, outside, totally reflected."""
+    half = 0.5 * side
+    for k in range(len(emitted)):
+        excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
+        if excess > 0.0:
+            sums[2] += emitted[k] * excess / (1.0 + excess)
+        if not landed[k]:
+            continue
+        x, y = hits[k, 0], hits[k, 1]
+        add_to_pixels(x, y, flux[k], side, image)
+        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+            sums[0] += flux[k]
+        if abs(x) > half or abs(y) > half:
+            ex, ey = excess_outside(x, y, half)
+            excess = ex * ex + ey * ey
+            sums[1] += emitted[k] * excess / (1.0 + excess)
+
+
+@kernel
+def collect_adjoint(hits, flux, sin2_exit, landed, emitted, side, window, by_image, by_sums, by_hits, by_flux, by_sin2):
+    """Fill the sensitivities to hits (n, 2), flux (n,) and squared exit sines (n,)."""
+    half = 0.5 * side
+    for k in range(len(emitted)):
+        by_hits[k, 0], by_hits[k, 1], by_flux[k], by_sin2[k] = 0.0, 0.0, 0.0, 0.0
+        excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
+        if excess > 0.0:
+            by_sin2[k] = by_sums[2] * emitted[k] / ((1.0 + excess) * (1.0 + excess) * SIN2_SCALE)
+        if not landed[k]:
+            continue
+        x, y = hits[k, 0], hits[k, 1]
+        by_x, by_y, by_w = pixels_adjoint(x, y, flux[k], side, by_image)
+        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+            by_w += by_sums[0]
+        if abs(x) > half or abs(y) > half:
+            ex, ey = excess_outside(x, y, half)
+            bounded = 1.0 + ex * ex + ey * ey
+            slope = 2.0 * by_sums[1] * emitted[k] / (half * bounded * bounded)
+            by_x += slope * ex if x > 0.0 else -slope * ex
+            by_y += slope * ey if y > 0.0 else -slope * ey
+        by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w

@@ -1,0 +1,72 @@
+"""Compiling kernels and running them on every core.
+
+numba keys its cache by the file of the outer function alone, so an edit in a called kernel would go unnoticed. The
+cache folder is therefore named by a digest of every file beside this one and of numba's version: all kernels, and what
+they take their constants from, live in this folder.
+
+Rays are cut into a fixed number of chunks, whatever the number of threads, and callers add partial sums in the order
+of the chunks: the same bits on any number of threads.
+"""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+
+CHUNKS = 8
+
+
+def cache_folder(kernels: Path) -> Path:
+    """Folder for what is compiled from the sources in ``kernels``; another one as soon as any of them changes."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(kernels.glob("*.py")):
+        digest.update(source.read_bytes())
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = home / "lensforge" / f"kernels-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:  # a read-only home: the kernels are compiled once for each process
+        return Path(tempfile.mkdtemp(prefix="lensforge-kernels-"))
+
+
+_FOLDER = str(cache_folder(Path(__file__).parent))
+
+# Kernels allocate nothing. Without numba's runtime (_nrt) no call counts references to its arrays: that is an atomic
+# operation on memory that all threads share, for every evaluation of a surface.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _FOLDER
+    try:
+        compiled: Callable[..., Any] = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+        return compiled
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+inline = numba.njit(forceinline=True, **_OPTIONS)
+
+
+def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
+    """Run ``work(chunk number, slice of rays)`` for every chunk on as many threads as torch may use."""
+    edges = np.linspace(0, count, CHUNKS + 1).astype(int)
+    list(_pool(torch.get_num_threads()).map(lambda i: work(i, slice(edges[i], edges[i + 1])), range(CHUNKS)))
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Kept from call to call: a search makes some ten calls in every step."""
+    return ThreadPoolExecutor(threads)

@@ -1,0 +1,22 @@
+"""Intersection of exit rays with the plane ``z = distance`` of a receiver."""
+
+from lensforge.kernels.fates import Fate
+from lensforge.kernels.jit import kernel
+
+# A ray that rises less (rad) meets the plane nowhere: its hit and their squares would overflow.
+LEAST_RISE = 1e-12
+
+
+@kernel
+def land(points, directions, exit_flux, fates, distance, hits, flux, landed, missed_receiver):
+    """Fill, per ray, hit x and y (2), flux, and whether it landed, or left the lens without ever reaching the plane."""
+    for k in range(len(exit_flux)):
+        hits[k, 0], hits[k, 1], flux[k] = 0.0, 0.0, 0.0
+        left = fates[k] == Fate.LEFT_LENS
+        landed[k] = left and directions[k, 2] > LEAST_RISE
+        missed_receiver[k] = left and not landed[k]
+        if landed[k]:
+            t = (distance - points[k, 2]) / directions[k, 2]
+            hits[k, 0] = points[k, 0] + t * directions[k, 0]
+            hits[k, 1] = points[k, 1] + t * directions[k, 1]
+            flux[k] = exit_flux[k]

@@ -1,0 +1,78 @@
+"""Snell's law and Fresnel's equations at a dielectric surface, and their adjoints.
+
+``ratio`` is n_before / n_after; normals point along the ray, ``c = d.n > 0``.
+"""
+
+from math import sqrt
+
+from lensforge.kernels.jit import inline
+
+
+@inline
+def transmitted_cosine(c, ratio):
+    """Square of the cosine behind the surface; not positive: total reflection.
+
+    ``1 - ratio^2 (1 - c^2)`` without its cancellations: a body of air passes even grazing rays unbent.
+    """
+    return (1.0 - ratio) * (1.0 + ratio) + (ratio * c) * (ratio * c)
+
+
+@inline
+def transmittance(c, q, ratio):
+    """Unpolarised Fresnel transmittance (Born & Wolf 1.5.2) and its derivative with respect to ``c``."""
+    r_s = (ratio * c - q) / (ratio * c + q)
+    r_p = (c - ratio * q) / (c + ratio * q)
+    dq = ratio * ratio * c / q
+    by_r_s = 2.0 * ratio * (q - c * dq) / ((ratio * c + q) * (ratio * c + q))
+    by_r_p = 2.0 * ratio * (q - c * dq) / ((c + ratio * q) * (c + ratio * q))
+    value = 1.0 - 0.5 * (r_s * r_s + r_p * r_p)
+    return value, -(r_s * by_r_s + r_p * by_r_p)
+
+
+@inline
+def outward_normal(x, y, z, rho_x, rho_y):
+    """Gradient of ``|p| - rho(p/|p|)`` from the table's slopes: not normalised, pointing away from the origin."""
+    r = sqrt(x * x + y * y + z * z)
+    per_r, per_shift = 1.0 / r, 1.0 / (r + z)
+    radial = (rho_x * x + rho_y * y) * per_shift * per_shift
+    along = (1.0 + radial) * per_r
+    return x * along - rho_x * per_shift, y * along - rho_y * per_shift, z * along + radial
+
+
+@inline
+def refract(dx, dy, dz, nx, ny, nz, ratio):
+    """Direction behind a surface with normal (nx, ny, nz) of any length; cosines before and behind (squared)."""
+    length = sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    c = dx * nx + dy * ny + dz * nz
+    q_squared = transmitted_cosine(c, ratio)
+    if q_squared <= 0.0:
+        return dx, dy, dz, c, q_squared
+    along = sqrt(q_squared) - ratio * c
+    return ratio * dx + along * nx, ratio * dy + along * ny, ratio * dz + along * nz, c, q_squared
+
+
+@inline
+def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):
+    """Adjoint of ``refract``: from sensitivities to the new direction (e) and to the cosine before, to d and n."""
+    length = sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    c = dx * nx + dy * ny + dz * nz
+    q_squared = transmitted_cosine(c, ratio)
+    if q_squared > 0.0:
+        q = sqrt(q_squared)
+        along = q - ratio * c
+        by_cosine += (nx * ex + ny * ey + nz * ez) * (ratio * ratio * c / q - ratio)
+    else:  # totally reflected: only the cosine matters
+        ratio = 0.0
+        along = 0.0
+    mx, my, mz = along * ex + by_cosine * dx, along * ey + by_cosine * dy, along * ez + by_cosine * dz
+    radial = mx * nx + my * ny + mz * nz
+    return (
+        ratio * ex + by_cosine * nx,
+        ratio * ey + by_cosine * ny,
+        ratio * ez + by_cosine * nz,
+        (mx - radial * nx) / length,
+        (my - radial * ny) / length,
+        (mz - radial * nz) / length,
+    )

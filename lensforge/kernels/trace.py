@@ -1,0 +1,95 @@
+"""Tracing: rays through both surfaces and out of the lens, one loop over rays.
+
+``scene`` is ``(Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's refractive index for each
+ray, or one for all. The path lengths that the search found are kept, so that the adjoint need not
+search again.
+"""
+
+from math import sqrt
+
+from lensforge.kernels.fates import Fate
+from lensforge.kernels.first_hit import BELOW, FOUND, first_hit, tile_of
+from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.refraction import outward_normal, refract, transmittance
+from lensforge.kernels.spline import value_and_slope
+
+
+@inline
+def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
+    """Entry of a source ray into the cavity: its fate, and the path (mm) to z = 0 for one that starts below.
+
+    The fate is that of rays that leave the lens where nothing ends them here.
+    """
+    if dz <= 0.0:
+        return Fate.BACKWARD, 0.0
+    start = max(0.0, -pz / dz)
+    x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
+    r = sqrt(x * x + y * y + z * z)
+    if not r <= bounds.most:  # in this form also where x is no number
+        return Fate.OUTSIDE_CAVITY, start
+    X, Y = x / (r + z), y / (r + z)
+    if r >= bounds.least and r >= tile_of(X, Y, origin, bounds)[0]:
+        rho, _, _ = value_and_slope(table, origin, inverse_step, X, Y)
+        if r >= rho:
+            return Fate.OUTSIDE_CAVITY, start
+    return Fate.LEFT_LENS, start
+
+
+@kernel
+def trace(
+    origins, directions, emitted, indices, inner, outer, inner_bounds, outer_bounds, scene,
+    lengths, exit_points, exit_directions, flux, sin2_exit, fates,
+):  # fmt: skip
+    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
+
+    Points and directions come as zeros, and stay so where a ray does not leave the lens.
+    """
+    fresnel, table_origin, inverse_step = scene
+    for k in range(len(emitted)):
+        index = indices[min(k, len(indices) - 1)]
+        px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        lengths[k, 0] = 0.0
+        lengths[k, 1] = 0.0
+        sin2_exit[k] = 0.0
+        flux[k] = emitted[k]
+        fate, start = entry(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
+        fates[k] = fate
+        if fate != Fate.LEFT_LENS:
+            continue
+        px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
+        # the inner surface
+        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
+        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
+        lengths[k, 0] = start + t
+        if status != FOUND or pz < 0.0:
+            fates[k] = Fate.BASE if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
+            continue
+        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, 1.0 / index)
+        if q_squared <= 0.0 or c <= 0.0:
+            fates[k] = Fate.TOTAL_REFLECTION
+            continue
+        if fresnel:
+            flux[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
+        # the outer surface
+        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
+        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
+        lengths[k, 1] = t
+        if status != FOUND or pz < 0.0:
+            fates[k] = (
+                Fate.BASE
+                if status == BELOW or pz < 0.0
+                else (Fate.SURFACES_INTERSECT if t == 0.0 else Fate.NOT_CONVERGED)
+            )
+            continue
+        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
+        sin2_exit[k] = 1.0 - q_squared
+        if q_squared <= 0.0 or c <= 0.0:
+            fates[k] = Fate.TOTAL_REFLECTION
+            continue
+        if fresnel:
+            flux[k] *= transmittance(c, sqrt(q_squared), index)[0]
+        exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
+        exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz

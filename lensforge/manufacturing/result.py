@@ -1,0 +1,234 @@
+"""The result of the manufacturing check: both faces, the wall, room for the cutter, the tools, and the findings."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.criteria import Criterion
+from lensforge.records import (
+    Array,
+    Flag,
+    NotNegative,
+    Number,
+    Point,
+    Positive,
+    Record,
+    Share,
+    StageResult,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+FaceMap = Annotated[Float[np.ndarray, "c c"], Array("c", "c", gaps=True)]
+FacePoints = Annotated[Float[np.ndarray, "c c 3"], Array("c", "c", 3, gaps=True)]
+FaceName = Literal["inner", "outer"]
+Variant = Literal["least_squares", "free_centre", "minimum_pv", "enclosing", "inscribed"]
+
+
+class Sphere(Record):
+    """A best-fit sphere and the face's departure from it, along the sphere's normal."""
+
+    variant: Variant
+    radius_mm: Positive
+    centre_mm: Point
+    pv_mm: NotNegative
+    rms_mm: NotNegative
+    slope_departure_mrad: NotNegative
+
+
+class Curvature(Record):
+    """Principal curvatures seen from the air: a hollow is negative. None where the face is convex everywhere."""
+
+    kappa_min_per_mm: Number
+    kappa_max_per_mm: Number
+    smallest_concave_radius_mm: Positive | None
+
+
+class Cutter(Record):
+    """The ball of ``radius_mm`` on a face.
+
+    ``largest_radius_mm``: None where a ball of any radius reaches the whole face. ``residual_mm``: material left
+    uncut; None where the cutter reaches nothing.
+    """
+
+    radius_mm: Positive
+    reachable_fraction: Share
+    local_ok_fraction: Share
+    largest_radius_mm: Positive | None
+    residual_mm: NotNegative | None
+
+
+class Draft(Record):
+    """Draft towards the axis (degrees), and the shares of the area that have less than half a degree, and than two."""
+
+    min: Number
+    area_fraction_below_half: Share
+    area_fraction_below_two: Share
+
+
+class FaceResult(Record):
+    """One optical face."""
+
+    best_fit_sphere: Sphere
+    other_spheres: tuple[Sphere, ...]
+    curvature: Curvature
+    cutter: Cutter
+    draft_deg: Draft
+    undercut_fraction: Share
+    largest_tilt_deg: NotNegative
+    area_mm2: Positive
+
+
+class Wall(Record):
+    """The thinnest place of the wall."""
+
+    thickness_mm: Number
+    inner_point_mm: Point
+    outer_point_mm: Point
+
+
+class Walls(Record):
+    """The thinnest wall along the cavity's normal, and along the ray from the origin."""
+
+    normal: Wall
+    radial: Wall
+
+
+class OuterRelief(Record):
+    """The step that the base needs for the ball, and the setback of its wall; None where nothing is reached."""
+
+    smallest_step_mm: NotNegative | None
+    step_clearance_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class InnerRelief(Record):
+    """Width (all around) that the bore needs beyond the cavity; None where nothing is reached."""
+
+    bore_clearance_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class CustomBaseRelief(Record):
+    """Material of a custom base in the way of the ball: its greatest depth; None where nothing is reached."""
+
+    retreat_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class Relief(Record):
+    """Room for the cutter at the base; ``note`` says why there is nothing to clear."""
+
+    outer: OuterRelief | CustomBaseRelief | None
+    inner: InnerRelief | CustomBaseRelief | None
+    note: Text | None = None
+
+
+class Scallop(Record):
+    """Cusps between passes where the face is most convex; None where no number describes them."""
+
+    height_nm: NotNegative | None
+    slope_mrad: NotNegative | None
+    stepover_for_slope_limit_mm: NotNegative | None
+
+
+class Scallops(Record):
+    """Cusps of both faces at the spec's stepover."""
+
+    stepover_mm: Positive
+    slope_limit_mrad: Positive
+    inner: Scallop
+    outer: Scallop
+
+
+class ToolReach(Record):
+    """Share of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows."""
+
+    ball_reachable_fraction: Share
+    reachable_fraction_untilted: Share
+    reachable_fraction: Share
+    largest_radius_mm: Positive | None
+
+
+class ToolResult(Record):
+    """One tool of the spec on both faces."""
+
+    name: Text
+    radius_mm: Positive
+    shank_radius_mm: Positive
+    length_mm: Positive
+    holder_half_angle_deg: NotNegative
+    inner: ToolReach
+    outer: ToolReach
+
+
+class Finding(Record):
+    """One statement on what the shop can do with this lens: its subject, its face, whether it holds, and the reason."""
+
+    name: Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
+    surface: Literal["inner", "outer", "body"]
+    holds: Flag
+    reason: Text
+
+
+class Check(StageResult):
+    """Can it be made, and with what. ``criteria`` are those of the design, ``verdicts`` the findings on the tools.
+
+    Maps over the chart of each face, [X, Y], NaN outside of the rim: points (mm), departure from the best-fit sphere
+    (mm), principal curvatures (1/mm), uncut height (mm), and 1 where the cutter reaches.
+    """
+
+    stage: ClassVar[str] = "check"
+
+    make: Literal["part", "insert"]
+    inner: FaceResult
+    outer: FaceResult
+    min_wall_mm: Number
+    wall: Walls
+    relief: Relief
+    scallop: Scallops
+    tools: tuple[ToolResult, ...]
+    criteria: tuple[Criterion, ...]
+    verdicts: tuple[Finding, ...]
+    seconds: NotNegative
+    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
+    inner_xyz: FacePoints
+    inner_sag_mm: FaceMap
+    inner_kappa_min: FaceMap
+    inner_kappa_max: FaceMap
+    inner_residual_mm: FaceMap
+    inner_reachable: FaceMap
+    outer_xyz: FacePoints
+    outer_sag_mm: FaceMap
+    outer_kappa_min: FaceMap
+    outer_kappa_max: FaceMap
+    outer_residual_mm: FaceMap
+    outer_reachable: FaceMap
+
+    def __str__(self) -> str:
+        return "\n".join(f"{'yes' if each.holds else 'no '} {each.name}: {each.reason}" for each in self.verdicts)
+
+    def plot(
+        self,
+        axes: "Axes | None" = None,
+        *,
+        surface: FaceName = "outer",
+        quantity: Literal["sag_mm", "kappa_min", "kappa_max", "residual_mm"] = "sag_mm",
+    ) -> "Axes":
+        """``quantity`` of one face over its chart. Raises :class:`InputError` for an unknown face or quantity."""
+        from lensforge.figures.plots import plot_face, require_choice
+
+        labels = {
+            "sag_mm": "departure from the best-fit sphere (mm)",
+            "kappa_min": "smaller curvature (1/mm)",
+            "kappa_max": "larger curvature (1/mm)",
+            "residual_mm": "left uncut (mm)",
+        }
+        require_choice("surface", surface, ("inner", "outer"))
+        require_choice("quantity", quantity, labels)
+        values, half_width = getattr(self, f"{surface}_{quantity}"), float(self.chart_axis[-1])
+        return plot_face(values, half_width, f"{surface}: {labels[quantity]}", axes)

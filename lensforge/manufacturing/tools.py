@@ -1,0 +1,171 @@
+"""Whole tools against the part: the share of each face that a ball mill reaches with shank and holder clear of it.
+
+The ball's centre C is over the contact by its radius. Around the tool's axis, at a distance t beyond C, the shank is a
+cylinder up to ``length_mm``, from where the holder's cone widens. The axis may lean from the lens axis by the machine's
+largest tilt: of a fan of directions, one that is clear is enough.
+
+Contacts and obstacles are samples, so a clash that is narrower than their spacing can be missed: the fractions are
+for planning, the shop's own simulation decides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.manufacturing.cutter import largest_ball_mm, reachable
+from lensforge.manufacturing.face import AirSide, FaceSamples, sample_face
+from lensforge.manufacturing.face_check import FaceCheck, bounded
+from lensforge.manufacturing.relief import CustomBaseMesh
+from lensforge.manufacturing.result import ToolReach, ToolResult
+from lensforge.spec import BaseSection, Tool
+
+_CLEARANCE = 1e-9  # mm: a shank that touches is clear
+_TILT_STEP_RAD = np.deg2rad(15.0)
+_TURNS = 12
+_CHUNK = 256
+_CONTACT_NODES, _OBSTACLE_NODES = 41, 61
+_RINGS = 9
+_AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0.0, 0.0, -1.0])}
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Shares of a face's area: reached by the ball alone, by the untilted tool, by the tool with its best tilt."""
+
+    ball: float
+    untilted: float
+    tilted: float
+
+
+def tool_reach(
+    samples: FaceSamples,
+    ball_fits: Bool[np.ndarray, " k"],
+    tool: Tool,
+    away: Float[np.ndarray, "3"],
+    max_tilt_rad: float,
+    obstacles: Float[np.ndarray, "m 3"],
+) -> Reached:
+    """Shares of a face that ``tool`` reaches; ``away``: unit direction in which the untilted tool leaves the part.
+
+    ``ball_fits`` says where its ball alone may touch; ``obstacles`` are points of the part, the face's own among them.
+    """
+    centres = samples.points + tool.radius_mm * samples.normals
+    waiting = np.flatnonzero(ball_fits)
+    reached = np.zeros(len(centres), dtype=bool)
+    untilted = 0.0
+    for number, axis in enumerate(tool_axes(away, max_tilt_rad)):
+        clear = _is_clear(centres[waiting], axis, tool, obstacles)
+        reached[waiting[clear]] = True
+        waiting = waiting[~clear]
+        if number == 0:
+            untilted = samples.fraction(reached)
+        if not len(waiting):
+            break
+    return Reached(samples.fraction(ball_fits), untilted, samples.fraction(reached))
+
+
+def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:
+    """Directions that lean from ``away`` (+z or -z) by no more than the largest tilt, least tilt first."""
+    axes = [away]
+    tilts = (
+        [*np.arange(_TILT_STEP_RAD, max_tilt_rad - 1e-9, _TILT_STEP_RAD), max_tilt_rad] if max_tilt_rad > 0.0 else []
+    )
+    for tilt in tilts:
+        turn = np.arange(_TURNS) * 2.0 * np.pi / _TURNS
+        around = np.stack([np.cos(turn), np.sin(turn), np.zeros(_TURNS)], axis=-1)
+        axes += list(np.sin(tilt) * around + np.cos(tilt) * away)
+    return np.array(axes)
+
+
+def _is_clear(
+    centres: Float[np.ndarray, "k 3"], axis: Float[np.ndarray, "3"], tool: Tool, obstacles: Float[np.ndarray, "m 3"]
+) -> Bool[np.ndarray, " k"]:
+    """True for a centre where shank and holder, along ``axis`` from it, have every obstacle outside."""
+    slope = float(np.tan(np.deg2rad(tool.holder_half_angle_deg)))
+    first, second = _across(axis)
+    along, x, y = obstacles @ axis, obstacles @ first, obstacles @ second
+    clear = np.empty(len(centres), dtype=bool)
+    for start in range(0, len(centres), _CHUNK):
+        some = centres[start : start + _CHUNK]
+        t = along - (some @ axis)[:, None]
+        squared = (x - (some @ first)[:, None]) ** 2 + (y - (some @ second)[:, None]) ** 2
+        radius = tool.shank_radius_mm + slope * np.maximum(t - tool.length_mm, 0.0) - _CLEARANCE
+        clear[start : start + _CHUNK] = ~((t > 0.0) & (squared < radius * radius)).any(axis=1)
+    return clear
+
+
+def _across(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Two unit vectors that make a right-angled frame with ``axis``."""
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def check_tools(
+    tools: tuple[Tool, ...],
+    inner: FaceCheck,
+    outer: FaceCheck,
+    base: BaseSection | None,
+    custom: CustomBaseMesh | None,
+    max_tilt_rad: float,
+) -> tuple[ToolResult, ...]:
+    """Each tool with what it reaches of each face.
+
+    ``base`` is None where there is none: a mould insert; ``custom`` is the base from a STEP file.
+    """
+    if not tools:
+        return ()
+    reaches = [_reaches(tools, face, _obstacles(face, base, custom), max_tilt_rad) for face in (inner, outer)]
+    return tuple(
+        ToolResult(
+            name=tool.name,
+            radius_mm=tool.radius_mm,
+            shank_radius_mm=tool.shank_radius_mm,
+            length_mm=tool.length_mm,
+            holder_half_angle_deg=tool.holder_half_angle_deg,
+            inner=of_inner,
+            outer=of_outer,
+        )
+        for tool, of_inner, of_outer in zip(tools, *reaches, strict=True)
+    )
+
+
+def _reaches(
+    tools: tuple[Tool, ...], face: FaceCheck, obstacles: Float[np.ndarray, "m 3"], max_tilt_rad: float
+) -> list[ToolReach]:
+    """The shares of one face that each tool reaches."""
+    contacts = sample_face(face.samples.face, _CONTACT_NODES)
+    ball, away = largest_ball_mm(contacts, face.samples.points), _AWAY[face.samples.face.air]
+    found = []
+    for tool in tools:
+        reached = tool_reach(contacts, reachable(ball, tool.radius_mm), tool, away, max_tilt_rad, obstacles)
+        found.append(
+            ToolReach(
+                ball_reachable_fraction=reached.ball,
+                reachable_fraction_untilted=reached.untilted,
+                reachable_fraction=reached.tilted,
+                largest_radius_mm=bounded(face.largest_cutter_mm),
+            )
+        )
+    return found
+
+
+def _obstacles(face: FaceCheck, base: BaseSection | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
+    """Points of the face itself, and of the base near it: the bore below the cavity, the top around the dome."""
+    on_face = sample_face(face.samples.face, _OBSTACLE_NODES).points
+    if base is None or base.kind == "none":
+        return on_face
+    if custom is not None:
+        return np.concatenate([on_face, custom.points()])
+    turn = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    rim = face.samples.face.radius(circle)
+    rings = []
+    for part in np.linspace(0.0, 1.0, _RINGS):
+        if face.name == "inner":
+            radius, depth = rim, part * base.height_mm
+        else:
+            radius, depth = rim + part * np.maximum(base.widest_mm / 2.0 - rim, 0.0), base.relief_step_mm
+        rings.append(np.column_stack([radius[:, None] * circle, np.full(len(turn), -depth)]))
+    return np.concatenate([on_face, *rings])

@@ -1,0 +1,112 @@
+"""Sums over traced rays for the merit function: by the compiled kernels as one torch operation, or in plain torch."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from lensforge.kernels.collect import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
+from lensforge.kernels.jit import CHUNKS, in_chunks
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.receiver import Landings
+
+
+@dataclass(frozen=True)
+class Collected:
+    """Sums over rays, all in W and differentiable in the landings and the exit sines.
+
+    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the efficiency window.
+    ``outside_receiver``: flux outside of it, each ray by ``e^2/(1+e^2)``, e its distance from the receiver in half
+    widths. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient leads
+    totally reflected rays back and keeps others away. The last two count the flux with which a ray left the source,
+    as a constant.
+    """
+
+    image: Float[Tensor, "p p"]
+    in_window: Float[Tensor, ""]
+    outside_receiver: Float[Tensor, ""]
+    total_reflection: Float[Tensor, ""]
+
+
+class _Collect(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
+        window_mm: float,
+    ) -> Any:  # fmt: skip
+        images, sums = np.zeros((CHUNKS, grid.pixels, grid.pixels)), np.zeros((CHUNKS, 3))
+        rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
+
+        def work(chunk: int, part: slice) -> None:
+            collect(*(array[part] for array in rays), grid.side_mm, window_mm, images[chunk], sums[chunk])
+
+        in_chunks(work, len(emitted))
+        ctx.rays, ctx.lengths_mm = rays, (grid.side_mm, window_mm)
+        return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
+
+    @staticmethod
+    def backward(ctx: Any, by_image: Tensor, by_sums: Tensor) -> Any:
+        rays = ctx.rays
+        by_hits, by_flux, by_sin2 = (np.empty_like(array) for array in rays[:3])
+        pixels, sums = by_image.contiguous().numpy(), by_sums.contiguous().numpy()
+
+        def work(_: int, part: slice) -> None:
+            collect_adjoint(
+                *(array[part] for array in rays), *ctx.lengths_mm, pixels, sums,
+                by_hits[part], by_flux[part], by_sin2[part],
+            )  # fmt: skip
+
+        in_chunks(work, len(by_flux))
+        return *(torch.from_numpy(array) for array in (by_hits, by_flux, by_sin2)), None, None, None, None
+
+
+def collected(
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); float64, CPU. The window is a centred square."""
+    image, sums = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        landings.hits, landings.flux, sin2_exit, landings.landed, emitted, grid, window_mm
+    )
+    return Collected(image, sums[0], sums[1], sums[2])
+
+
+def collected_on_device(
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
+) -> Collected:
+    """Collect rays that left the source with ``emitted`` (W); all on one device, and so the result."""
+    landed = landings.landed
+    hits, flux = landings.hits[landed], landings.flux[landed]
+    distance, half = hits.abs(), 0.5 * grid.side_mm
+    in_window = (distance <= 0.5 * window_mm).all(dim=1)
+    outside = ((distance - half).clamp(min=0.0) / half).square().sum(dim=1)
+    over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
+    return Collected(
+        image=_splat(hits, flux, grid),
+        in_window=flux[in_window].sum(),
+        outside_receiver=(emitted[landed] * _bounded(outside)).sum(),
+        total_reflection=(emitted * _bounded(over)).sum(),
+    )
+
+
+def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """``e/(1+e)``: a few wild rays cannot outvote the image."""
+    return excess / (1.0 + excess)
+
+
+def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "p p"]:
+    """Share each ray's flux among the four nearest pixels; a frame takes what falls outside the outermost ones."""
+    pixels = grid.pixels
+    position = (hits / grid.side_mm + 0.5) * pixels - 0.5
+    near = ((position > -1.0) & (position < pixels)).all(dim=1)
+    position, flux = position[near], flux[near]
+    first = torch.floor(position.detach())
+    (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
+    shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
+    side = pixels + 2
+    corner = torch.tensor([0, 1, side, side + 1], device=flux.device)[:, None]
+    # adds in a fixed order, on a GPU too
+    image = flux.new_zeros(side * side).index_put((row * side + column + corner,), flux * shares, accumulate=True)
+    return image.reshape(side, side)[1:-1, 1:-1]

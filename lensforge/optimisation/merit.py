@@ -1,0 +1,137 @@
+"""Merit function: from parameters and rays to the number that a search descends, and its parts for the history.
+
+The terms of the image are differentiable on torch images [row y, column x].
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.optics.materials import normal_transmittance
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.collect import Collected
+from lensforge.optimisation.light_path import LightPath
+from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.symmetry import mirror_mean
+from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.targets import target_irradiance
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.spec import Spec
+from lensforge.tracing.tables import Scene
+
+# Factors of the terms beside an NMSE of order 0.01 to 1. A scene that is evaluated by uniformity and efficiency wants
+# its efficiency in every stage; where the image counts, that is part of the NMSE.
+_OUTSIDE_RECEIVER = 0.3
+_IMAGE_FACTORS = {"total_reflection": 0.3, "efficiency": 0.15}
+_UNIFORM_FACTORS = {"total_reflection": 0.1, "efficiency": 1.2}
+# In the uniformity stage the image may be traded for an even mask.
+_UNIFORM_VARIANCE = 10.0
+_UNIFORM_SHORTFALL = 300.0
+_UNIFORM_MARGIN = 0.03
+_UNIFORM_IMAGE = 0.2
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """One evaluation: the loss to descend, constraints included, and its parts for the history."""
+
+    loss: Float[Tensor, ""]
+    nmse: float
+    efficiency: float
+    fields: Float[Tensor, "c k"]
+
+
+@dataclass(frozen=True)
+class MeritFunction:
+    """The scene of a design: its light path, and the flux (W) wanted on each pixel of the receiver."""
+
+    spec: Spec
+    parametrisation: Parametrisation
+    light: LightPath
+    wanted: Float[Tensor, "p p"]
+    mask: Bool[Tensor, "p p"] | None
+
+    @staticmethod
+    def of(
+        spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None = None
+    ) -> "MeritFunction":
+        """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE.
+
+        Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU.
+        """
+        receiver = PlaneReceiver.of(spec.target, spec.optimise.pixels)
+        fresnel = spec.optimise.fresnel
+        limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
+        wanted = torch.from_numpy(target_irradiance(spec.target, receiver.grid))
+        scene = Scene(spec.lens.refractive_index, parametrisation.grid, fresnel)
+        light = LightPath(scene, receiver, spec.evaluate.window_mm or spec.target.receiver_mm, device)
+        mask = None
+        if spec.target.uniform_mm is not None:
+            # half a pixel more: the outermost strip of the region belongs to pixels whose centres are beside it
+            mask = torch.from_numpy(receiver.grid.square_mask(spec.target.uniform_mm + receiver.grid.pitch_mm))
+        return MeritFunction(spec, parametrisation, light, wanted * limit, mask)
+
+    def evaluate(
+        self,
+        weights: Float[Tensor, "k 2"],
+        offsets: Float[Tensor, "2"],
+        rays: RayBundle,
+        constraints: AugmentedLagrangian,
+        uniform: bool,
+    ) -> Evaluated:
+        """Trace ``rays``; ``uniform`` puts the uniformity of the mask before the image."""
+        inner, outer = self.parametrisation.tables(weights, offsets)
+        light = self.light.collect(inner, outer, rays)
+        flux = mirror_mean(light.image, self.spec.lens.basis.symmetry)
+        emitted_w = float(rays.flux.sum())
+        nmse = nmse_loss(flux, self.wanted)
+        image = nmse
+        if uniform and self.mask is not None:
+            image = _UNIFORM_IMAGE * nmse + self._nonuniformity(flux, self.mask)
+        loss = image + _flux_terms(light, **(_IMAGE_FACTORS if self.mask is None else _UNIFORM_FACTORS)) / emitted_w
+        fields = constraints.fields(inner, outer)
+        efficiency = float(flux.detach().sum()) / emitted_w
+        return Evaluated(loss + constraints.term(fields), nmse.item(), efficiency, fields)
+
+    def _nonuniformity(self, flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
+        variance = _UNIFORM_VARIANCE * uniformity_loss(flux, mask)
+        return variance + _UNIFORM_SHORTFALL * shortfall_loss(flux, mask, _UNIFORM_MARGIN)
+
+
+def _flux_terms(light: Collected, total_reflection: float, efficiency: float) -> Float[Tensor, ""]:
+    """Flux (W) that has no gradient in the image: outside of the receiver, totally reflected, in the window."""
+    lost = _OUTSIDE_RECEIVER * light.outside_receiver + total_reflection * light.total_reflection
+    return lost - efficiency * light.in_window
+
+
+def nmse_loss(flux: Float[Tensor, "p p"], wanted: Float[Tensor, "p p"]) -> Float[Tensor, ""]:
+    """Normalised mean-square error, Eq. (7); ``wanted`` carries all flux that is possible: a dim image has an error."""
+    return torch.sum((flux - wanted) ** 2) / torch.sum(wanted**2)
+
+
+def uniformity_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
+    """Relative variance inside ``mask``, Eq. (8), with the mean taken over the mask's pixels."""
+    inside = flux[mask]
+    return torch.mean((inside / _scale(inside) - 1.0) ** 2)
+
+
+def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
+    """The mean; 1 where all is dark, so that a mask without a ray is bad, not undefined."""
+    mean = inside.mean()
+    return torch.where(mean > 0.0, mean, 1.0)
+
+
+def shortfall_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"], margin: float) -> Float[Tensor, ""]:
+    """Mean square of what pixels inside ``mask`` lack to ``1 - margin`` of the mask's mean.
+
+    Uniformity is least over mean: a variance hardly sees the one corner that decides it. The image is smoothed by
+    the 3 x 3 Gaussian of the evaluation first, so that ray noise does not count as a shortfall.
+    """
+    taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)
+    kernel = torch.outer(taps, taps) / taps.sum() ** 2
+    padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
+    inside = torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0][mask]
+    return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)

@@ -1,0 +1,58 @@
+"""Validation, the same for records and specs: an error of pydantic as one line, and equality to the bit."""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from lensforge.errors import InputError
+
+_MOST_CHARACTERS = 80  # of a value in a message
+
+
+def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:
+    """One line for the first wrong field of what ``origin`` names: its value, what is allowed, and ``remedy``.
+
+    ``unions``: fields whose ``kind`` chose one of several forms; the user has not written it in the path to a field.
+    """
+    first = error.errors(include_url=False)[0]
+    location = first["loc"]
+    field = ".".join(
+        str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
+    )
+    message = first["msg"].removeprefix("Value error, ")
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    parts = [part for part in (origin, f"{field}{_given(first['input'])}" if field else "", f"{message}{more}") if part]
+    return InputError(" ".join((": ".join(parts) + (f"; {remedy}" if remedy else "")).split()))
+
+
+def _given(value: object) -> str:
+    """`` = value``; of a list its type; nothing for a table or an array, of which the message says what is wrong."""
+    if isinstance(value, Mapping | BaseModel | np.ndarray):
+        return ""
+    shown = repr(value) if value is None or isinstance(value, str | int | float | Path) else type(value).__name__
+    return f" = {shown if len(shown) <= _MOST_CHARACTERS else shown[: _MOST_CHARACTERS - 3] + '...'}"
+
+
+def its_type(value: object) -> str:
+    """The type of ``value`` for a message: ``a str``, ``an int``."""
+    name = type(value).__name__
+    return f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
+
+
+def same(one: Any, other: Any) -> bool:
+    """True where two values are equal, arrays to the bit; NaN equals NaN in an array."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return (
+            isinstance(one, np.ndarray)
+            and isinstance(other, np.ndarray)
+            and one.dtype == other.dtype
+            and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+        )
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
+    return bool(one == other)

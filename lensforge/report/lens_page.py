@@ -1,0 +1,160 @@
+"""The report on one lens: a page that needs nothing else, from its results."""
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from lensforge.errors import InputError
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens
+from lensforge.manufacturing.result import Check
+from lensforge.report import headline, pictures, proof
+from lensforge.report.cards import cards
+from lensforge.report.headline import task
+from lensforge.report.measured import measured
+from lensforge.report.numerals import size
+from lensforge.report.page import template
+from lensforge.report.referees import gap_pictures, referee_rows
+from lensforge.report.snapshots import Snapshot, load_snapshots
+from lensforge.report.solid_view import Rendering, SolidViews
+from lensforge.report.stray_light import stray_pictures, stray_sentence
+from lensforge.report.tables import Row, plain, rows
+from lensforge.results import REPORT_FILE, Results
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.verification.proof import Proof
+from lensforge.version import __version__
+
+_PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """One file, with the hash by which anyone can tell it from another."""
+
+    name: str
+    size: str
+    sha256: str
+
+
+def render_report(results: Results, folder: Path | None = None) -> str:
+    """The page on ``results``; ``folder``: where they lie, whose files and snapshots of the search are then shown.
+
+    A stage that has not run is named as such in its section. Raises :class:`InputError` for a damaged snapshot, an
+    STL that is no mesh, or a file that cannot be read.
+    """
+    part = results.find(Part)
+    if part is None:
+        views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
+        return template(REPORT_FILE).render(**_context(results, folder), **_solid(views))
+    with closing(Rendering(part.stl, _optics_radius_mm(results.lens))) as rendering:
+        context = _context(results, folder)
+        return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
+
+
+def _optics_radius_mm(lens: Lens) -> float:
+    """The largest radius (mm) of the outer surface, to a per cent."""
+    return float(lens.outer.radius(fibonacci_hemisphere(500)).max())
+
+
+def _context(results: Results, folder: Path | None) -> dict[str, object]:
+    lens, taken = results.lens, [] if folder is None else load_snapshots(folder, results.lens)
+    return {
+        "lens": lens,
+        "subtitle": task(lens.spec),
+        "headline": headline.headline(results),
+        "outdated": headline.outdated(results),
+        "cards": cards(results),
+        "criteria": headline.criterion_rows(results),
+        "failed": headline.failed_rows(results),
+        "remarks": headline.missing(results),
+        "check": results.find(Check),
+        "proof": results.find(Proof),
+        "step_facts": proof.step_facts(results),
+        "cast_facts": proof.cast_facts(results),
+        "first": pictures.first_picture(results),
+        "pictures": _pictures(results, taken),
+        "referees": referee_rows(results),
+        "stray_sentence": stray_sentence(results),
+        "measured": measured(results),
+        "outline_known": pictures.source_outline(results) is not None,
+        "files": _files_of(results) if folder is None else _files(folder),
+        "spec": _spec_tables(results),
+        "numbers": _number_tables(results),
+        "versions": _versions(),
+        "version": __version__,
+        "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    }
+
+
+def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
+    return {
+        "irradiance": pictures.irradiance_pictures(results),
+        "lines": pictures.line_pictures(results),
+        "flux": pictures.flux_pictures(results),
+        "history": pictures.history_pictures(results),
+        "snapshots": pictures.snapshot_pictures(results, taken),
+        "sections": pictures.section_pictures(results),
+        "surfaces": pictures.surface_pictures(results),
+        "verification": proof.verification_pictures(results),
+        "gaps": gap_pictures(results),
+        "stray": stray_pictures(results),
+    }
+
+
+def _solid(views: SolidViews) -> dict[str, object]:
+    encoded = {name: base64.b64encode(picture).decode() for name, picture in views.pictures.items()}
+    low_high = views.bounds_mm
+    extent = [high - low for low, high in zip(low_high[::2], low_high[1::2], strict=True)]
+    mesh = base64.b64encode(views.mesh).decode()
+    return {"views": encoded, "mesh": mesh, "extent_mm": extent, "views_problem": views.problem}
+
+
+def _files_of(results: Results) -> list[FileRow]:
+    """Files of the part, as they were exported."""
+    part = results.find(Part)
+    stamps = {} if part is None else part.files
+    return [FileRow(name, size(stamp.bytes), stamp.sha256) for name, stamp in stamps.items()]
+
+
+def _files(folder: Path) -> list[FileRow]:
+    """Files in the folder, without this report (HTML or PDF) and hidden files."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and path.name not in (REPORT_FILE, "report.pdf") and not path.name.startswith("."):
+            try:
+                with path.open("rb") as file:
+                    digest = hashlib.file_digest(file, "sha256").hexdigest()
+                found.append(FileRow(path.name, size(path.stat().st_size), digest))
+            except OSError as error:
+                raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    return found
+
+
+def _spec_tables(results: Results) -> dict[str, list[Row]]:
+    """Section of the spec -> its rows, what stands before the first section under ``""``."""
+    content = results.spec.model_dump()
+    top = {key: value for key, value in content.items() if not isinstance(value, dict)}
+    sections = {key: rows(value) for key, value in content.items() if isinstance(value, dict)}
+    return {"": rows(top), **sections}
+
+
+def _number_tables(results: Results) -> dict[str, list[Row]]:
+    """File -> all of its values; criteria, verdicts and the spec have tables of their own."""
+    records = {stem: plain(result) for stem, result in results.found.items()}
+    tables = {"lens": results.lens.to_json(), **records}
+    return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,136 @@
+"""Section on the measured part: a photograph of its light, and its measured surfaces, as facts and pictures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lensforge.figures.light_unit import LightUnit
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.records import Metric
+from lensforge.report import irradiance_figures, surface_figures
+from lensforge.report.numerals import NOTHING, number, percent, unit_of_light
+from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.proof import Facts
+from lensforge.results import Results
+
+# A photograph has no unit of light: both pictures are scaled to a mean of 1.
+RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One thing measured on the part: its heading, facts, and rows of pictures."""
+
+    title: str
+    facts: Facts
+    rows: list[list[PagePicture]]
+
+
+def measured(results: Results) -> list[Measured]:
+    """Every measurement of the part; empty where there is none."""
+    found, photo = [], results.find(PhotoComparison)
+    if photo is not None:
+        pictures = [photo_pictures(photo), _photo_lines(photo)]
+        found.append(Measured("A photograph of its light", photo_facts(photo), pictures))
+    for side, surface in results.surfaces.items():
+        pictures = [_surface_pictures(results, surface)]
+        found.append(Measured(f"The {side} surface, measured", _surface_facts(surface), pictures))
+    return found
+
+
+def photo_facts(photo: PhotoComparison) -> Facts:
+    """Facts from the photograph of the part's light."""
+    displaced = " and ".join(f"{number(value, 2)} mm" for value in photo.displacement_mm)
+    facts = [
+        ("Photographs", photo.on if photo.off is None else f"{photo.on} less {photo.off}"),
+        ("Similarity (SSIM) to the simulation", number(photo.ssim, 3)),
+        ("NMSE against the simulation", number(photo.nmse, 3)),
+        ("Displacement of the pattern along x and y", displaced),
+        ("SSIM and NMSE without the displacement", f"{number(photo.aligned.ssim, 3)}, {number(photo.aligned.nmse, 3)}"),
+    ]
+    found, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
+    if found is not None:
+        facts.append(("Uniformity, measured", f"{number(found, 3)}, simulated {number(expected, 3)}"))
+    facts.append(("Clipped by the camera", f"{percent(photo.clipped, 2)} of the target"))
+    return [*facts, ("Target\u2019s corners", _corners(photo))]
+
+
+def _corners(photo: PhotoComparison) -> str:
+    located = photo.corners_located
+    if located is None:
+        return "given"
+    where = {"on": "the picture with the LED on", "off": "the picture with the LED off"}
+    seen = where.get(located.seen_in, located.seen_in)
+    return f"found in {seen}, edges straight to {number(located.edge_rms_px, 2)} pixel rms"
+
+
+def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
+    """Simulation, photograph and their difference on one scale."""
+    side = photo.receiver_mm
+    top = float(max(photo.measured.max(), photo.simulated.max())) or 1.0
+    draw = irradiance_figures.irradiance_map
+    difference = irradiance_figures.difference_map(photo.measured - photo.simulated, side, RELATIVE)
+    return [
+        picture("photo-simulated", draw(photo.simulated, side, top, unit=RELATIVE), "Simulated"),
+        picture("photo-measured", draw(photo.measured, side, top, unit=RELATIVE), "Photographed", "Rectified."),
+        picture("photo-difference", difference, "Photographed less simulated", "Red: brighter than simulated."),
+    ]
+
+
+def _photo_lines(photo: PhotoComparison) -> list[PagePicture]:
+    return [
+        picture(
+            f"photo-line{index}",
+            irradiance_figures.line_comparison(
+                line, photo.simulated, photo.measured, photo.receiver_mm, RELATIVE, ("simulated", "photographed")
+            ),
+            f"Along {name}",
+        )
+        for index, (name, line) in enumerate(irradiance_figures.profile_lines(photo.simulated, photo.receiver_mm))
+    ]
+
+
+def _surface_facts(surface: SurfaceComparison) -> Facts:
+    form, design, part = surface.form_deviation_um, surface.design, surface.measured
+    facts = [
+        ("Points", f"{number(surface.point_count)}, {percent(surface.used_share)} of them on the surface"),
+        ("Surface measured", percent(surface.covered_share)),
+        ("Form deviation, smooth", f"PV {number(form.pv, 3)} µm, rms {number(form.rms, 3)} µm"),
+        ("Residual of the points after it", f"{number(surface.residual_rms_um, 2)} µm rms"),
+        ("Registration", {"none": "none, by datums"}.get(surface.registration, surface.registration)),
+        ("Efficiency with this surface", f"{_share(part.efficiency)}, designed {_share(design.efficiency)}"),
+        ("NMSE of the pattern with this surface", f"{_value(part.nmse)}, designed {_value(design.nmse)}"),
+    ]
+    if design.uniformity is not None:
+        facts.append(
+            ("Uniformity with this surface", f"{_value(part.uniformity)}, designed {_value(design.uniformity)}")
+        )
+    return facts
+
+
+def _share(metric: Metric) -> str:
+    return percent(metric.value, 2)
+
+
+def _value(metric: Metric | None) -> str:
+    return NOTHING if metric is None else number(metric.value, 3)
+
+
+def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
+    """The form deviation, the light that the measured surface makes, and what it changes."""
+    side, width, unit = surface.surface, surface.receiver_mm, unit_of_light(results.spec)
+    before, after = surface.irradiance_design, surface.irradiance_measured
+    top = float(max(before.max(), after.max())) or 1.0
+    lit = irradiance_figures.irradiance_map(after, width, top, unit=unit)
+    change = irradiance_figures.difference_map(after - before, width, unit)
+    outward = "Red: too much material." if side == "outer" else "Red: too little material."
+    rays = f"Simulated with the measured {side} surface, {number(surface.rays)} rays."
+    same = "The same rays through both. Red: brighter than designed."
+    pictures = [
+        picture(f"lit-{side}", lit, "Simulated light", rays),
+        picture(f"changed-{side}", change, "Simulated light less the design\u2019s", same),
+    ]
+    if np.isfinite(surface.deviation_um).any():
+        form = surface_figures.form_map(np.transpose(surface.deviation_um))
+        pictures.insert(0, picture(f"form-{side}", form, "Form deviation", f"Along the normal. {outward}"))
+    return pictures

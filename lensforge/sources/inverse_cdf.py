@@ -1,0 +1,43 @@
+"""Inverse of a cumulative distribution: a uniform number to a cell, and to a place within it."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+def choose(
+    cumulative: Float[np.ndarray, " k"], numbers: Float[np.ndarray, " n"]
+) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
+    """Invert a distribution of ``k`` cells, ``cumulative`` up to the end of each, for ``numbers`` in [0, 1).
+
+    Returns the cell of each number and its place in that cell, in [0, 1].
+    """
+    wanted = numbers * cumulative[-1]
+    index = np.minimum(np.searchsorted(cumulative, wanted, side="right"), len(cumulative) - 1)
+    before = np.where(index > 0, cumulative[index - 1], 0.0)
+    share = cumulative[index] - before
+    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return index, np.clip(rest, 0.0, 1.0)
+
+
+def choose_each(
+    cumulative: Float[np.ndarray, "n k"], numbers: Float[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Invert for each number a distribution of its own, as :func:`choose` does."""
+    wanted, each = numbers * cumulative[:, -1], np.arange(len(numbers))
+    index = np.minimum(np.sum(cumulative <= wanted[:, None], axis=1), cumulative.shape[1] - 1)
+    before = np.where(index > 0, cumulative[each, index - 1], 0.0)
+    share = cumulative[each, index] - before
+    rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
+    return index, np.clip(rest, 0.0, 1.0)
+
+
+def linear_inverse(
+    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rest: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Find the place in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
+    target = rest * (first + second)
+    denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
+    place: Float[np.ndarray, " n"] = np.clip(
+        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0
+    )
+    return place

@@ -1,0 +1,131 @@
+"""Ray set of files or of another program as a source: placed in lens coordinates, drawn by seed."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull, QhullError
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.ray_source import Placement
+
+_OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest starts far out, as from the edge of a window
+# Proper rotations that take the named direction of the file to +z.
+_TO_LENS_AXIS = {
+    "+x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+    "-x": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
+    "+y": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "-y": ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
+    "+z": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "-z": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+}
+_MIRROR = {"none": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
+
+
+def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Placement) -> RayBundle:
+    """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
+    turn = _rotation_z(np.deg2rad(placement.rotate_z_deg))
+    matrix = turn @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
+    origins = placement.scale * (rays.origins - origin_mm) @ matrix.T
+    return replace(rays, origins=origins, directions=rays.directions @ matrix.T)
+
+
+def _rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class RaySetEmitter:
+    """Usable rays of a ray set in lens coordinates; their flux adds up to ``flux_w``.
+
+    Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer counts them as lost, by
+    cause. Only rows that are no rays are left out; ``summary`` says how many, and what else was done to each file. It
+    is None for rays made by a program.
+    """
+
+    rays: RayBundle
+    flux_w: float
+    summary: SourceSummary | None = None
+    symmetry: str = "none"
+
+    def __len__(self) -> int:
+        return len(self.rays)
+
+    @property
+    def ray_count(self) -> int:
+        """Number of distinct rays: more than these say nothing new."""
+        return len(self)
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw ``count`` rays whose flux adds up to ``flux_w``; the same seed gives the same rays.
+
+        Fewer than the file holds: a random choice without replacement, never the first ones, because files are not
+        always shuffled. As many: all, in the order of the file. More: every ray is split into equal parts, some into
+        one part more than others. Splitting leaves each ray's flux as it is, so a result is exactly that of the whole
+        file, and its noise too: a file of n rays never says more than n rays do. Jitter would only hide that, and blur
+        the source.
+        """
+        if count < 1:
+            raise InputError(f"{count} rays: at least 1")
+        copies, rest = divmod(count, len(self))
+        extra = np.sort(np.random.default_rng(seed).choice(len(self), rest, replace=False))
+        times = np.full(len(self), copies)
+        times[extra] += 1
+        index = np.repeat(np.arange(len(self)), times)
+        flux = self.rays.flux[index] / times[index]
+        return replace(self.rays.take(index), flux=flux * (self.flux_w / flux.sum()))
+
+    def split(self, fraction: float, seed: int) -> tuple["RaySetEmitter", "RaySetEmitter"]:
+        """Divide the rays between two emitters of the same flux: ``fraction`` to design with, the rest to evaluate.
+
+        A lens that was fitted to the noise of its own rays shows it on the others.
+        """
+        training = round(fraction * len(self))
+        if not 0 < training < len(self):
+            raise InputError(f"fraction = {fraction} of {len(self)} rays leaves one part empty: try 0.8")
+        order = np.random.default_rng(seed).permutation(len(self))
+        return self._only(np.sort(order[:training])), self._only(np.sort(order[training:]))
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, the plane z = 0."""
+        forward = self.rays.directions[:, 2] > 0.0
+        if not forward.any():
+            forward = ~forward
+        points, flux = self._crossings()[forward], self.rays.flux[forward]
+        distance = np.linalg.norm(points - _median(points, flux), axis=1)
+        order = np.argsort(distance)
+        inside = np.searchsorted(np.cumsum(flux[order]), _OUTLINE_SHARE * flux.sum())
+        corners = _hull(points[order[: inside + 1]])
+        return np.column_stack([corners, np.zeros(len(corners))])
+
+    def _crossings(self) -> Float[np.ndarray, "n 2"]:
+        """Points (mm) where the lines of the rays meet z = 0; rays along that plane stay where they start."""
+        start, direction = self.rays.origins, self.rays.directions
+        level = np.abs(direction[:, 2]) < 1e-9
+        length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
+        crossings: Float[np.ndarray, "n 2"] = start[:, :2] + length[:, None] * direction[:, :2]
+        return crossings
+
+    def _only(self, index: np.ndarray) -> "RaySetEmitter":
+        part = self.rays.take(index)
+        return replace(self, rays=replace(part, flux=part.flux * (self.flux_w / part.flux.sum())))
+
+
+def _median(points: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 2"]:
+    """Flux-weighted median of each coordinate: a few rays far out do not move it."""
+    order = np.argsort(points, axis=0)
+    middle = [np.searchsorted(np.cumsum(flux[column]), 0.5 * flux.sum()) for column in order.T]
+    return np.array([points[order[row, axis], axis] for axis, row in enumerate(middle)])
+
+
+def _hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
+    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
+    try:
+        corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
+        return corners
+    except (QhullError, ValueError):
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

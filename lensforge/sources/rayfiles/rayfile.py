@@ -1,0 +1,209 @@
+"""Rays of a file in mm and nm, whatever its format: all of them as stored, and those that can be traced."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.errors import InputError
+from lensforge.sources.rayfiles.binary import CHUNK_ROWS, HUGE, release_pages
+
+FluxUnit = Literal["W", "lm"]
+# Value of a header field: a number, a text, or lists of them, such as spectral tables.
+HeaderValue: TypeAlias = (
+    str | int | float | Sequence[str] | Sequence[float | None] | Sequence[Mapping[str, Sequence[float]]] | None
+)
+HeaderRole = Literal["total", "scale", "ignored"]
+_SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
+_NO_DIRECTION = 1e-12  # |k| below which a direction is no direction
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralTable:
+    """Spectral power density (relative, per nm) at each wavelength."""
+
+    wavelengths_nm: Float[np.ndarray, " k"]
+    power_density: Float[np.ndarray, " k"]
+
+
+@dataclass(frozen=True, eq=False)
+class RayFile:
+    """Rays as a file holds them: nothing dropped, nothing normalised.
+
+    ``positions_mm`` are start points, ``directions`` of any length; ``flux`` is in ``flux_unit`` or, by
+    ``header_role``, relative; ``spectrum_numbers`` count the header's ``spectral_tables`` from 1. The arrays are
+    read-only float32 views of the mapped file wherever its layout allows, so that a file of any size opens at once;
+    :func:`usable_rays` copies them as float64.
+
+    ``header_flux_w`` and ``header_flux_lm`` are the totals that the header states, None where it states none.
+    ``header_role`` says what such a total is: the ``total`` that ray fluxes should add up to (it outranks their sum,
+    because LightTools does not divide by the number of rays), the ``scale`` of ray fluxes that are relative by design
+    (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
+
+    ``header`` holds the fields of the header as JSON can hold them; ``path`` and ``verbatim`` are the file it was read
+    from, and its bytes. ``verbatim`` is no argument of the constructor, so ``dataclasses.replace`` drops it: changed
+    rays never meet old bytes.
+    """
+
+    positions_mm: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    flux_unit: FluxUnit
+    wavelengths_nm: Float[np.ndarray, " n"] | None = None
+    spectrum_numbers: Float[np.ndarray, " n"] | None = None
+    format: str = ""
+    header_flux_w: float | None = None
+    header_flux_lm: float | None = None
+    header_role: HeaderRole = "total"
+    header: Mapping[str, HeaderValue] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    path: str = ""
+    verbatim: np.ndarray | None = field(default=None, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.flux)
+
+    @property
+    def header_flux(self) -> float | None:
+        """Total of the header in ``flux_unit``; None where it states none."""
+        return self.header_flux_w if self.flux_unit == "W" else self.header_flux_lm
+
+    @property
+    def stated_flux(self) -> float | None:
+        """Total of the header where it outranks the sum over the rays; None where that sum counts."""
+        return None if self.header_role == "ignored" else self.header_flux
+
+    @property
+    def spectral_tables(self) -> list[SpectralTable]:
+        """Spectral tables of the header; spectrum number 1 is the first."""
+        tables = self.header.get("spectral_tables")
+        if tables is None or isinstance(tables, str | int | float):
+            return []
+        return [
+            SpectralTable(np.array(table["wavelength_nm"]), np.array(table["weight"]))
+            for table in tables
+            if isinstance(table, Mapping)
+        ]
+
+    def blocks(self) -> Iterator["RayFile"]:
+        """Yield the rays in blocks; the pages of a mapped file are released before the next block."""
+        for start in range(0, len(self), CHUNK_ROWS):
+            some = slice(start, start + CHUNK_ROWS)
+            yield replace(
+                self,
+                positions_mm=self.positions_mm[some],
+                directions=self.directions[some],
+                flux=self.flux[some],
+                wavelengths_nm=None if self.wavelengths_nm is None else self.wavelengths_nm[some],
+                spectrum_numbers=None if self.spectrum_numbers is None else self.spectrum_numbers[some],
+            )
+            release_pages(self.positions_mm, self.directions, self.flux, self.wavelengths_nm, self.spectrum_numbers)
+
+    def ray_sum(self) -> float:
+        """Sum of the usable ray fluxes, in the unit as stored."""
+        total = 0.0
+        for block in self.blocks():
+            flux = as_float64(block.flux)
+            total += float(flux[(flux > 0.0) & (flux < HUGE)].sum())
+        return total
+
+    def total_flux(self) -> float:
+        """Flux of the source in ``flux_unit``: the stated total, or the sum over the rays."""
+        return self.stated_flux or self.ray_sum()
+
+    def blocks_adding_up_to(self, total: float) -> Iterator["RayFile"]:
+        """Yield the blocks with fluxes scaled to ``total``; as stored, bit by bit, where they add up to it already."""
+        stored = self.ray_sum()
+        if stored == 0.0 or abs(total / stored - 1.0) < _SAME_FLUX:
+            yield from self.blocks()
+            return
+        for block in self.blocks():
+            with np.errstate(invalid="ignore", over="ignore"):
+                flux = (as_float64(block.flux) * (total / stored)).astype(self.flux.dtype)
+            yield replace(block, flux=flux)
+
+    @property
+    def single_wavelength(self) -> float | None:
+        """Wavelength (nm) that all rays share because the header gave only one; None otherwise."""
+        if self.wavelengths_nm is None or len(self) == 0 or self.wavelengths_nm.strides[0] != 0:
+            return None
+        return float(self.wavelengths_nm[0])
+
+
+def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Copy as float64; signalling NaNs, which vendors write, pass without a warning."""
+    with np.errstate(invalid="ignore"):
+        return values.astype(np.float64)
+
+
+def shared_wavelength(nanometres: float, count: int) -> Float[np.ndarray, " n"]:
+    """Repeat one wavelength for ``count`` rays, as a view that takes no memory."""
+    return np.broadcast_to(np.float32(nanometres), (count,))
+
+
+@dataclass(frozen=True)
+class UsableRays:
+    """Rays that can be traced, float64: unit directions, flux in the file's unit; and the others, counted by cause."""
+
+    positions_mm: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
+    flux: Float[np.ndarray, " n"]
+    wavelengths_nm: Float[np.ndarray, " n"] | None
+    spectrum_numbers: Float[np.ndarray, " n"] | None
+    dropped: dict[str, int]
+
+    def __len__(self) -> int:
+        return len(self.flux)
+
+
+def usable_rays(rayfile: RayFile) -> UsableRays:
+    """Select the rays that can be traced and normalise their directions.
+
+    Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
+    ``no_flux`` (zero or negative).
+    """
+    positions, directions = as_float64(rayfile.positions_mm), as_float64(rayfile.directions)
+    flux = as_float64(rayfile.flux)
+    finite = _finite(positions).all(axis=1) & _finite(directions).all(axis=1) & _finite(flux)
+    directions[~finite] = 0.0
+    length = np.linalg.norm(directions, axis=1)
+    directed = length > _NO_DIRECTION
+    with np.errstate(invalid="ignore"):
+        bright = flux > 0.0
+    keep = finite & directed & bright
+    return UsableRays(
+        positions_mm=positions[keep],
+        directions=directions[keep] / length[keep, None],
+        flux=flux[keep],
+        wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm[keep]),
+        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[keep]),
+        dropped={
+            "not_finite": int(np.count_nonzero(~finite)),
+            "zero_direction": int(np.count_nonzero(finite & ~directed)),
+            "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
+        },
+    )
+
+
+def usable_chunks(rayfile: RayFile) -> Iterator[UsableRays]:
+    """Yield the usable rays block by block, so that a file of any size needs little memory."""
+    for block in rayfile.blocks():
+        yield usable_rays(block)
+
+
+def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
+    """Error for a file without a usable ray."""
+    return InputError(f"{rayfile.path}: none of its {len(rayfile)} rays is usable ({causes(dropped)}); export it again")
+
+
+def causes(dropped: dict[str, int]) -> str:
+    """List counts and causes in words."""
+    return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
+
+
+def _finite(values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+    with np.errstate(invalid="ignore"):
+        finite: Bool[np.ndarray, "*n"] = np.abs(values) < HUGE
+        return finite

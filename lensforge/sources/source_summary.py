@@ -1,0 +1,82 @@
+"""Summary of a source: its power and symmetry, the ray files that were loaded, and their placement."""
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.records import Count, NotNegative, Number, Point, Positive, Record, Share, Text
+
+Range = tuple[Positive, Positive]
+
+
+class RaysDropped(Record):
+    """Rows of a file that are no rays, by cause."""
+
+    not_finite: Count
+    zero_direction: Count
+    no_flux: Count
+
+
+class LoadedRayFile(Record):
+    """Ray file as loaded: rays in the file, rows left out, and the power ``flux_w`` that its rays carry.
+
+    ``wavelengths_nm``: the least and the largest, ``refractive_indices``: of the lens there; None where one index is
+    taken for all light.
+    """
+
+    file: Text
+    format: Text
+    rays: Count
+    rays_dropped: RaysDropped
+    effective_rays: NotNegative
+    file_flux: Number | None
+    file_ray_sum: Number
+    file_flux_unit: Text
+    flux_w: Positive
+    virtual_focus_mm: Point | None
+    warnings: tuple[Text, ...] = ()
+    wavelengths_nm: Range | None = None
+    refractive_indices: Range | None = None
+
+
+class AppliedPlacement(Record):
+    """Placement of a ray set in lens coordinates, and the shares of its flux that miss the lens from the start.
+
+    ``origin_mm``: the point of the file that became the lens origin. ``backward_share`` goes towards -z,
+    ``below_plane_share`` starts below z = 0.
+    """
+
+    origin_mm: Point
+    scale: Positive
+    axis: Text
+    mirror: Literal["none", "x", "y"]
+    rotate_z_deg: Number
+    backward_share: Share
+    below_plane_share: Share
+
+
+class SourceSummary(Record):
+    """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
+
+    ``rays``: of all files, what was left out included; None for a source that can be sampled without end.
+    ``wavelengths_nm`` and ``refractive_indices`` as in :class:`LoadedRayFile`, of all light.
+    """
+
+    title: Text
+    flux_w: Positive
+    symmetry: Text
+    rays: Count | None = None
+    effective_rays: NotNegative | None = None
+    virtual_focus_mm: Point | None = None
+    warnings: tuple[Text, ...] = ()
+    wavelengths_nm: Range | None = None
+    refractive_indices: Range | None = None
+    files: tuple[LoadedRayFile, ...] = ()
+    placement: AppliedPlacement | None = None
+
+
+def as_point(coordinates: Float[np.ndarray, " 3"]) -> Point:
+    """Convert three coordinates to the tuple that a record holds."""
+    x, y, z = coordinates.tolist()
+    return x, y, z

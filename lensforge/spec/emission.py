@@ -1,0 +1,89 @@
+"""Emission of a source: intensity by angle, and spectrum."""
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.section import FilePath, Section
+
+Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
+
+
+class CosineIntensity(Section):
+    """Intensity in proportion to ``cos(gamma)^power``; power 1 is Lambertian."""
+
+    kind: Literal["cosine"] = "cosine"
+    power: Annotated[float, Field(ge=0.0, le=1e4)] = 1.0
+
+
+class TableIntensity(Section):
+    """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
+
+    kind: Literal["table"] = "table"
+    gamma_deg: tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...]
+    intensity: tuple[Annotated[float, Field(ge=0.0)], ...]
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> "TableIntensity":
+        angles = self.gamma_deg
+        if len(angles) < 2 or any(b <= a for a, b in pairwise(angles)):
+            raise ValueError("gamma_deg must be two angles or more, each larger than the one before")
+        if len(self.intensity) != len(angles) or not any(self.intensity):
+            raise ValueError(f"intensity must be {len(angles)} numbers, one for each gamma_deg, not all zero")
+        return self
+
+
+class PhotometricIntensity(Section):
+    """The far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, its C = 0 the x axis."""
+
+    kind: Literal["photometric"] = "photometric"
+    file: FilePath
+
+
+IntensitySpec = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
+
+
+class LineSpectrum(Section):
+    """Light of one wavelength."""
+
+    kind: Literal["line"] = "line"
+    wavelength_nm: Nanometres
+
+
+class TableSpectrum(Section):
+    """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
+
+    kind: Literal["table"] = "table"
+    wavelength_nm: tuple[Nanometres, ...]
+    weight: tuple[Annotated[float, Field(ge=0.0)], ...]
+
+    @model_validator(mode="after")
+    def _is_a_function(self) -> "TableSpectrum":
+        waves = self.wavelength_nm
+        if len(waves) < 2 or any(b <= a for a, b in pairwise(waves)):
+            raise ValueError("wavelength_nm must be two wavelengths or more, each longer than the one before")
+        if len(self.weight) != len(waves) or not any(self.weight):
+            raise ValueError(f"weight must be {len(waves)} numbers, one for each wavelength_nm, not all zero")
+        return self
+
+
+class FileSpectrum(Section):
+    """Spectral table as a text file of two columns, nm and weight, as LED makers ship it."""
+
+    kind: Literal["file"] = "file"
+    file: FilePath
+
+
+SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]
+
+
+class EmitterSection(Section):
+    """Fields of every source.
+
+    ``luminous_efficacy_lm_per_w`` of its light: with it, reports speak in lux, without it in W/m^2. ``spectrum``:
+    counts where the lens is of a dispersive material; of a ray file it takes the place of the file's own.
+    """
+
+    luminous_efficacy_lm_per_w: Annotated[float, Field(gt=0.0, le=683.0)] | None = None
+    spectrum: SpectrumSpec | None = None

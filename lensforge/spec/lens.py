@@ -1,0 +1,191 @@
+"""The ``[lens]`` of a spec: material, starting shape, and surfaces that the search leaves alone."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field, model_validator
+
+from lensforge.errors import InputError
+from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
+from lensforge.spec.section import Coordinate, Millimetres, Section
+from lensforge.surfaces.conic import Asphere, sphere
+from lensforge.surfaces.srbf import SrbfBasis
+
+_SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
+
+Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
+
+
+def _meridian() -> Float[np.ndarray, "n 3"]:
+    """Directions from the axis to the horizon; a fixed surface is the same all around."""
+    polar = np.linspace(0.0, 0.5 * np.pi, 2001)
+    return np.stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)], axis=1)
+
+
+class _Fixed(Section):
+    @property
+    def surface(self) -> Asphere:
+        """Surface about the axis. Raises :class:`InputError` where it is not star-shaped about the origin."""
+        raise NotImplementedError
+
+    @property
+    def apex_mm(self) -> float:
+        """Height of its vertex on the axis."""
+        return self.surface.vertex_mm
+
+    @property
+    def largest_mm(self) -> float:
+        """Largest distance from the origin, z = 0 and above."""
+        return float(self.surface.radius(_meridian()).max())
+
+    def clearance_mm(self, height_mm: float, radius_mm: float) -> float:
+        """Least height above the paraboloid of that height and radius, Eq. (12); below 0 where it cuts in."""
+        u = _meridian()
+        points = self.surface.radius(u)[:, None] * u
+        return float((height_mm / radius_mm**2 * points[:, 0] ** 2 + points[:, 2] - height_mm).min())
+
+    @model_validator(mode="after")
+    def _is_star_shaped(self) -> "_Fixed":
+        try:
+            _ = self.surface
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class FixedSphere(_Fixed):
+    """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
+
+    kind: Literal["sphere"] = "sphere"
+    radius_mm: Millimetres
+    centre_z_mm: Coordinate = 0.0
+
+    @property
+    def surface(self) -> Asphere:
+        """Surface about the axis."""
+        return sphere(self.radius_mm, self.centre_z_mm)
+
+
+class FixedAsphere(_Fixed):
+    """Even asphere by the sag of ISO 10110-12: ``radius_mm`` at the vertex, below 0 for a dome over the source.
+
+    ``coefficients``: A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...
+    """
+
+    kind: Literal["asphere"] = "asphere"
+    vertex_z_mm: Millimetres
+    radius_mm: Coordinate
+    conic_constant: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
+    coefficients: Annotated[tuple[Coordinate, ...], Field(max_length=10)] = ()
+
+    @property
+    def surface(self) -> Asphere:
+        """Surface about the axis."""
+        return Asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+
+
+FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")]
+
+
+class LensSection(Section):
+    """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
+
+    ``fixed_inner`` or ``fixed_outer`` takes the place of one hemisphere, and the search leaves that surface alone.
+    ``symmetry`` "auto" is the largest mirror symmetry that source and target share; a lens's record has its name.
+
+    The index comes from one of two: ``refractive_index`` is that of all light, and ``material`` then only a label; or
+    ``material`` names a dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` counts where a
+    single number is needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d
+    of a dispersive material of one's own. ``absorption_per_mm`` (Beer-Lambert) counts in the stray-light pass of
+    ``verify``; the design leaves it out.
+    """
+
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
+    material: str = "PMMA at 564 nm"
+    abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
+    design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    levels: tuple[Annotated[int, Field(ge=1, le=100_000)], ...] = (9, 25, 81, 289)
+    sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
+    inner_offset_mm: Millimetres | None = None
+    outer_offset_mm: Millimetres | None = None
+    fixed_inner: FixedSurface | None = None
+    fixed_outer: FixedSurface | None = None
+    symmetry: Symmetry = "auto"
+
+    @model_validator(mode="after")
+    def _one_source_of_the_index(self) -> "LensSection":
+        given = self.model_fields_set
+        known = MATERIALS.get(self.material)
+        if known is None:
+            if "material" in given and "refractive_index" not in given:
+                raise ValueError(
+                    f"material = {self.material!r}: one of {', '.join(MATERIALS)}, or add refractive_index"
+                )
+            if self.abbe_number is not None and "refractive_index" not in given:
+                raise ValueError("abbe_number needs refractive_index, the n_d of the same material")
+            if "design_wavelength_nm" in given and self.design_wavelength_nm != D_LINE_NM:
+                raise ValueError(f"design_wavelength_nm goes with a material of {', '.join(MATERIALS)}")
+            return self
+        if self.abbe_number is not None:
+            raise ValueError(f"abbe_number: {self.material} has its own dispersion; leave out one of the two")
+        try:
+            index = known.index_at(self.design_wavelength_nm)
+        except InputError as error:
+            raise ValueError(f"design_wavelength_nm: {error}") from None
+        if "refractive_index" in given and abs(self.refractive_index - index) > _SAME_INDEX:
+            raise ValueError(
+                f"refractive_index = {self.refractive_index:g}, but {self.material} has {index:.6g} at "
+                f"{self.design_wavelength_nm:g} nm; leave out refractive_index, or name the material otherwise"
+            )
+        object.__setattr__(self, "refractive_index", index)
+        return self
+
+    @property
+    def dispersion(self) -> Material | None:
+        """The index against wavelength; None for a lens of one index."""
+        if self.abbe_number is not None:
+            return by_abbe_number(self.refractive_index, self.abbe_number, self.material)
+        return MATERIALS.get(self.material)
+
+    @model_validator(mode="after")
+    def _each_surface_starts_once(self) -> "LensSection":
+        for name, offset, fixed in (
+            ("inner", self.inner_offset_mm, self.fixed_inner),
+            ("outer", self.outer_offset_mm, self.fixed_outer),
+        ):
+            if (offset is None) == (fixed is None):
+                raise ValueError(f"give one of {name}_offset_mm, where the search starts, and [lens.fixed_{name}]")
+        if self.fixed_inner is not None and self.fixed_outer is not None:
+            raise ValueError("fixed_inner and fixed_outer: one of the surfaces must be free")
+        return self
+
+    @model_validator(mode="after")
+    def _outer_outside_inner(self) -> "LensSection":
+        inner, outer = self.start_mm
+        if outer <= inner:
+            name = "outer_offset_mm" if self.fixed_outer is None else "the vertex of fixed_outer"
+            raise ValueError(f"{name} = {outer} must exceed where the inner surface meets the axis, {inner:g} mm")
+        if not self.levels:
+            raise ValueError("levels is empty: give at least one count")
+        return self
+
+    @property
+    def start_mm(self) -> tuple[float, float]:
+        """Heights on the axis of the inner and the outer surface before the search."""
+        inner = self.inner_offset_mm if self.fixed_inner is None else self.fixed_inner.apex_mm
+        outer = self.outer_offset_mm if self.fixed_outer is None else self.fixed_outer.apex_mm
+        assert inner is not None and outer is not None
+        return inner, outer
+
+    @property
+    def fixed(self) -> tuple[Asphere | None, Asphere | None]:
+        """The inner and the outer surface where they are fixed."""
+        inner, outer = self.fixed_inner, self.fixed_outer
+        return None if inner is None else inner.surface, None if outer is None else outer.surface
+
+    @property
+    def basis(self) -> SrbfBasis:
+        """The functions that shape the free surfaces; a symmetry that is not settled yet counts as none."""
+        return SrbfBasis(self.levels, self.sigma_c, "none" if self.symmetry == "auto" else self.symmetry)

@@ -1,0 +1,145 @@
+"""Ray sets as the ``[source]`` of a spec: ray files, and rays given as arrays; lengths in mm, powers in W."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from pydantic import Field, PositiveFloat, model_validator
+
+from lensforge.spec.arrays import Numbers, numbers_of
+from lensforge.spec.emission import EmitterSection, SpectrumSpec
+from lensforge.spec.section import Coordinate, FilePath, Section
+
+
+class Placement(EmitterSection):
+    """Placement of a ray set in lens coordinates; the fields apply in their order.
+
+    ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
+    factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
+    to -x. ``rotate_z_deg``: turn about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
+    of the file.
+    """
+
+    origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
+    scale: PositiveFloat = 1.0
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
+    mirror: Literal["none", "x", "y"] = "none"
+    rotate_z_deg: float = 0.0
+    flux_w: PositiveFloat | None = None
+
+
+class RayfileSource(Placement):
+    """Ray file of a vendor."""
+
+    kind: Literal["rayfile"] = "rayfile"
+    file: FilePath
+
+    @property
+    def title(self) -> str:
+        """Description in a few words."""
+        return f"ray file {self.file.name}"
+
+
+class RayfilePart(Section):
+    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts.
+
+    ``spectrum`` takes the place of the file's own.
+    """
+
+    file: FilePath
+    flux_w: PositiveFloat | None = None
+    spectrum: SpectrumSpec | None = None
+
+
+class RayfilesSource(Placement):
+    """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
+
+    kind: Literal["rayfiles"] = "rayfiles"
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1)]
+
+    @property
+    def title(self) -> str:
+        """Description in a few words."""
+        return f"ray files {', '.join(part.file.name for part in self.files)}"
+
+
+class RaySource(Placement):
+    """Ray set given as arrays, such as that of another program: start points (mm), directions, and the flux of each.
+
+    Directions need not have length 1. ``ray_flux``: W, or relative where ``flux_w`` says how much all of them carry;
+    without it all rays are alike. ``wavelengths_nm``: counts where the lens is of a dispersive material.
+    """
+
+    positional: ClassVar[str] = "rays"
+
+    kind: Literal["rays"] = "rays"
+    positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+    wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+
+    if TYPE_CHECKING:  # what the class takes; the fields themselves are validated as everywhere
+
+        def __init__(
+            self,
+            rays: ArrayLike | None = None,
+            /,
+            *,
+            positions_mm: ArrayLike | None = None,
+            directions: ArrayLike | None = None,
+            ray_flux: ArrayLike | None = None,
+            wavelengths_nm: ArrayLike | None = None,
+            origin: Literal["file", "virtual_focus"] | tuple[float, float, float] = "file",
+            scale: float = 1.0,
+            axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z",
+            mirror: Literal["none", "x", "y"] = "none",
+            rotate_z_deg: float = 0.0,
+            flux_w: float | None = None,
+            luminous_efficacy_lm_per_w: float | None = None,
+            spectrum: SpectrumSpec | None = None,
+        ) -> None: ...
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_row_for_each_ray(cls, content: Any) -> Any:
+        """Split ``rays``, an array (n, 7) of x, y, z (mm), the direction's three components, and flux, into columns."""
+        if not isinstance(content, Mapping) or "rays" not in content:
+            return content
+        try:
+            rows = numbers_of(content["rays"])
+        except ValueError as error:
+            raise ValueError(f"rays: {error}") from None
+        if rows.ndim != 2 or rows.shape[1] not in (6, 7):
+            raise ValueError(f"rays: shape {rows.shape}, must be (n, 7): x, y, z (mm), direction (3), flux; or (n, 6)")
+        columns = {"positions_mm": rows[:, :3], "directions": rows[:, 3:6]}
+        if rows.shape[1] == 7:
+            columns["ray_flux"] = rows[:, 6]
+        twice = [name for name in columns if content.get(name) is not None]
+        if twice:
+            raise ValueError(f"{twice[0]}: rays of {rows.shape[1]} columns hold it already; give one of the two")
+        return {key: value for key, value in content.items() if key != "rays"} | columns
+
+    @model_validator(mode="after")
+    def _as_many_of_each(self) -> "RaySource":
+        count = len(self.positions_mm)
+        for name in ("directions", "ray_flux", "wavelengths_nm"):
+            array = getattr(self, name)
+            if array is not None and len(array) != count:
+                raise ValueError(f"{name}: {len(array)} rows, positions_mm has {count}; one for each ray")
+        if not np.linalg.norm(self.directions, axis=1).all():
+            raise ValueError("directions: one of them is (0, 0, 0); leave that ray out")
+        if self.ray_flux is not None and not (self.ray_flux.min() >= 0.0 and self.ray_flux.sum() > 0.0):
+            raise ValueError("ray_flux: must be 0 or above, and not 0 for all rays")
+        if self.ray_flux is None and self.flux_w is None:
+            raise ValueError("flux_w: the power (W) of all rays is needed where ray_flux is not given")
+        return self
+
+    @property
+    def title(self) -> str:
+        """Description in a few words."""
+        return f"{len(self.positions_mm)} given rays"
+
+
+RaySetSource = RayfileSource | RayfilesSource | RaySource

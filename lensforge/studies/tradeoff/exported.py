@@ -1,0 +1,151 @@
+"""The exported shape: nodes of the NURBS faces, rings of the mesh, and rays through that mesh."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+
+from lensforge.geometry.form import chart_samples, fit_to_form, form_error, worst
+from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.patch import Patch, fit_patch
+from lensforge.geometry.plan import Plan, make_plan
+from lensforge.geometry.rings import MeshTolerance, dome_mesh, mesh_error, rings_for
+from lensforge.geometry.solid import build_solid
+from lensforge.geometry.step import step_bytes
+from lensforge.lens import Lens
+from lensforge.records import Metric
+from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of, reference_level
+from lensforge.studies.tradeoff.reference import LIGHT_UNITS, ExactReference
+from lensforge.verification.casting import Grid
+from lensforge.verification.part_mesh import PartMesh, part_mesh_of
+from lensforge.verification.passage import send_through
+
+NODES = (36, 48, 72, 96, 128)
+MESH_RINGS, CAST_RINGS = (24, 48, 96, 128), (24, 48, 96)
+CURVED, FLAT = "curved facets", "flat facets"
+_SAMPLES = 2048
+_FORM_UNITS, _CHORD_UNITS = {"form": "nm", "normal": "mrad"}, {"chord": "um", "normal": "mrad"}
+
+Patches = dict[str, Patch]
+
+
+def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True) -> tuple[ConvergenceStudy, Plan]:
+    """Form and normal error of the spline faces over the hemisphere and on its rim, and the size of the STEP file.
+
+    With ``cad`` the solid of each level is built and written: that loads the CAD kernel. Also returns the plan of the
+    body with as many nodes as the export takes.
+    """
+    chosen: Patches = {name: fit_to_form(getattr(lens, name)) for name in ("inner", "outer")}
+    chart = chart_samples(_SAMPLES)
+    levels = []
+    for nodes in sorted({*settings, *(patch.nodes for patch in chosen.values())}):
+        with Meter() as meter:
+            patches = {name: fit_patch(getattr(lens, name), nodes) for name in chosen}
+        error = worst(
+            [form_error(getattr(lens, name), p.points(chart), p.normals(chart)) for name, p in patches.items()]
+        )
+        errors = {
+            "form": Metric(value=error.form_max_nm, unit="nm"),
+            "normal": Metric(value=error.normal_max_mrad, unit="mrad"),
+        }
+        users = tuple(f"the export, {name}" for name, patch in chosen.items() if patch.nodes == nodes)
+        other = {"step_kb": _step_kb(patches, lens)} if cad else {}
+        levels.append(meter.level(nodes, "quintic spline", errors, users, **other))
+    orders = {"quintic spline": orders_of(levels, ("form", "normal"))}
+    levels.append(reference_level("exact sum", _FORM_UNITS))
+    study = ConvergenceStudy(
+        name="nurbs",
+        title="Nodes of the exported faces",
+        knob="export --nodes",
+        reference=f"the exact sum: {len(chart)} points of each surface, a fifth of them on the rim",
+        plotted=("form", "normal"),
+        against="setting",
+        levels=tuple(levels),
+        order=orders,
+    )
+    return study, make_plan(chosen["inner"], chosen["outer"], lens.spec.base)
+
+
+def _step_kb(patches: Patches, lens: Lens) -> float:
+    """Size of the whole part's STEP file."""
+    solid = build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base))
+    return len(step_bytes(solid, lens.spec.name)) / 1e3
+
+
+def mesh_study(plan: Plan, settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
+    """Distance and angle between the facets of the optical faces and the faces themselves, above their centres."""
+    used = rings_for(plan, MeshTolerance())
+    levels = []
+    for rings in sorted({*settings, used}):
+        with Meter() as meter:
+            triangles = sum(len(dome_mesh(patch, rings)[1]) for patch in (plan.inner, plan.outer))
+        reached = mesh_error(plan, rings)
+        errors = {
+            "chord": Metric(value=1e3 * reached.chord_mm, unit="um"),
+            "normal": Metric(value=1e3 * reached.normal_rad, unit="mrad"),
+        }
+        users = ("the export",) if rings == used else ()
+        levels.append(meter.level(rings, "mesh", errors, users, triangles=triangles))
+    orders = {"mesh": orders_of(levels, ("chord", "normal"))}
+    levels.append(reference_level("spline faces", _CHORD_UNITS))
+    return ConvergenceStudy(
+        name="mesh",
+        title="Rings of the mesh",
+        knob="export --rings",
+        reference="the spline faces",
+        plotted=("chord", "normal"),
+        against="setting",
+        levels=tuple(levels),
+        order=orders,
+    )
+
+
+class FlatPart(PartMesh):
+    """A part with flat facets, one normal each."""
+
+    def curved(
+        self, triangles: Int[np.ndarray, " n"], barycentric: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Points on the facets, and the facets' normals."""
+        points = np.einsum("nk,nki->ni", barycentric, self.mesh.triangles[triangles])
+        return points, np.asarray(self.mesh.face_normals)[triangles]
+
+
+def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int] = CAST_RINGS) -> ConvergenceStudy:
+    """Rays through meshes of several sizes, with curved facets as in ``verify`` and with flat ones.
+
+    The reference are the exact surfaces; seconds are those of the cast.
+    """
+    used = rings_for(plan, MeshTolerance())
+    lens = reference.lens
+    levels = []
+    for rings in sorted({*settings, used}):
+        body = build_mesh(plan, rings)
+        part = part_mesh_of(trimesh.Trimesh(body.vertices, body.triangles, process=False))
+        grid = Grid(part.mesh)
+        for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
+            seen = kind(part.mesh, part.faces, part.corners, part.fit)
+            with Meter() as meter:
+                passage = send_through(seen, grid, reference.rays, lens.refractive_index, lens.spec.target.distance_mm)
+            lost = np.isnan(passage.landings[:, 0])
+            errors = reference.light_errors(
+                np.where(lost[:, None], 0.0, passage.landings), np.where(lost, 0.0, passage.flux)
+            )
+            users = ("verify, on the export's mesh",) if rings == used and series == CURVED else ()
+            levels.append(meter.level(rings, series, errors, users, triangles=len(body.triangles)))
+    orders = {
+        series: orders_of([level for level in levels if level.series == series], ("hit_99_percent", "irradiance_nmse"))
+        for series in (CURVED, FLAT)
+    }
+    levels.append(reference.level("exact surfaces", LIGHT_UNITS))
+    return ConvergenceStudy(
+        name="casting",
+        title="Rays through the mesh",
+        knob="export --rings",
+        reference=f"the exact surfaces: {len(reference.rays)} rays",
+        plotted=("hit_99_percent", "irradiance_nmse"),
+        against="setting",
+        levels=tuple(levels),
+        order=orders,
+    )

@@ -1,0 +1,119 @@
+"""Exact surfaces at fixed directions and for fixed rays: the reference of several convergence studies."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge import seeds
+from lensforge.evaluation.metrics import jackknife, jackknife_error, relative_square
+from lensforge.lens import Lens
+from lensforge.receivers.pixels import PixelGrid, splat_flux
+from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.receiver import Hits
+from lensforge.records import Metric
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.studies.tradeoff.convergence import Errors, Meter, RefinementLevel, reference_level
+from lensforge.surfaces.spline import TableGrid
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
+
+DIRECTIONS = 4096
+RAYS, SCRAMBLES = 2**13, 8
+SURFACES = ("inner", "outer")
+LIGHT_UNITS = {"hit": "mm", "hit_99_percent": "mm", "irradiance_nmse": ""}
+SHAPE_UNITS = {"rho": "nm", "normal": "mrad"}
+
+Tables = dict[str, Float[np.ndarray, "side side"]]
+Shape = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]
+
+
+@dataclass(frozen=True)
+class ExactReference:
+    """Rays in independent scrambles, one after the other, and their hits through the exact surfaces of ``lens``."""
+
+    lens: Lens
+    rays: RayBundle
+    exact: Hits
+    cost: Meter
+
+    @staticmethod
+    def of(lens: Lens, source: Source, grid: TableGrid, tables: Tables) -> "ExactReference":
+        """Trace rays of ``source`` through the exact surfaces; ``tables``, fine ones, bracket the crossings."""
+        each = max(1, min(RAYS, source.ray_count or RAYS) // SCRAMBLES)
+        rays = RayBundle.joined([source.sample(each, seeds.of_reference(k)) for k in range(SCRAMBLES)])
+        with Meter() as cost:
+            exact = landed_exactly(lens, grid, tables, rays)
+        return ExactReference(lens, rays, exact, cost)
+
+    def thinned(self, factor: int) -> "ExactReference":
+        """Every ``factor``-th ray only."""
+        kept = slice(None, None, factor)
+        return replace(self, rays=self.rays.take(kept), exact=self.exact.take(kept))
+
+    def shape_errors(self, shapes: dict[str, Shape]) -> Errors:
+        """Largest errors over both surfaces at :func:`directions`: ``rho`` (nm) and ``normal`` (mrad)."""
+        rho, normal = 0.0, 0.0
+        for name, (radius, normals) in shapes.items():
+            surface = getattr(self.lens, name)
+            rho = max(rho, float(np.abs(radius - surface.radius(directions())).max()))
+            chord = np.linalg.norm(normals - surface.normal(directions()), axis=1)
+            normal = max(normal, float(2.0 * np.arcsin(0.5 * chord).max()))
+        return {"rho": Metric(value=1e6 * rho, unit="nm"), "normal": Metric(value=1e3 * normal, unit="mrad")}
+
+    def light_errors(self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Errors:
+        """Largest error of a hit, its 99th percentile (mm), over rays that arrive both ways; ``irradiance_nmse``.
+
+        The irradiance is the splat of the same rays on the design's pixels, so that no noise enters.
+        """
+        both = (flux > 0.0) & self.exact.arrived
+        away = np.linalg.norm(hits - self.exact.hits, axis=1)
+        grid = PixelGrid(self.lens.spec.target.receiver_mm, self.lens.spec.optimise.pixels)
+        parts = np.array_split(np.arange(len(flux)), SCRAMBLES)
+        pictures = [
+            [splat_flux(h[part], f[part], grid) for h, f in ((hits, flux), (self.exact.hits, self.exact.flux))]
+            for part in parts
+        ]
+        nmse, noise = jackknife(np.array(pictures), relative_square)
+        return {
+            "hit": Metric(value=float(away[both].max(initial=0.0)), unit="mm"),
+            "hit_99_percent": _percentile(away, both, parts),
+            "irradiance_nmse": Metric(value=nmse, standard_error=noise),
+        }
+
+    def level(self, series: str, units: Mapping[str, str]) -> RefinementLevel:
+        """The exact surfaces as a level without errors; ``units`` are those of the study's errors."""
+        return reference_level(series, units, self.cost)
+
+
+def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Hits:
+    """Hits of ``rays`` on the lens's own receiver through its exact surfaces; ``tables`` bracket the crossings.
+
+    ``newton_steps``: more than the one that ends every search, for tables that are far from the surfaces.
+    """
+    inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
+    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
+    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.refractive_index, rays)
+    return Hits.of(receiver.land_in_torch(exits))
+
+
+def directions() -> Float[np.ndarray, "n 3"]:
+    """Unit vectors over the hemisphere, off the nodes of any table."""
+    return fibonacci_hemisphere(DIRECTIONS)
+
+
+def _percentile(
+    away: Float[np.ndarray, " n"], both: Bool[np.ndarray, " n"], parts: list[Float[np.ndarray, " k"]]
+) -> Metric:
+    """The 99th percentile, and its standard error by the jackknife over the scrambles ``parts``."""
+
+    def percentile(rows: Bool[np.ndarray, " n"]) -> float:
+        return float(np.quantile(away[rows], 0.99)) if rows.any() else 0.0
+
+    left_out = []
+    for part in parts:
+        rows = both.copy()
+        rows[part] = False
+        left_out.append(percentile(rows))
+    return Metric(value=percentile(both), unit="mm", standard_error=jackknife_error(np.array(left_out)))

@@ -1,0 +1,244 @@
+"""The exact tracer: rays through the surfaces themselves, not through their tables; in plain torch, on any device.
+
+It shares no surface or intersection code with the compiled kernels. Crossings are bracketed by a scan, of the exact
+surface (``DenseScan``, the oracle of the kernels) or of its table (``TableScan``, 50 times faster), and closed in on
+by bisection; the Newton step of :func:`~lensforge.tracing.sequence.trace_sequence` then ends on the exact surface.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.lens import Lens
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid, evaluate_table
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.symmetry import group
+from lensforge.tracing.exit_rays import ExitRays
+from lensforge.tracing.sequence import Crossing, TensorRays, TracedSurface, trace_sequence
+
+_CHUNK_VALUES = 2**22  # rays times basis functions at a time: some 300 MB
+_SIZE_DIRECTIONS = 1000  # over the hemisphere, where the reach of a fixed surface is read off
+_DOUBLE = torch.empty(0, dtype=torch.float64)
+
+
+@dataclass(frozen=True)
+class DenseScan:
+    """``steps`` over the reach of a surface bracket a crossing of it, ``bisections`` close in on it.
+
+    What is left is ``reach_mm / steps / 2^bisections``; the Newton step that follows squares it.
+    """
+
+    steps: int = 256
+    bisections: int = 60
+    reach_mm: float | None = None  # None: as far as the surface may reach
+
+    def first_crossing(
+        self, surface: "ExactSurface | FixedSurface", origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> Crossing:
+        """First sign change within reach; no search is ever given up."""
+
+        def inside(lengths: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
+            return surface.gap(origins + lengths[:, None] * directions) >= 0.0
+
+        with torch.no_grad():
+            reach = torch.full_like(origins[:, 0], surface.reach_mm if self.reach_mm is None else self.reach_mm)
+            return _bracketed(inside, reach, self.steps, self.bisections)
+
+
+@dataclass(frozen=True)
+class TableScan:
+    """A table of the surface (mm) says where its crossings are, to the table's error of some nm.
+
+    ``newton_steps`` go on from there on the exact surface, where the table is farther off than that.
+    """
+
+    grid: TableGrid
+    table: Float[np.ndarray, "side side"]
+    newton_steps: int = 0
+    steps: int = 48
+    bisections: int = 30
+
+    def first_crossing(
+        self, surface: TracedSurface, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+    ) -> Crossing:
+        """First crossing of the table's surface, moved onto the exact one."""
+
+        def inside(lengths: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
+            points = origins + lengths[:, None] * directions
+            distance = torch.linalg.norm(points, dim=1)
+            # the table ends a little below the horizon
+            height = torch.maximum(points[:, 2], -0.2 * distance)
+            seen = torch.column_stack([points[:, :2], torch.where(distance > 0.0, height, 1.0)])
+            rho: Tensor = torch.from_numpy(evaluate_table(self.grid, self.table, seen.numpy()))
+            return torch.ge(rho, distance)
+
+        with torch.no_grad():
+            reach = torch.full_like(origins[:, 0], 2.5 * float(self.table.max()))
+            crossing = _bracketed(inside, reach, self.steps, self.bisections)
+            lengths = crossing.lengths
+            for _ in range(self.newton_steps):
+                points = origins + lengths[:, None] * directions
+                slope = -torch.sum(surface.normal(points) * directions, dim=1)
+                lengths = lengths - surface.gap(points) / torch.where(slope < 0.0, slope, -torch.inf)
+            return crossing._replace(lengths=lengths)
+
+
+def _bracketed(
+    inside: Callable[[Float[Tensor, " n"]], Bool[Tensor, " n"]],
+    reach: Float[Tensor, " n"],
+    steps: int,
+    bisections: int,
+) -> Crossing:
+    """First change of ``inside`` along each ray in ``steps`` equal steps up to ``reach`` (mm), bisected."""
+    low, high, found = torch.zeros_like(reach), reach, torch.zeros_like(reach, dtype=torch.bool)
+    for step in range(1, steps + 1):
+        here = reach * step / steps
+        outside = ~inside(here)
+        high = torch.where(outside & ~found, here, high)
+        found |= outside
+        low = torch.where(found, low, here)
+    for _ in range(bisections):
+        middle = 0.5 * (low + high)
+        before = inside(middle)
+        low, high = torch.where(before, middle, low), torch.where(before, high, middle)
+    return Crossing(0.5 * (low + high), found, torch.zeros_like(found))
+
+
+@dataclass(frozen=True)
+class ExactSurface:
+    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights`` and ``offset`` (mm).
+
+    The precision and the device are those of ``weights``.
+    """
+
+    basis: SrbfBasis
+    weights: Float[Tensor, " m"]
+    offset: Float[Tensor, ""]
+    scan: DenseScan | TableScan = DenseScan()
+
+    @cached_property
+    def _constants(self) -> tuple[Tensor, Tensor, list[Tensor]]:
+        like = self.weights
+        centres = torch.as_tensor(self.basis.centres, dtype=like.dtype, device=like.device)
+        sigmas = torch.as_tensor(self.basis.sigmas, dtype=like.dtype, device=like.device)
+        images = [torch.as_tensor(m, dtype=like.dtype, device=like.device) for m in group(self.basis.symmetry)]
+        return centres, sigmas, images
+
+    def radius(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``rho`` (mm); the angle g comes from the chord, which is exact at a centre."""
+        return torch.cat([self._radius(some) for some in directions.split(self._rows)])
+
+    def gradient(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Tangential gradient on the unit sphere (mm/rad)."""
+        return torch.cat([self._gradient(some) for some in directions.split(self._rows)])
+
+    @property
+    def _rows(self) -> int:
+        return max(1, _CHUNK_VALUES // self.basis.size)
+
+    def _radius(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        centres, sigmas, images = self._constants
+        total = self.offset.expand(len(directions))
+        for image in images:
+            chord = torch.cdist(directions @ image, centres, compute_mode="donot_use_mm_for_euclid_dist")
+            angle = 2.0 * torch.asin(torch.clamp(0.5 * chord, max=1.0))
+            total = total + torch.exp(-((angle / sigmas) ** 2)) @ self.weights / len(images)
+        return total
+
+    def _gradient(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        centres, sigmas, images = self._constants
+        total = torch.zeros_like(directions)
+        for image in images:
+            turned = directions @ image
+            cosine = turned @ centres.T
+            tangent = centres[None] - cosine[..., None] * turned[:, None]  # from u to the centre; length sin g
+            sine = torch.linalg.norm(tangent, dim=-1)
+            angle = torch.atan2(sine, cosine)
+            ratio = torch.where(sine > 1e-9, angle / torch.where(sine > 1e-9, sine, 1.0), 1.0)
+            slope = self.weights * 2.0 * ratio / sigmas**2 * torch.exp(-((angle / sigmas) ** 2))
+            total = total + torch.einsum("nm,nmk->nk", slope, tangent) @ image.T / len(images)
+        return total
+
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
+        distance = torch.linalg.norm(points, dim=1, keepdim=True)
+        directions = points / distance
+        normal: Tensor = directions - self.gradient(directions) / distance
+        return normal
+
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``F = rho - |p|`` (mm), Eq. (5): positive inside."""
+        distance = torch.linalg.norm(points, dim=1)
+        gap: Tensor = self.radius(points / distance.clamp(min=torch.finfo(points.dtype).tiny)[:, None]) - distance
+        return gap
+
+    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+        """First crossing by ``scan``."""
+        return self.scan.first_crossing(self, origins, directions)
+
+    @property
+    def reach_mm(self) -> float:
+        """Twice the largest radius that the sum can have: a ray from inside has left the surface by then."""
+        return 2.0 * float(self.offset + self.weights.abs().sum())
+
+
+@dataclass(frozen=True)
+class FixedSurface:
+    """A surface that is no sum of basis functions, such as an asphere: float64 on the CPU, its shape a constant."""
+
+    surface: Surface
+    scan: DenseScan | TableScan
+
+    def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+        """Unit normals away from the origin."""
+        return torch.from_numpy(self.surface.normal(_directions(points)))
+
+    def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+        """``F = rho - |p|`` (mm): positive inside."""
+        rho: Tensor = torch.from_numpy(self.surface.radius(_directions(points)))
+        return torch.sub(rho, torch.linalg.norm(points, dim=1))
+
+    def first_crossing(self, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Crossing:
+        """First crossing by ``scan``."""
+        return self.scan.first_crossing(self, origins, directions)
+
+    @property
+    def reach_mm(self) -> float:
+        """Twice the largest radius, and a little more."""
+        return 2.2 * float(self.surface.radius(fibonacci_hemisphere(_SIZE_DIRECTIONS)).max())
+
+
+def _directions(points: Float[Tensor, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    distance = torch.linalg.norm(points, dim=1, keepdim=True).clamp(min=torch.finfo(points.dtype).tiny)
+    return torch.nan_to_num(points / distance).numpy()
+
+
+def exact_surfaces(
+    lens: Lens, scans: tuple[DenseScan | TableScan, DenseScan | TableScan]
+) -> tuple[TracedSurface, TracedSurface]:
+    """Inner and outer surface of ``lens`` in float64, their crossings found by ``scans``."""
+
+    def exact(surface: Surface, scan: DenseScan | TableScan) -> TracedSurface:
+        if not isinstance(surface, SrbfSurface):
+            return FixedSurface(surface, scan)
+        offset = torch.tensor(surface.offset_mm, dtype=torch.float64)
+        return ExactSurface(surface.basis, torch.from_numpy(surface.weights), offset, scan)
+
+    return exact(lens.inner, scans[0]), exact(lens.outer, scans[1])
+
+
+def trace_exact(inner: TracedSurface, outer: TracedSurface, refractive_index: float, rays: RayBundle) -> ExitRays:
+    """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
+
+    Slow by design: with a dense scan every ray sees every function about 600 times. Rays with an index of their own
+    keep it.
+    """
+    like = next((each.weights for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
+    return trace_sequence(inner, outer, TensorRays.of(rays, refractive_index, like.dtype, like.device))

@@ -1,0 +1,117 @@
+"""Rays through two tables by the compiled kernels on all cores, and the gradients with respect to the tables."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.kernels.adjoint import trace_adjoint
+from lensforge.kernels.bounds import SurfaceBounds, surface_bounds
+from lensforge.kernels.jit import CHUNKS, in_chunks
+from lensforge.kernels.trace import trace
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.exit_rays import ExitRays, Sensitivities
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The body between two tables: its refractive index, and the tables' grid.
+
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
+    """
+
+    refractive_index: float
+    grid: TableGrid
+    fresnel: bool = True
+
+    def packed(self) -> tuple[bool, float, float]:
+        """The three numbers that the kernels take."""
+        return self.fresnel, self.grid.origin, 1.0 / self.grid.step
+
+    def indices(self, rays: RayBundle) -> Float[np.ndarray, " k"]:
+        """The body's refractive index for each ray where they differ, or one for all."""
+        own = rays.refractive_indices
+        return np.array([self.refractive_index]) if own is None else own
+
+
+def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
+    return indices if len(indices) == 1 else indices[part]
+
+
+@dataclass(frozen=True)
+class TracedBundle:
+    """Exit rays of a bundle, and what the way back needs: the tables, and the path lengths to both surfaces (mm)."""
+
+    inner: Float[np.ndarray, "side side"]
+    outer: Float[np.ndarray, "side side"]
+    scene: Scene
+    rays: RayBundle
+    lengths: Float[np.ndarray, "n 2"]
+    exits: ExitRays
+
+    @staticmethod
+    def of(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> "TracedBundle":
+        """Trace ``rays`` through two tables; see :func:`trace_tables`."""
+        bounds = checked_bounds(inner, outer, scene)
+        tables = inner.detach().numpy(), outer.detach().numpy()
+        count, indices = len(rays), scene.indices(rays)
+        points, directions = np.zeros((count, 3)), np.zeros((count, 3))
+        lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
+        flux, sin2_exit = np.empty(count), np.empty(count)
+
+        def work(_: int, part: slice) -> None:
+            trace(
+                rays.origins[part], rays.directions[part], rays.flux[part], _part(indices, part),
+                *tables, *bounds, scene.packed(),
+                lengths[part], points[part], directions[part], flux[part], sin2_exit[part], fates[part],
+            )  # fmt: skip
+
+        in_chunks(work, count)
+        exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
+        return TracedBundle(*tables, scene, rays, lengths, exits)
+
+    def gradients(
+        self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
+    ) -> tuple[Float[torch.Tensor, "side side"], Float[torch.Tensor, "side side"]]:
+        """With respect to both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
+
+        The flux that a lost ray carried counts as a constant.
+        """
+        rays, fates, indices = self.rays, self.exits.fates.numpy(), self.scene.indices(self.rays)
+        totals = np.zeros((2, CHUNKS, *self.inner.shape))
+
+        def work(chunk: int, part: slice) -> None:
+            trace_adjoint(
+                rays.origins[part], rays.directions[part], rays.flux[part], _part(indices, part),
+                self.inner, self.outer, self.scene.packed(), self.lengths[part], fates[part],
+                by.level_mm, by.by_crossings[part], by.by_directions[part], by_flux[part], by_sin2[part],
+                *totals[:, chunk],
+            )  # fmt: skip
+
+        in_chunks(work, len(rays))
+        inner, outer = torch.from_numpy(totals.sum(axis=1))
+        return inner, outer
+
+
+def checked_bounds(
+    inner: Float[torch.Tensor, "side side"], outer: Float[torch.Tensor, "side side"], scene: Scene
+) -> tuple[SurfaceBounds, SurfaceBounds]:
+    """The bounds of both tables. Raises :class:`InputError` when a surface has a radius that is not positive."""
+    first, second = (
+        surface_bounds(table.detach().numpy(), scene.grid.origin, scene.grid.step) for table in (inner, outer)
+    )
+    for name, bound in (("inner", first), ("outer", second)):
+        if not (bound.least > 0.0 and np.isfinite(bound.most) and np.isfinite(bound.tiles).all()):
+            raise InputError(f"{name} surface: its radius falls to {bound.least:.3g} mm; it must stay above 0")
+    return first, second
+
+
+def trace_tables(inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
+    """Trace ``rays`` through two tables (side, side), float64 on the CPU; without a gradient.
+
+    Raises :class:`InputError` when a surface has a radius that is not positive.
+    """
+    return TracedBundle.of(inner, outer, scene, rays).exits

@@ -1,0 +1,51 @@
+"""First hits of the grid against trimesh's own plain ray cast: slow, written by others, on a sample of the rays."""
+
+from time import perf_counter
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from trimesh.ray.ray_triangle import RayMeshIntersector
+
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.casting import Grid, Leg
+from lensforge.verification.part_mesh import PartMesh
+from lensforge.verification.passage import cross, indices_of, outside_leg
+from lensforge.verification.proof import PlainCast
+
+AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
+
+
+def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, count: int) -> PlainCast:
+    """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
+    rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
+    outside, indices = outside_leg(rays).take(rows), indices_of(rays, refractive_index)[rows]
+    part.mesh.triangles_tree  # noqa: B018  built here, so that it does not count as casting
+    entry = grid.first_hits(outside)
+    entered = np.nonzero(entry.found)[0]
+    inside = cross(part, outside.take(entered), entry.take(entered), 1.0 / indices[entered]).leg
+    start = perf_counter()
+    wrong = _disagreements(part, grid, outside) + _disagreements(part, grid, inside)
+    seconds = perf_counter() - start
+    casts = len(rows) + len(entered)
+    return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+
+
+def _disagreements(part: PartMesh, grid: Grid, leg: Leg) -> int:
+    if len(leg.origins) == 0:
+        return 0
+    plain, quick = plain_distances(part.mesh, leg), grid.first_hits(leg).distances
+    both = np.isfinite(plain) & np.isfinite(quick)
+    apart = np.abs(np.where(both, plain, 0.0) - np.where(both, quick, 0.0)) > AGREE_MM
+    return int(np.sum(apart | (np.isfinite(plain) != np.isfinite(quick))))
+
+
+def plain_distances(mesh: trimesh.Trimesh, leg: Leg) -> Float[np.ndarray, " n"]:
+    """Distance (mm) of each ray's first hit by trimesh's own plain path, never Embree; infinite where there is none."""
+    points, ray, _ = RayMeshIntersector(mesh).intersects_location(leg.origins, leg.directions, multiple_hits=True)
+    nearest = np.full(len(leg.origins), np.inf)
+    if len(ray):
+        distance = np.sum((points - leg.origins[ray]) * leg.directions[ray], axis=1)
+        ahead = distance > leg.beyond[ray]
+        np.minimum.at(nearest, ray[ahead], distance[ahead])
+    return nearest

@@ -1,0 +1,51 @@
+"""The cache of compiled kernels: all that is compiled lies in one folder, whose content is its key."""
+
+import ast
+import shutil
+from pathlib import Path
+
+import pytest
+
+import lensforge
+from lensforge.kernels.fates import Fate
+from lensforge.kernels.jit import cache_folder
+
+PACKAGE = Path(lensforge.__file__).parent
+KERNELS = PACKAGE / "kernels"
+SOURCES = sorted(KERNELS.glob("*.py"))
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.name)
+def test_any_edit_in_the_folder_makes_another_cache(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    copied = tmp_path / "kernels"
+    shutil.copytree(KERNELS, copied, ignore=shutil.ignore_patterns("__pycache__"))
+    assert cache_folder(copied) == cache_folder(KERNELS)
+    edited = copied / source.name
+    edited.write_text(edited.read_text() + "# edited\n")
+    assert cache_folder(copied) != cache_folder(KERNELS)
+
+
+def test_nothing_is_compiled_elsewhere() -> None:
+    for path in PACKAGE.rglob("*.py"):
+        if path.parent == KERNELS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            module = node.module if isinstance(node, ast.ImportFrom) else ""
+            assert "numba" not in [*names, module], path
+            assert not (module == "lensforge.kernels.jit" and {"kernel", "inline"} & set(names)), path
+
+
+def test_kernels_take_their_constants_from_their_own_folder() -> None:
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lensforge"):
+                assert node.module.startswith("lensforge.kernels"), path
+
+
+def test_the_fates_are_their_places_in_arrays() -> None:
+    """Flux is summed by fate with ``bincount``: the values are 0, 1, 2, ... in the order of the enum."""
+    assert [int(fate) for fate in Fate] == list(range(len(Fate)))

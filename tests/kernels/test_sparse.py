@@ -1,0 +1,42 @@
+"""The sparse product of a search against SciPy's, alone and shared among the cores, narrow and wide."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.sparse import csr_matrix, random_array
+
+from lensforge.kernels.sparse import SparseMatrix
+
+
+@pytest.mark.parametrize("width", [1, 2, 7])
+@pytest.mark.parametrize("density", [0.001, 0.4])
+def test_product_and_its_gradient(width: int, density: float) -> None:
+    rng = np.random.default_rng(width)
+    matrix = csr_matrix(random_array((1200, 1100), density=density, rng=rng))
+    dense = torch.from_numpy(rng.normal(size=(1100, width))).requires_grad_()
+    mixer = torch.from_numpy(rng.normal(size=(1200, width)))
+    product = SparseMatrix(matrix) @ dense
+    assert np.allclose(product.detach().numpy(), matrix @ dense.detach().numpy(), rtol=0.0, atol=1e-12)
+    (gradient,) = torch.autograd.grad((product * mixer).sum(), dense)
+    assert np.allclose(gradient.numpy(), matrix.T @ mixer.numpy(), rtol=0.0, atol=1e-12)
+
+
+def test_a_factor_need_not_be_contiguous() -> None:
+    matrix = csr_matrix(np.arange(12.0).reshape(3, 4))
+    dense = torch.arange(8.0, dtype=torch.float64).reshape(2, 4).T
+    assert torch.equal(SparseMatrix(matrix) @ dense, torch.from_numpy(matrix.toarray()) @ dense)
+
+
+def test_the_bits_do_not_depend_on_the_threads() -> None:
+    rng = np.random.default_rng(0)
+    matrix = SparseMatrix(csr_matrix(random_array((1200, 1100), density=0.4, rng=rng)))
+    dense = torch.from_numpy(rng.normal(size=(1100, 2))).requires_grad_()
+    threads, found = torch.get_num_threads(), []
+    try:
+        for count in (1, 3):
+            torch.set_num_threads(count)
+            product = matrix @ dense
+            found.append((product.detach(), *torch.autograd.grad(product.sin().sum(), dense)))
+    finally:
+        torch.set_num_threads(threads)
+    assert all(torch.equal(one, three) for one, three in zip(*found, strict=True))

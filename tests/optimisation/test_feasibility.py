@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints, project_to_feasible
+from lensforge.optimisation.parameters import Parametrisation
+from lensforge.spec import Spec
+
+
+def scene(
+    spec: Spec, spread: float, outer: float
+) -> tuple[Parametrisation, AugmentedLagrangian, torch.Tensor, torch.Tensor]:
+    parametrisation = Parametrisation.of(spec, 2.5)
+    weights = np.random.default_rng(1).normal(size=(parametrisation.basis.size, 2)) * spread
+    offsets = torch.tensor([1.0, outer], dtype=torch.float64)
+    return parametrisation, AugmentedLagrangian.of(spec, parametrisation.grid), torch.from_numpy(weights), offsets
+
+
+def failing(parametrisation: Parametrisation, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
+    criteria = constraint_criteria(spec, measure_constraints(parametrisation.lens(weights, offsets, spec, 0, "draft")))
+    return {criterion.name for criterion in criteria if not criterion.passed}
+
+
+def test_a_feasible_lens_is_left_to_the_bit() -> None:
+    parametrisation, constraints, weights, offsets = scene(small_spec(), 0.001, 1.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert torch.equal(moved[0], weights)
+    assert torch.equal(moved[1], offsets)
+
+
+def test_a_sphere_that_is_too_large_shrinks_to_the_limit_and_no_further() -> None:
+    spec = small_spec(lens__symmetry="square")
+    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 7.05 / 6.0)
+    assert failing(parametrisation, spec, weights, offsets) == {"radius margin"}
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    lens = parametrisation.lens(*moved, spec, 0, "draft")
+    largest = 7.0 - measure_constraints(lens).radius_margin_mm
+    assert 7.0 * (1.0 - 4e-4) < largest < 7.0
+    assert lens.inner.offset_mm == pytest.approx(3.0, abs=1e-9), "the inner face has nothing to do with it"
+
+
+def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
+    spec = small_spec(
+        constraints__inner_concave_radius_mm=2.6, constraints__outer_draft_deg=0.3, lens__symmetry="square"
+    )
+    parametrisation, constraints, weights, offsets = scene(spec, 0.004, 7.0 / 6.0)
+    assert failing(parametrisation, spec, weights, offsets) >= {"radius margin", "outer draft margin"}
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert failing(parametrisation, spec, *moved) == set()
+    assert (moved[0] - weights).abs().max() < 0.02
+
+
+def test_what_cannot_be_mended_still_fails_by_name() -> None:
+    spec = small_spec(constraints__min_thickness_mm=6.9, lens__symmetry="square")
+    parametrisation, constraints, weights, offsets = scene(spec, 0.0, 1.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert torch.equal(moved[0], weights)
+    assert failing(parametrisation, spec, *moved)

@@ -1,0 +1,104 @@
+"""Damaged files of a result folder, each refused in one line."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from result_folders import (
+    check_arrays,
+    evaluate_arrays,
+    make_folder,
+)
+
+from lensforge.errors import InputError
+from lensforge.results import load_results
+
+
+@pytest.mark.parametrize("stage", ["evaluate", "check", "verify"])
+def test_missing_arrays_are_one_line(tmp_path, stage):
+    make_folder(tmp_path)
+    (tmp_path / f"{stage}.npz").unlink()
+    with pytest.raises(InputError, match=rf"{stage}\.npz: no such file; run `lensforge {stage}` again"):
+        load_results(tmp_path)
+
+
+def changed(folder, file, *path, value=None):
+    """Take the entry at ``path`` out of a JSON file, or give it another value."""
+    content = json.loads((folder / file).read_text(encoding="utf-8"))
+    inner = content
+    for name in path[:-1]:
+        inner = inner[name]
+    if value is None:
+        del inner[path[-1]]
+    else:
+        inner[path[-1]] = value
+    (folder / file).write_text(json.dumps(content), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("lens.json", "{}"),
+        ("design.json", '{"steps": 7, "hist'),
+        ("design.json", "[1, 2]"),
+        ("verify.json", "\x00\x01"),
+    ],
+)
+def test_a_file_that_is_no_record_is_one_line(tmp_path, file, text):
+    (make_folder(tmp_path) / file).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(file)) as caught:
+        load_results(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "path", "value"),
+    [
+        ("design.json", ("history", 0, "nmse"), None),
+        ("evaluate.json", ("flux",), None),
+        ("evaluate.json", ("receiver_mm",), 0.0),
+        ("evaluate.json", ("nmse",), "bad"),
+        ("export.json", ("form_error_nm", "max"), None),
+        ("check.json", ("inner", "cutter"), None),
+        ("verify.json", ("deviation_mm",), None),
+    ],
+)
+def test_a_broken_record_is_one_line(tmp_path, file, path, value):
+    changed(make_folder(tmp_path), file, *path, value=value)
+    with pytest.raises(InputError, match=re.escape(file)) as caught:
+        load_results(tmp_path)
+    assert "\n" not in str(caught.value)
+    assert ".".join(map(str, path)) in str(caught.value)
+
+
+BROKEN_ARRAYS = {
+    "evaluate.npz": [
+        {key: value for key, value in evaluate_arrays().items() if key != "target_map"},
+        {**evaluate_arrays(), "raw_map": np.ones((3, 4))},
+        {**evaluate_arrays(), "map": np.full((16, 16), np.nan)},
+        {**evaluate_arrays(), "axis_mm": np.zeros(3)},
+        {**evaluate_arrays(), "target_map": np.full((16, 16), "text")},
+    ],
+    "check.npz": [
+        {**check_arrays(), "inner_sag_mm": np.full((21, 21), np.inf)},
+        {**check_arrays(), "inner_sag_mm": np.array(1.0)},
+    ],
+    "verify.npz": [{"irradiance": np.ones((8, 8)), "design_irradiance": np.full((8, 8), np.inf)}],
+}
+
+
+@pytest.mark.parametrize(("file", "arrays"), [(file, case) for file, cases in BROKEN_ARRAYS.items() for case in cases])
+def test_broken_arrays_are_one_line(tmp_path, file, arrays):
+    np.savez(make_folder(tmp_path) / file, **arrays)
+    with pytest.raises(InputError, match=re.escape(file.removesuffix(".npz"))) as caught:
+        load_results(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kept", [0, 10, 900])
+def test_a_truncated_npz_is_one_line(tmp_path, kept):
+    path = make_folder(tmp_path) / "evaluate.npz"
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(InputError, match=r"evaluate\.npz"):
+        load_results(tmp_path)

@@ -1,0 +1,141 @@
+import re
+
+import pytest
+from click.testing import CliRunner
+from result_folders import evaluate_arrays, make_folder, make_results, small_lens
+
+from lensforge.errors import InputError
+from lensforge.records import Metric
+from lensforge.report.compare_page import difference_lines, folder_names, number_lines, render_comparison, spec_names
+from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.figure_style import to_svg
+
+
+@pytest.fixture
+def designs():
+    """Two designs: the second has half the light on a receiver of twice the side, and a better NMSE."""
+    half = 0.5 * evaluate_arrays()["map"]
+    changes = {"map": half, "nmse": Metric(value=0.0023, standard_error=0.0004), "receiver_mm": 600.0}
+    return [make_results(), make_results(lens=small_lens(outer_mm=9.0), evaluate=changes)]
+
+
+def drawn(monkeypatch, make):
+    """The figures behind the pictures that ``make`` returns."""
+    figures = []
+
+    def keep(figure, name, title):
+        figures.append(figure)
+        return to_svg(figure, name, title)
+
+    monkeypatch.setattr("lensforge.report.pictures.to_svg", keep)
+    make()
+    return figures
+
+
+def test_the_page_holds_both_designs_and_needs_nothing_else(designs):
+    markup = render_comparison(designs, ["first", "second"])
+    assert markup.count("<svg") == 2 + 3 + 2
+    assert "<script" not in markup
+    assert not re.search(r"""(src|href)=["'](?!#|data:)""", markup)
+    ids = re.findall(r'\bid="([^"]+)"', markup)
+    assert len(ids) == len(set(ids))
+    for name in ("first", "second"):
+        assert markup.count(f"<h4>{name}</h4>") == 3
+
+
+def test_each_design_has_its_verdicts(designs):
+    cut_short = make_results(("design", "check"))
+    markup = render_comparison([designs[0], cut_short])
+    assert markup.count("✓ Light: pass") == 1
+    assert markup.count("Light: undecided") == 1
+    assert markup.count("✓ Cutting: pass") == 2
+
+
+def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
+    lines = {line.name: line.cells for line in number_lines(designs)}
+    assert [cell.text for cell in lines["NMSE"]] == ["0.0123", "0.0023"]
+    assert [cell.best for cell in lines["NMSE"]] == [False, True]
+    assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
+    three = number_lines([designs[index] for index in (0, 1, 1)])
+    assert [cell.best for cell in three[0].cells] == [False, True, True]
+    assert not any(cell.best for cell in lines["Lens radius"]), "no radius is better whatever the spec"
+
+
+def test_a_stage_that_one_has_not_run_leaves_a_gap(designs):
+    pair = [designs[0], make_results(("design", "export", "check", "verify"))]
+    cells = next(line.cells for line in number_lines(pair) if line.name == "NMSE")
+    assert [cell.text for cell in cells] == ["0.0123", "–"]
+    assert len(ComparedPictures(("a", "b"), pair).maps) == 1
+
+
+def test_only_what_differs_in_the_specs_is_listed(designs):
+    assert [(line.name, [cell.text for cell in line.cells]) for line in difference_lines(designs)] == [
+        ("lens.outer_offset_mm", ["10 mm", "9 mm"])
+    ]
+
+
+def test_maps_share_colours_and_millimetres(designs, monkeypatch):
+    first, second = drawn(monkeypatch, lambda: ComparedPictures(("a", "b"), designs).maps)
+    assert first.axes[0].images[0].get_clim() == second.axes[0].images[0].get_clim()
+    assert first.axes[0].images[0].get_clim()[1] == designs[0].light.map.max()
+    assert first.axes[0].get_xlim() == second.axes[0].get_xlim() == (-300.0, 300.0)
+    assert first.axes[0].images[0].get_extent() == [-150.0, 150.0, -150.0, 150.0]
+
+
+def test_designs_too_far_apart_have_a_scale_each(designs, monkeypatch):
+    faint = {"map": 0.01 * evaluate_arrays()["map"], "receiver_mm": 600.0}
+    pair = [designs[0], make_results(evaluate=faint)]
+    first, second = drawn(monkeypatch, lambda: ComparedPictures(("a", "b"), pair).maps)
+    for figure, design in ((first, pair[0]), (second, pair[1])):
+        assert figure.axes[0].images[0].get_clim()[1] == design.light.map.max()
+        assert figure.axes[0].get_xlim()[1] == 0.5 * design.light.receiver_mm
+    assert "Each map has its own colours" in render_comparison(pair)
+
+
+def test_lux_only_where_all_know_their_lumens(designs, monkeypatch):
+    bright, brighter = (make_results(lens=small_lens(lumens_per_watt=efficacy)) for efficacy in (300.0, 400.0))
+    for pair, label, top in (
+        ((designs[0], bright), "irradiance (W/m²)", 1.0),
+        ((bright, brighter), "illuminance (lx)", 400.0),
+    ):
+        figures = drawn(monkeypatch, lambda pair=pair: ComparedPictures(("a", "b"), pair).maps)
+        assert [figure.axes[1].get_ylabel() for figure in figures] == [label, label]
+        tops = [figure.axes[0].images[0].get_clim()[1] for figure in figures]
+        assert tops == pytest.approx([top * pair[0].light.map.max()] * 2)
+
+
+def test_sections_are_drawn_to_one_scale(designs, monkeypatch):
+    first, second = drawn(monkeypatch, lambda: ComparedPictures(("a", "b"), designs).sections)
+    assert first.axes[0].get_xlim() == second.axes[0].get_xlim()
+    assert first.axes[0].get_ylim() == second.axes[0].get_ylim()
+
+
+def test_folders_of_one_name_are_told_apart(tmp_path):
+    assert folder_names([tmp_path / "left", tmp_path / "right"]) == ["left", "right"]
+    pair = [tmp_path / side / "lens" for side in ("left", "right")]
+    assert folder_names(pair) == [str(path) for path in pair]
+
+
+def test_designs_of_one_name_are_numbered(designs):
+    assert spec_names(designs) == ["small (1)", "small (2)"]
+    markup = render_comparison(designs)
+    assert "<h4>small (1)</h4>" in markup and "<h4>small (2)</h4>" in markup
+
+
+def test_one_folder_twice_or_one_design_alone_is_refused(designs, tmp_path):
+    with pytest.raises(InputError, match="twice"):
+        folder_names([tmp_path, tmp_path / "."])
+    with pytest.raises(InputError, match="from 2 to 8"):
+        render_comparison(designs[:1])
+
+
+def test_the_command_writes_the_page_where_it_is_told(tmp_path):
+    from lensforge.cli import cli
+
+    folders = [make_folder(tmp_path / name) for name in ("first", "second")]
+    page = tmp_path / "pages" / "both.html"
+    done = CliRunner().invoke(cli, ["report", *map(str, folders), "--out", str(page)], catch_exceptions=False)
+    assert done.output == f"report\t{page}\n"
+    assert page.exists()
+    with pytest.raises(InputError, match="--out"):
+        CliRunner().invoke(cli, ["report", str(folders[0]), "--out", str(page)], catch_exceptions=False)

@@ -1,0 +1,127 @@
+"""The top of the page: verdict, criteria, cards, and stages that are missing or out of date."""
+
+import numpy as np
+import pytest
+from page_text import Page, text_of
+from result_folders import (
+    STAGES,
+    criterion,
+    evaluate_arrays,
+    make_folder,
+    make_results,
+    page_of,
+    small_lens,
+)
+
+from lensforge.manufacturing.result import Finding
+from lensforge.records import Metric
+from lensforge.report.cards import cards
+from lensforge.results import load_results
+
+
+@pytest.fixture(scope="module")
+def page():
+    return Page(page_of(make_results()))
+
+
+def test_criteria_that_hold_are_said_to_hold(page):
+    assert "All 5 criteria are met." in page.text
+    table = page.text[page.text.index("All criteria") :]
+    assert table.count("✓ pass") == 5
+    assert "✗" not in page.text
+
+
+def test_the_three_verdicts_stand_at_the_top(page):
+    for words in ("✓ Light: pass", "✓ Files: pass", "✓ Cutting: pass"):
+        assert page.text.index(words) < page.text.index("All 5 criteria are met.")
+
+
+def test_a_verdict_that_is_no_pass_comes_with_its_reason():
+    worse = {"nmse": Metric(value=0.3, standard_error=0.001)}
+    reason = "a ball of 1 mm radius reaches 75.0 % of the inner face"
+    verdicts = (Finding(name="cutter", surface="inner", holds=False, reason=reason),)
+    text = text_of(make_results(evaluate=worse, check={"verdicts": verdicts}))
+    assert "✗ Light: fail" in text
+    assert "Light: NMSE less its noise = 0.3, at most 0.1" in text
+    assert "✗ Cutting: fail" in text
+    assert f"Cutting: {reason}" in text
+    assert "All 5 criteria are met." in text, "they are another matter"
+    assert "✓ Files: pass" in text
+
+
+def test_what_has_not_run_leaves_a_verdict_undecided():
+    text = text_of(make_results(("design",)))
+    for words in ("Light: undecided", "Files: undecided", "Cutting: undecided"):
+        assert words in text
+    assert "Cutting: the part has not been checked" in text
+
+
+def test_headline_numbers_say_whether_they_are_what_was_asked_for():
+    criteria = (
+        criterion("cavity clearance", 0.5, -0.001, ">="),
+        criterion("radius margin", -0.25, -0.001, ">="),
+    )
+    results = make_results(("design", "check"), design={"criteria": criteria})
+    states = {card.label: card.state for card in cards(results)}
+    assert states["Cavity clearance"] == "pass"
+    assert states["Lens radius"] == "fail"
+    assert states["Thinnest wall"] == "pass"
+    assert states["Ball mill"] == "open", "0.77 mm at most, the shop has 1 mm"
+    assert states["Lens height"] == ""
+    text = text_of(results)
+    assert "Lens radius✗ fail" in text
+    assert text.index("radius marginTry") < text.index("Lens radius"), "what fails comes first"
+
+
+@pytest.mark.parametrize(("efficacy", "peak"), [(None, "42.5 W/m²"), (301.7, "12 800 lx")])
+def test_light_is_in_watts_or_by_the_efficacy_in_lux(efficacy, peak):
+    image = evaluate_arrays()["map"]
+    image *= 42.5 / image.max()
+    markup = page_of(make_results(("evaluate",), small_lens(lumens_per_watt=efficacy), evaluate={"map": image}))
+    assert peak in Page(markup).text
+    label = "illuminance (lx)" if efficacy else "irradiance (W/m²)"
+    assert markup.count(label) >= 6, "three maps and three lines"
+    assert ("irradiance (W/m²)" in markup) == (efficacy is None)
+
+
+def test_the_level_is_the_mean_in_the_mask():
+    image = np.arange(256.0).reshape(16, 16)
+    changes = {"map": image, "uniform_mm": 100.0, "uniformity": Metric(value=0.5), "rsd": Metric(value=0.25)}
+    found = {card.label: card for card in cards(make_results(("evaluate",), evaluate=changes))}
+    inside = slice(5, 11)  # pixels of 18.75 mm whose centres lie within 50 mm of the axis
+    assert float(found["Mean irradiance"].value.replace("\u2009", "")) == pytest.approx(
+        image[inside, inside].mean(), 0.01
+    )
+    assert found["Uniformity"].value == "0.5"
+
+
+def test_a_failed_criterion_comes_with_its_remedy():
+    text = text_of(make_results(("export",), export={"criteria": (criterion("form_error", 12.5, 10.0),)}))
+    assert "1 of 1 criterion is not met: form error." in text
+    assert "Try: try something else." in text
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_that_has_not_run_is_one_sentence(stage):
+    text = text_of(make_results([other for other in STAGES if other != stage]))
+    assert text.count(f"There is no {stage}.json") == 1
+    assert f"run lensforge {stage}." in text
+    assert f"Not run yet: {stage}." in text
+
+
+def test_an_outdated_stage_is_named_with_its_reason():
+    why = "it was made from another lens; run `lensforge evaluate` again"
+    text = text_of(make_results(("design", "export", "check", "verify"), outdated={"evaluate": why}))
+    assert f"evaluate.json does not count: {why}." in text
+    assert "Out of date: evaluate." in text
+    assert "Not run yet" not in text
+    assert "There is no evaluate.json" not in text
+
+
+def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(tmp_path):
+    make_folder(tmp_path)
+    path = tmp_path / "evaluate.json"
+    path.write_text(path.read_text(encoding="utf-8").replace("lensforge-evaluate-2", "lensforge-evaluate-1"))
+    text = text_of(load_results(tmp_path), tmp_path)
+    assert 'evaluate.json does not count: schema = "lensforge-evaluate-1"' in text
+    assert str(tmp_path) not in text

@@ -1,0 +1,115 @@
+"""The page on one lens: whole, self-contained, and true to its results."""
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_text import Page, folded, text_of
+from result_folders import (
+    make_folder,
+    make_results,
+    page_of,
+    small_lens,
+)
+
+from lensforge.report.tables import plain, rows
+from lensforge.results import load_results
+from lensforge.spec.ray_source import RayfileSource
+
+
+@pytest.fixture(scope="module")
+def results():
+    return make_results()
+
+
+@pytest.fixture(scope="module")
+def markup(results):
+    return page_of(results)
+
+
+@pytest.fixture(scope="module")
+def page(markup):
+    return Page(markup)
+
+
+def test_the_page_needs_nothing_else(page, markup):
+    assert "script" not in page.tags, "there is no mesh to turn"
+    assert all(reference.startswith(("#", "data:")) for reference in page.references)
+    assert not re.search(r"@import|url\((?!#)", markup)
+
+
+def test_links_and_ids_agree(page):
+    assert len(page.ids) == len(set(page.ids))
+    assert {reference[1:] for reference in page.references if reference.startswith("#")} <= set(page.ids)
+
+
+def test_every_number_of_every_record_is_on_the_page(page, results):
+    content = {stem: plain(result) for stem, result in results.found.items()}
+    for stem, record in {**content, "lens": results.lens.to_json()}.items():
+        for row in rows(record, without=("criteria", "verdicts", "spec")):
+            assert folded(f"{row.path} {row.value}") in page.text, (stem, row.path)
+
+
+def test_all_figures_are_there(page):
+    # the first, 3 of light, 3 lines, isolines, circle and flux, 2 sections, 3 per face, 3 of the proof and the gaps,
+    # 4 of the search
+    assert page.tags.count("svg") == 1 + 3 + 3 + 3 + 2 + 6 + 4 + 4
+
+
+def test_a_lens_alone_makes_a_page():
+    text = text_of(make_results(()))
+    assert "Section at φ = 90°" in text
+    assert "No 3-D picture: no part has been exported." in text
+
+
+def test_files_are_listed_with_their_hashes(tmp_path, results):
+    part = results.part.files["lens.step"]
+    assert f"lens.step 6\u2009B {part.sha256}".replace("\u2009", " ") in text_of(results).replace("\u2009", " ")
+    make_folder(tmp_path)
+    (tmp_path / "report.html").write_text("the page before", encoding="utf-8")
+    listed = text_of(load_results(tmp_path), tmp_path)
+    listed = listed[listed.index("SHA-256") : listed.index("Specification")]
+    for path in tmp_path.iterdir():
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        assert (digest in listed) == (path.name != "report.html"), path.name
+
+
+def test_nothing_is_written(tmp_path, monkeypatch, results):
+    monkeypatch.chdir(tmp_path)
+    make_folder(tmp_path / "lens")
+    before = sorted(tmp_path.rglob("*"))
+    page_of(load_results(tmp_path / "lens"), tmp_path / "lens")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("inner_residual_mm", "Inner face: left by the mill"),
+        ("outer_sag_mm", "Outer face: departure from a sphere"),
+        ("inner_kappa_min", "Inner face: curvature"),
+    ],
+)
+def test_a_map_without_a_number_is_left_out(name, title):
+    assert title in text_of(make_results(("check",)))
+    assert title not in text_of(make_results(("check",), check={name: np.full((21, 21), np.nan)}))
+
+
+def test_text_of_the_spec_stays_text():
+    page = Page(page_of(make_results((), small_lens(text="<script>$x_</script>"))))
+    assert "script" not in page.tags, "there is no mesh to turn"
+    assert "<script>$x_</script>" in page.text
+
+
+def test_an_outline_noted_by_the_design_is_drawn_and_a_missing_one_is_told():
+    lens = small_lens()
+    source = RayfileSource(file=Path("/somewhere/led.tm25ray"))
+    lens = replace(lens, spec=lens.spec.model_copy(update={"source": source}))
+    text = text_of(make_results((), lens))
+    assert "is not recorded in this folder" in text
+    assert "led.tm25ray" in text
+    assert "/somewhere" not in text
+    assert "The source is drawn at its size." in text_of(make_results(("design",), lens))

@@ -1,0 +1,129 @@
+"""Sections that are there only where their results are: referees, stray light, the measured part."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from page_text import Page, folded
+from part_files import EXTRAS, whole_folder, whole_results
+from result_folders import criterion, make_results, page_of
+
+from lensforge.errors import InputError
+from lensforge.report import surface_figures
+from lensforge.report.compare_page import render_comparison
+from lensforge.report.referees import referee_rows
+from lensforge.report.search_figures import history
+from lensforge.report.stray_light import stray_sentence
+from lensforge.report.tables import plain, rows
+from lensforge.results import load_results
+
+
+@pytest.fixture(scope="module")
+def results():
+    return whole_results()
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    return Page(page_of(results))
+
+
+def test_a_lens_without_these_results_has_none_of_these_sections():
+    page = Page(page_of(make_results()))
+    assert not {"stray", "measured"} & set(page.ids)
+    assert "Mitsuba" not in page.text.split("All numbers")[0]
+
+
+def test_every_number_of_these_results_is_on_the_page(page, results):
+    for stem in (*EXTRAS, "verify"):
+        for row in rows(plain(results.found[stem]), without=("criteria",)):
+            assert folded(f"{row.path} {row.value}") in page.text, (stem, row.path)
+
+
+def test_sections_pictures_and_links_are_there(page):
+    assert {"stray", "measured"} <= set(page.ids)
+    assert {"#stray", "#measured"} <= set(page.references)
+    # the whole report's, 3 of stray light, 3 + 3 of the photograph, 3 of the surface
+    assert page.tags.count("svg") == 26 + 3 + 6 + 3
+    for words in ("found in the picture with the LED off", "12 345 points", "PV 12.5 µm, rms 2.25 µm"):
+        assert folded(words.replace("12 345", "12\u2009345")) in page.text
+
+
+def test_criteria_of_these_results_count_under_their_names(page):
+    assert "All 10 criteria are met." in page.text
+    table = page.text[page.text.index("All criteria") :]
+    for stage in ("stray light", "photograph", "outer surface"):
+        assert f"mm {stage}" in table
+    failing = whole_results(compare={"criteria": (criterion("photo_clipped", 0.5, 0.01),)})
+    assert "1 of 10 criteria is not met: photo clipped." in Page(page_of(failing)).text
+
+
+def test_each_referee_has_its_row_and_its_verdict(results):
+    found = referee_rows(results)
+    assert [row.file for row in found] == ["lens.stl", "lens.stl", "lens.step", "lens.stl"]
+    assert found[2].rms_mm == "0.0015"
+    assert found[3].name.startswith("Mitsuba 3.9.1")
+    assert "within the 0.0085" in found[3].says
+    assert [row.state for row in found] == ["pass", "", "pass", "pass"]
+
+
+def test_the_sentence_on_stray_light_says_how_much_and_which_way(results):
+    sentence = stray_sentence(results)
+    for words in ("1.25 %", "3.00 %", "86.00 %", "87.50 %", "−1.5 points", "1.35 %", "black base", "0.002 per mm"):
+        assert words.replace(" %", "\u2009%") in sentence, words
+
+
+def test_a_form_map_is_seen_along_the_axis_with_x_to_the_right(results):
+    figure = surface_figures.form_map(np.transpose(results.surfaces["outer"].deviation_um))
+    image = figure.axes[0].images[0].get_array()  # drawn [y, x]
+    middle = image.shape[0] // 2
+    assert image[middle, -2] > 6.0 > -6.0 > image[middle, 1]
+    assert abs(image[1, middle]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("stem", "change", "message"),
+    [
+        ("stray", {"flux": None}, "run `lensforge verify --stray`"),
+        ("compare", {"ssim": "high"}, "run `lensforge compare --on`"),
+        ("compare_outer", {"point_count": -3}, "run `lensforge compare --points"),
+    ],
+)
+def test_a_broken_file_says_what_to_run(tmp_path, stem, change, message):
+    path = whole_folder(tmp_path) / f"{stem}.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**content, **change}), encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        load_results(tmp_path)
+    assert f"{stem}.json" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_written_is_what_is_shown(tmp_path, results):
+    read = load_results(whole_folder(tmp_path))
+    assert read == results
+    assert not read.outdated
+
+
+def test_the_loss_has_a_scale_that_holds_it(results):
+    levels = results.design.history
+    assert history(levels, "loss").axes[0].get_yscale() == "log"
+    drawn = np.concatenate([line.get_ydata() for line in history(levels, "loss").axes[0].lines])
+    np.testing.assert_allclose(drawn, [1.8, 1.0, 0.6, 0.4, 0.2, 0.1, 0.05])
+    negative = [level.model_copy(update={"loss": tuple(-value for value in level.loss)}) for level in levels]
+    assert history(negative, "loss").axes[0].get_yscale() == "linear"
+
+
+def test_photographs_stand_side_by_side(results):
+    markup = render_comparison([results, make_results()])
+    assert markup.count("<svg") == 2 + 3 + 2 + 1
+    text = Page(markup).text
+    assert "Photographs of the parts" in text
+    assert "SSIM to the simulation 0.925" in text
+    assert "Stray light" in text
+
+
+def test_corners_that_were_given_are_said_to_be_given():
+    text = Page(page_of(whole_results(compare={"corners_located": None}))).text
+    assert folded("Target\u2019s corners given") in text

@@ -1,0 +1,217 @@
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from result_folders import check_arrays, make_design, make_light, small_lens
+
+from lensforge.evaluation.light import Flux, MissedByCause
+from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.report import flux_figures, irradiance_figures, search_figures, section_figures, surface_figures
+from lensforge.report.figure_style import INK, to_svg
+from lensforge.spec import BaseSection
+
+SIDE = 200.0
+
+
+def plane(pixels, x_slope, y_slope):
+    axis = irradiance_figures.pixel_axis_mm(SIDE, pixels)
+    return 50.0 + x_slope * axis[None, :] + y_slope * axis[:, None]
+
+
+@pytest.mark.parametrize("pixels", [15, 16])
+def test_a_line_across_a_plane_is_straight_and_follows_its_slope(pixels):
+    image = plane(pixels, 0.1, -0.3)
+    start, end = np.array([-80.0, 30.0]), np.array([60.0, -50.0])
+    share = np.linspace(0.0, 1.0, 2 * pixels)[:, None]
+    points = start + (end - start) * share
+    expected = 50.0 + 0.1 * points[:, 0] - 0.3 * points[:, 1]
+    assert irradiance_figures.along(image, start, end, SIDE) == pytest.approx(expected, abs=1e-10)
+
+
+def test_uniform_light_gathers_as_the_area_of_a_circle():
+    radius, share = irradiance_figures.encircled_share(np.ones((400, 400)), SIDE)
+    inside = (radius > 10.0) & (radius < 0.5 * SIDE)
+    assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / SIDE**2, rel=0.01)
+    assert share[-1] == 1.0
+    assert (np.diff(share) >= 0.0).all()
+
+
+def test_a_dark_receiver_gathers_nothing():
+    assert not irradiance_figures.encircled_share(np.zeros((8, 8)), SIDE)[1].any()
+
+
+def test_the_third_line_goes_where_the_target_is_brightest():
+    bar = np.zeros((20, 20))
+    bar[16] = 1.0
+    (name, (start, end)) = irradiance_figures.profile_lines(bar, SIDE)[2]
+    level = irradiance_figures.pixel_axis_mm(SIDE, 20)[16]
+    assert start[1] == end[1] == level
+    assert f"{level:g} mm" in name
+    assert irradiance_figures.profile_lines(np.ones((20, 20)), SIDE)[2][0].startswith("x = y")
+
+
+def test_maps_put_y_upwards_and_scales_in_mm_and_watts():
+    image = plane(16, 0.0, 0.2)
+    axes, bar = irradiance_figures.irradiance_map(image, SIDE, 80.0).axes
+    shown = axes.images[0]
+    assert shown.get_extent() == [-100.0, 100.0, -100.0, 100.0]
+    assert shown.origin == "lower"
+    assert shown.get_clim() == (0.0, 80.0)
+    assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x (mm)", "y (mm)", "irradiance (W/m²)")
+
+
+def test_large_images_are_drawn_as_area_means():
+    image = np.random.default_rng(0).random((1024, 1024))
+    drawn = irradiance_figures.drawn(image)
+    assert drawn == pytest.approx(image.reshape(512, 2, 512, 2).mean(axis=(1, 3)), abs=1e-6)
+    assert irradiance_figures.drawn(image[:300, :300]).shape == (300, 300)
+
+
+@pytest.mark.parametrize("difference", [plane(16, 0.1, 0.2) - 40.0, np.zeros((8, 8))])
+def test_differences_are_centred_on_zero(difference):
+    low, high = irradiance_figures.difference_map(difference, SIDE).axes[0].images[0].get_clim()
+    assert -low == high == (np.abs(difference).max() or 1.0)
+
+
+def test_the_flux_budget_closes():
+    light = make_light(small_lens())
+    flux, missed = light.flux, light.missed_by_cause
+    lost = flux_figures.losses(flux, missed)
+    assert sum(share for _, share in lost) + flux.detected == pytest.approx(1.0)
+    assert "emitted backwards" not in dict(lost), "a loss of zero is clutter"
+    emitted, *steps, detected = flux_figures.flux_budget(flux, missed).axes[0].patches
+    edge = emitted.get_width()
+    for step in steps:
+        assert step.get_x() + step.get_width() == pytest.approx(edge)
+        edge = step.get_x()
+    assert detected.get_width() == pytest.approx(edge)
+
+
+@pytest.mark.parametrize("unit", [WATTS, LightUnit("illuminance", "lx", 250.0)])
+def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
+    image = 100.0 * np.tile((np.arange(64) + 0.5) / 64.0, (64, 1))  # 0 to 100 W/m^2 from left to right
+    axes, scale = irradiance_figures.isolines(image, SIDE, 80.0, unit).axes
+    (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
+    for path, share in zip(contour.get_paths(), irradiance_figures.ISO_SHARES, strict=True):
+        assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
+    named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
+    assert named == pytest.approx([80.0 * share * unit.per_w_m2 for share in irradiance_figures.ISO_SHARES], rel=5e-3)
+
+
+def test_maps_in_lux_show_lux():
+    unit = LightUnit("illuminance", "lx", 250.0)
+    image = plane(16, 0.0, 0.2)
+    axes, bar = irradiance_figures.irradiance_map(image, SIDE, 80.0, unit=unit).axes
+    assert np.asarray(axes.images[0].get_array()) == pytest.approx(250.0 * image)
+    assert axes.images[0].get_clim() == (0.0, 20000.0)
+    assert bar.get_ylabel() == "illuminance (lx)"
+
+
+def test_a_loss_that_is_there_is_never_called_zero():
+    nothing = MissedByCause(backward=0.0, outside_cavity=0.0, base=0.0, missed_receiver=0.0, surfaces_intersect=0.0)
+    flux = Flux(detected=0.99999, outside=1e-5, missed=0.0, total_reflection=0.0, not_converged=0.0, reflected=0.0)
+    axes = flux_figures.flux_budget(flux, nothing).axes[0]
+    assert "< 0.01 %" in [text.get_text() for text in axes.texts]
+
+
+def test_no_cause_of_a_loss_is_left_out():
+    """Each share is another: whichever were dropped, the sum would tell."""
+    flux = Flux(detected=0.5, outside=0.01, missed=0.31, total_reflection=0.02, not_converged=0.04, reflected=0.12)
+    missed = MissedByCause(backward=0.01, outside_cavity=0.02, base=0.04, missed_receiver=0.08, surfaces_intersect=0.16)
+    assert sum(share for _, share in flux_figures.losses(flux, missed)) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])
+def test_history_runs_on_from_level_to_level(quantity):
+    levels = make_design(small_lens()).history
+    axes = search_figures.history(levels, quantity).axes[0]
+    steps = np.concatenate([line.get_xdata() for line in axes.lines])
+    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    assert steps.tolist() == [1, 2, 3, 4, 5, 6, 7]
+    assert values.tolist() == [value for level in levels for value in getattr(level, quantity)]
+    assert [text.get_text() for text in axes.texts] == ["9", "34"]
+
+
+def test_constraints_run_on_from_level_to_level_and_what_is_not_allowed_is_shaded():
+    levels = make_design(small_lens()).history
+    axes = search_figures.constraint_history(levels).axes[0]
+    named = {"cavity_clearance_mm": "cavity", "wall_margin_mm": "thickness", "radius_margin_mm": "radius"}
+    for name, label in named.items():
+        first = next(line for line in axes.lines if line.get_label() == label)
+        lines = [line for line in axes.lines if line.get_color() == first.get_color()]
+        values = np.concatenate([line.get_ydata() for line in lines])
+        assert values.tolist() == [value for level in levels for value in level.constraints[name]]
+    shaded = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
+    assert shaded.y1 == pytest.approx(0.0, abs=1e-12)
+    assert shaded.y0 < -0.375
+
+
+def test_the_curvature_map_marks_the_mill_only_where_it_is_too_large():
+    kappa = check_arrays()["inner_kappa_min"]
+    crossed = surface_figures.curvature_map(kappa, 1.0).axes[0]
+    (contour,) = [item for item in crossed.collections if hasattr(item, "levels")]
+    path = np.concatenate([line.vertices for line in contour.get_paths()])
+    assert path[:, 1] == pytest.approx(-0.4, abs=0.02), "where -0.8 + 0.5 Y = -1, along Y and not X"
+    fitting = surface_figures.curvature_map(kappa, 0.5).axes[0]
+    assert not [item for item in fitting.collections if hasattr(item, "levels")]
+
+
+def test_maps_have_x_to_the_right_and_lose_no_sample():
+    sag = check_arrays()["inner_sag_mm"]
+    axes, bar = surface_figures.sag_map(sag).axes
+    drawn = np.asarray(axes.images[0].get_array())
+    known = ~np.isnan(sag.T)
+    assert drawn[known] == pytest.approx(sag.T[known])
+    assert np.isfinite(drawn).all()
+    assert bar.get_ylabel() == "deviation from the sphere (mm)"
+    assert surface_figures.sag_map(1e-3 * sag).axes[1].get_ylabel() == "deviation from the sphere (µm)"
+
+
+def labelled(axes):
+    return {item.get_label(): item for item in [*axes.lines, *axes.patches]}
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 90.0])
+def test_the_section_is_to_scale(azimuth):
+    lens = small_lens()
+    outline = 0.5 * np.array([[-2.0, -3.0, 0.0], [2.0, -3.0, 0.0], [2.0, 3.0, 0.0], [-2.0, 3.0, 0.0]])
+    axes = section_figures.lens_section(lens, azimuth, outline).axes[0]
+    drawn = labelled(axes)
+    width = {0.0: 2.0, 90.0: 3.0}[azimuth]
+    assert drawn["source"].get_xdata().tolist() == [-0.5 * width, 0.5 * width]
+    paraboloid = drawn["cavity limit"].get_xydata()
+    assert paraboloid[0] == pytest.approx([-1.5, 0.0])
+    assert paraboloid.max(axis=0) == pytest.approx([1.5, 1.0])
+    assert np.hypot(*drawn["radius limit"].get_xydata().T) == pytest.approx(11.0)
+    assert axes.get_aspect() == 1.0
+
+
+def test_the_section_shows_the_base_as_it_is():
+    lens = small_lens()
+    base = BaseSection(diameter_mm=30.0, flat_mm=13.0, relief_step_mm=0.5, flange_diameter_mm=34.0)
+    lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
+    axes = section_figures.lens_section(lens, 0.0, None).axes[0]
+    corners = {tuple(point) for point in np.round(labelled(axes)["lens"].get_xy(), 9)}
+    assert {(13.0, -0.5), (-15.0, -0.5), (17.0, -1.5), (-17.0, -2.0)} <= corners
+    assert axes.get_ylim()[0] < -2.0
+
+
+def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
+    figure = irradiance_figures.irradiance_map(plane(16, 0.1, 0.0), SIDE, 80.0)
+    svg = to_svg(figure, "name", 'less < "more" & more')
+    root = ElementTree.fromstring(svg)
+    assert root.get("aria-label") == 'less < "more" & more'
+    assert INK not in svg
+    assert "currentColor" in svg
+    assert "font-family" not in svg
+    assert "metadata" not in svg
+    assert not re.search(r'(?:href="|url\()(?!#name-|data:)', svg)
+    assert all(identifier.startswith("name-") for identifier in re.findall(r'\bid="([^"]+)', svg))
+
+
+def test_the_same_results_make_the_same_picture():
+    draw = irradiance_figures.irradiance_map
+    first, second = (to_svg(draw(plane(16, 0.1, 0.0), SIDE, 80.0), "name", "") for _ in range(2))
+    assert first == second

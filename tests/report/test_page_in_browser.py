@@ -1,0 +1,98 @@
+import json
+from html import escape
+
+import browser
+import pytest
+from part_files import whole_results
+
+from lensforge.report.lens_page import render_report
+
+pytestmark = browser.needed
+
+_FRAME = """<!DOCTYPE html><body><iframe {sandbox} width="{width}" height="4000" srcdoc="{page}"></iframe><script>
+addEventListener("load", () => {{
+  const page = document.querySelector("iframe").contentDocument;
+  const pictures = [...page.querySelectorAll("svg, img")];
+  const wide = picture => picture.getBoundingClientRect().width > 200;
+  const turns = page.querySelector(".turn.live canvas");
+  document.title = JSON.stringify({{
+    overall: page.documentElement.scrollWidth, pictures: pictures.length, seen: pictures.filter(wide).length,
+    turns: turns !== null && wide(turns),
+  }});
+}});
+</script></body>"""
+
+# Turns the lens as a reader would, and notes what the canvas shows after each step.
+_PLAY = """<script>
+const errors = [];
+addEventListener("error", event => errors.push(event.message));
+addEventListener("load", () => setTimeout(() => {
+  const canvas = document.querySelector(".turn canvas"), gl = canvas.getContext("webgl");
+  const size = [canvas.width, canvas.height];
+  function shown(act) {
+    act();
+    const pixels = new Uint8Array(4 * size[0] * size[1]);
+    gl.readPixels(0, 0, ...size, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    let covered = 0, blue = 0, sum = 0;
+    for (let i = 0; i < pixels.length; i += 4) {
+      if (!pixels[i + 3]) continue;
+      covered += 1;
+      blue += pixels[i + 2] > pixels[i];
+      sum = (sum * 31 + pixels[i] + 256 * (i % 65521)) % 1000000007;
+    }
+    return [covered / (size[0] * size[1]), covered ? blue / covered : 0, sum];
+  }
+  const pointer = (type, x, y) => canvas.dispatchEvent(new PointerEvent(type, { clientX: x, clientY: y, buttons: 1 }));
+  const drag = () => { pointer("pointerdown", 50, 50); pointer("pointermove", 99, 70); pointer("pointerup", 120, 70); };
+  const press = name => document.querySelector(`[data-view="${name}"]`).click();
+  const result = {
+    first: shown(() => press("first")),
+    turned: shown(drag),
+    hovered: shown(() => pointer("pointermove", 10, 10)),
+    again: shown(() => press("first")),
+    key: shown(() => canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }))),
+    cut: shown(() => press("cut")),
+    glError: gl.getError(),
+  };
+  document.title = JSON.stringify({ ...result, errors });
+}, 300));
+</script>"""
+
+
+@pytest.fixture(scope="module")
+def markup():
+    page = render_report(whole_results())
+    if "No 3-D picture" in page:
+        pytest.skip("no off-screen renderer here")
+    return page
+
+
+@pytest.mark.parametrize(("width", "scripts"), [(400, True), (1280, True), (1280, False)])
+def test_every_picture_is_seen_without_scrolling_sideways(markup, tmp_path, width, scripts):
+    sandbox = "" if scripts else 'sandbox="allow-same-origin"'
+    frame = tmp_path / "frame.html"
+    frame.write_text(_FRAME.format(sandbox=sandbox, width=width, page=escape(markup)), encoding="utf-8")
+    document, _ = browser.run(frame, tmp_path)
+    found = json.loads(browser.title(document))
+    assert found["overall"] <= width
+    assert found["pictures"] == markup.count("<svg") + 3
+    assert found["turns"] == scripts
+    hidden = 1 if scripts else 0  # the still picture makes room for the lens that turns
+    assert found["seen"] == found["pictures"] - hidden
+
+
+def test_the_lens_turns_and_no_script_fails(markup, tmp_path):
+    page = tmp_path / "play.html"
+    page.write_text(markup.replace("</head>", f"{_PLAY}</head>"), encoding="utf-8")
+    document, console = browser.run(page, tmp_path)
+    found = json.loads(browser.title(document))
+    assert found["errors"] == []
+    assert [line for line in console if "GL Driver Message" not in line] == []
+    assert found["glError"] == 0
+    assert 0.1 < found["first"][0] < 0.9, "the part stands on a transparent ground"
+    assert found["first"][1] > 0.99, "of glass"
+    assert found["first"] != found["turned"]
+    assert found["turned"] == found["hovered"], "it moves only while it is held"
+    assert found["again"] == found["first"]
+    assert found["key"] != found["first"]
+    assert found["cut"][1] < 0.5, "the cut has a colour of its own"

@@ -1,0 +1,78 @@
+"""The part in three dimensions: rendered pictures, and the small mesh that the page carries."""
+
+import base64
+import io
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+from page_text import Page
+from PIL import Image
+from result_folders import (
+    make_results,
+)
+
+from lensforge.errors import InputError
+from lensforge.report import solid_view
+from lensforge.report.lens_page import render_report
+
+
+def unpack(data):
+    vertices, triangles = np.frombuffer(data, "<u4", 2)
+    unit, half, centre = np.frombuffer(data, "<f4", 3, 8)
+    points = np.frombuffer(data, "<i2", 3 * vertices, 20).reshape(-1, 3) * float(unit)
+    faces = np.frombuffer(data, "<u2", 3 * triangles, 20 + 6 * vertices).reshape(-1, 3)
+    normals = np.frombuffer(data, "i1", 3 * vertices, 20 + 6 * vertices + 6 * triangles).reshape(-1, 3) / 127.0
+    assert len(data) == 20 + 9 * vertices + 6 * triangles
+    return points, faces, normals, (float(half), float(centre))
+
+
+def test_a_sphere_of_many_triangles_becomes_few_and_stays_a_sphere():
+    sphere = pv.Icosphere(radius=7.0, nsub=6)
+    data = solid_view.small_mesh(sphere, 9.0, 1.5)
+    points, faces, normals, view = unpack(data)
+    assert sphere.n_cells > 6 * solid_view.MOST_TRIANGLES
+    assert len(faces) <= solid_view.MOST_TRIANGLES
+    assert len(data) * 4 / 3 < 300e3, "in base64"
+    assert np.linalg.norm(points, axis=1) == pytest.approx(7.0, rel=2e-3)
+    assert normals == pytest.approx(points / 7.0, abs=0.03)
+    assert view == pytest.approx((9.0, 1.5))
+    corners = points[faces]
+    volume = np.sum(np.cross(corners[:, 0], corners[:, 1]) * corners[:, 2]) / 6.0
+    assert volume == pytest.approx(4.0 / 3.0 * np.pi * 343.0, rel=2e-3), "all triangles turn outwards"
+
+
+def test_edges_stay_sharp():
+    points, faces, normals, _ = unpack(solid_view.small_mesh(pv.Cube().triangulate(), 1.0, 0.0))
+    assert len(points) == 24
+    for face in faces:
+        corners = points[face]
+        outward = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        for normal in normals[face]:
+            assert normal == pytest.approx(outward / np.linalg.norm(outward), abs=0.01)
+
+
+def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the renderer finds lensforge wherever its caller stands
+    markup = render_report(make_results(("export",)))
+    if "No 3-D picture" in markup:
+        pytest.skip("no off-screen renderer here")
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)', markup)
+    assert len(pictures) == 3
+    for picture in pictures:
+        alpha = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 3]
+        assert 0.05 < (alpha > 0).mean() < 0.95, "a part before a transparent ground"
+    assert "10 × 10 × 10 mm over all" in markup
+    assert "script" in Page(markup).tags, "it can be turned"
+
+
+def test_without_a_renderer_the_page_says_so(monkeypatch):
+    monkeypatch.setattr(solid_view, "_COMMAND", ("sh", "-c", "kill -SEGV $$"))
+    markup = render_report(make_results(("export",)))
+    assert "No 3-D picture: this machine has no off-screen renderer (OpenGL)." in markup
+
+
+def test_a_mesh_that_is_none_is_one_line():
+    with pytest.raises(InputError, match=r"lens\.stl: not a readable mesh; run `lensforge export` again"):
+        render_report(make_results(("export",), export={"stl": b"not a mesh"}))

@@ -1,0 +1,29 @@
+"""The ranges of the seeds are disjoint for every seed that a run may have."""
+
+from itertools import pairwise
+
+from lensforge import seeds
+from lensforge.far_field.export import _PARTS
+
+
+def test_no_two_purposes_share_a_seed() -> None:
+    most, steps = seeds.MOST, 10**6
+    replicates, parts = 16, 2**12  # parts: 2^36 rays
+    ranges = [
+        (seeds.of_step(0, 0), seeds.of_step(most, steps)),
+        (seeds.of_replicate(0, replicates, 0, parts, 0), seeds.of_replicate(most, replicates, 15, parts, parts - 1)),
+        (seeds.of_verification(0), seeds.of_verification(most)),
+        (seeds.of_far_field(0, _PARTS, 0), seeds.of_far_field(most, _PARTS, _PARTS - 1)),
+        (seeds.of_convergence(0), seeds.of_convergence(2**20)),
+        (seeds.of_reference(0), seeds.of_reference(2**20)),
+        (seeds.of_preset_error(0, 8, 0), seeds.of_preset_error(most, 8, 7)),
+    ]
+    for (_, last), (first, _) in pairwise(sorted(ranges)):
+        assert last < first
+
+
+def test_every_step_of_every_seed_has_a_scramble_of_its_own() -> None:
+    assert seeds.of_step(0, 10**6) < seeds.of_step(1, 0)
+    assert seeds.of_step(seeds.MOST - 1, 10**6) < seeds.of_step(seeds.MOST, 0)
+    assert seeds.of_replicate(3, 16, 15, 4, 3) + 1 == seeds.of_replicate(4, 16, 0, 4, 0)
+    assert seeds.of_preset_error(3, 8, 7) + 1 == seeds.of_preset_error(4, 8, 0)

@@ -1,0 +1,124 @@
+import cadquery as cq
+import numpy as np
+import pytest
+from lens_meshes import lambertian, lens_mesh, oracle, sphere
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification.brep_cast import StepBody, brep_criteria, cast_brep, send_through_step
+from lensforge.verification.casting import Grid
+from lensforge.verification.comparison import Expected
+from lensforge.verification.image_plane import ImagePlane
+from lensforge.verification.part_mesh import part_mesh_of
+from lensforge.verification.passage import CastFate, send_through
+from lensforge.verification.verify import verify_part
+
+INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
+# Neither centre is on the seam or the pole of the kernel's spheres as rays see them: both lie off the axis.
+INNER, OUTER = sphere(6.0, (0.3, -0.2, 0.0)), sphere(13.0, (-0.4, 0.3, 0.0))
+RAYS = lambertian(300, 2.0, seed=3)
+HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+
+
+def ball(surface):
+    return cq.Workplane().sphere(surface.semi_axes[0]).translate(surface.centre)
+
+
+def written(shape, path):
+    cq.exporters.export(shape, str(path))
+    return path.read_bytes()
+
+
+def step(path, outer=OUTER, scale=1.0):
+    """The bytes of a dome with a cavity on a cylindrical base, built by the kernel's booleans."""
+    below = cq.Workplane().box(100.0, 100.0, 50.0).translate((0.0, 0.0, -25.0))
+    bore = cq.Workplane().circle(6.0).extrude(-2.0).translate((INNER.centre[0], INNER.centre[1], 0.0))
+    base = cq.Workplane().circle(16.0).extrude(-2.0)
+    body = ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
+    return written(cq.Workplane(body.val().scale(scale)), path)
+
+
+@pytest.fixture(scope="module")
+def lens_step(tmp_path_factory):
+    return step(tmp_path_factory.mktemp("brep") / "lens.step")
+
+
+def cast_of(step_bytes):
+    part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
+    mesh = send_through(part, Grid(part.mesh), RAYS, INDEX, DISTANCE)
+    expected = Expected(np.ones((4, 4)), HITS, WEIGHTS)
+    return cast_brep(step_bytes, RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
+
+
+def failed(cast):
+    return {criterion.name for criterion in brep_criteria(cast, DISTANCE) if not criterion.passed}
+
+
+def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
+    passage = send_through_step(StepBody(lens_step), RAYS, INDEX, DISTANCE)
+    landed = passage.fates == CastFate.LANDED
+    np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
+    assert landed.sum() > 250
+    np.testing.assert_allclose(passage.landings[landed], HITS[landed], rtol=0.0, atol=1e-8 * DISTANCE)
+    np.testing.assert_allclose(passage.flux[landed], WEIGHTS[landed], rtol=1e-9)
+
+
+def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
+    cast, gaps = cast_of(lens_step)
+    assert cast.rays == len(RAYS)
+    assert failed(cast) == set()
+    assert cast.against_design.rms < 1e-6
+    assert cast.against_mesh.rms > 100.0 * cast.against_design.rms
+    assert gaps[-1] == cast.against_design.max
+
+
+WRONG = {
+    "scaled": {"scale": 1.01},
+    "in inches": {"scale": 1 / 25.4},
+    "outer 20 um to +x": {"outer": sphere(13.0, (-0.38, 0.3, 0.0))},
+    "outer 20 um thicker": {"outer": sphere(13.02, OUTER.centre)},
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_step_fails(tmp_path, name):
+    assert "brep_deviation_rms" in failed(cast_of(step(tmp_path / "lens.step", **WRONG[name]))[0])
+
+
+def test_rays_that_cannot_pass_say_why(lens_step):
+    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5]])
+    towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(3)), INDEX, DISTANCE)
+    assert passage.fates.tolist() == [CastFate.BASE, CastFate.STARTS_INSIDE, CastFate.NO_HIT]
+
+
+def test_verify_reports_the_step_beside_the_mesh(lens_step):
+    result = verify_part(
+        lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl"),
+        rays=RAYS,
+        refractive_index=INDEX,
+        distance_mm=DISTANCE,
+        receiver_mm=SIDE,
+        window_mm=SIDE,
+        pixels=8,
+        design_irradiance=ImagePlane(SIDE, 8).irradiance(HITS, WEIGHTS),
+        design_hits=HITS,
+        design_flux=WEIGHTS,
+        plain_rays=1,
+        step=lens_step,
+        step_rays=50,
+    )
+    assert result.brep.rays == 50
+    assert result.brep.against_design.rms < result.deviation_mm.rms
+    assert result.gaps_step_mm[-1] == result.brep.against_design.max
+    assert {criterion.name for criterion in result.criteria} >= {"brep_deviation_rms", "deviation_rms"}
+
+
+def test_what_is_no_solid_is_input_error(tmp_path):
+    for content in (b"", b"not a STEP file"):
+        with pytest.raises(InputError, match=r"STEP: (not readable|holds 0 solids)"):
+            StepBody(content)
+    two = cq.Workplane().box(1, 1, 1).add(cq.Workplane().box(1, 1, 1).translate((5, 0, 0)))
+    with pytest.raises(InputError, match="STEP: holds 2 solids"):
+        StepBody(written(two, tmp_path / "two.step"))

@@ -1,0 +1,93 @@
+"""The cast by Mitsuba against closed forms, and in the whole verification; only where Mitsuba is installed."""
+
+import numpy as np
+import pytest
+from lens_meshes import Quadric, lambertian, lens_mesh, oracle
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import RayBundle
+from lensforge.verification import mitsuba_cast
+from lensforge.verification.comparison import Expected
+from lensforge.verification.image_plane import ImagePlane
+from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria, send_through_mitsuba
+from lensforge.verification.part_mesh import part_mesh_of
+from lensforge.verification.passage import CastFate
+from lensforge.verification.verify import verify_part
+
+mitsuba = pytest.importorskip("mitsuba")
+INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
+INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
+OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
+RAYS = lambertian(4000, 2.0, seed=11)
+HITS, FLUX, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+RECEIVER = ImagePlane(SIDE, 32)
+
+
+def part(rings=60, outer=OUTER):
+    return part_mesh_of(lens_mesh(INNER.radius, outer.radius, rings, (16.0, 2.0)))
+
+
+def converged():
+    many = lambertian(400_000, 2.0, seed=2)
+    landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
+    return RECEIVER.irradiance(landings, flux)
+
+
+def deviation(rings):
+    _, passage = send_through_mitsuba(part(rings), RAYS, INDEX, DISTANCE)
+    landed = (passage.fates == CastFate.LANDED) & np.isfinite(HITS[:, 0])
+    assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
+    np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)
+    seen = landed & (np.abs(HITS).max(axis=1) < 150.0)
+    return np.sqrt(np.mean(np.sum((passage.landings[seen] - HITS[seen]) ** 2, axis=1)))
+
+
+def test_mitsuba_lands_rays_where_the_closed_form_does():
+    coarse, fine = deviation(30), deviation(60)
+    assert fine < 0.05
+    assert coarse / fine > 3.0  # second order in the edge length, as interpolated normals are
+
+
+def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
+    expected = Expected(converged(), HITS, FLUX)
+    right, _ = cast_mitsuba(part(), RAYS, INDEX, DISTANCE, RECEIVER, expected, 3000)
+    assert right.rays == 3000
+    assert right.version == mitsuba.__version__
+    assert all(criterion.passed for criterion in mitsuba_criteria(right, DISTANCE))
+    # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
+    assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
+    other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
+    wider, _ = cast_mitsuba(other, RAYS, INDEX, DISTANCE, RECEIVER, expected)
+    failed = {criterion.name for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.passed}
+    assert "mitsuba_deviation_rms" in failed
+
+
+def test_rays_with_an_index_each_are_bent_by_it():
+    both = [RayBundle(RAYS.origins, RAYS.directions, RAYS.flux, np.full(4000, index)) for index in (1.4, 1.6)]
+    some = np.arange(50)
+    for rays, index in zip(both, (1.4, 1.6), strict=True):
+        _, own = send_through_mitsuba(part(), rays.take(some), INDEX, DISTANCE)
+        _, given = send_through_mitsuba(part(), RAYS.take(some), index, DISTANCE)
+        np.testing.assert_array_equal(own.landings, given.landings)
+
+
+def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
+    stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
+    mitsuba.set_variant("scalar_spectral")
+    given = {
+        "rays": RAYS, "refractive_index": INDEX, "distance_mm": DISTANCE, "receiver_mm": SIDE, "window_mm": SIDE,
+        "pixels": 32, "design_irradiance": converged(), "design_hits": HITS, "design_flux": FLUX, "plain_rays": 1,
+    }  # fmt: skip
+    result = verify_part(stl, **given, mitsuba_rays=500)
+    assert mitsuba.variant() == "scalar_spectral"
+    assert result.mitsuba.rays == 500
+    assert result.gaps_mitsuba_mm[-1] == result.mitsuba.against_design.max
+    assert "mitsuba_nmse_vs_design" in {criterion.name for criterion in result.criteria}
+    without = verify_part(stl, **given)
+    assert without.mitsuba is None and without.gaps_mitsuba_mm is None
+
+
+def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):
+    monkeypatch.setattr(mitsuba_cast, "VARIANT", "no_such_variant")
+    with pytest.raises(InputError, match="mitsuba: does not load"):
+        send_through_mitsuba(part(8), RAYS, INDEX, DISTANCE)
