@@ -50,7 +50,7 @@ def main():
     side, receiver = lens.spec.target.receiver_mm, PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
     landed = {}
     for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
-        coloured = replace(rays, refractive_indices=np.broadcast_to(index, each.shape))
+        coloured = replace(rays, refractive_indices=np.full(each.shape, index))
         landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.refractive_index, coloured)))
     inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
     report = {

@@ -31,27 +31,27 @@ for command in (
 
 
 def main() -> None:
-    """Entry point: every way out is an exit code and at most one line on stderr."""
+    """Entry point: every exit has a code and at most one line on stderr."""
     try:
         cli.main(prog_name="lensforge", standalone_mode=False)
     except LensforgeError as error:
-        _leave(str(error), error.exit_code)
+        _exit_with(str(error), error.exit_code)
     except click.ClickException as error:
-        _leave(f"{error.format_message()}; see --help", 2)
+        _exit_with(f"{error.format_message()}; see --help", 2)
     except (click.Abort, KeyboardInterrupt):
-        _leave("interrupted; the same command with --resume goes on from the last checkpoint", 130)
+        _exit_with("interrupted; the same command with --resume continues from the last checkpoint", 130)
     except BrokenPipeError:
         sys.exit(0)
     except MemoryError:
-        _leave("out of memory; use fewer --rays or a lower --accuracy", 1)
+        _exit_with("out of memory; use fewer --rays or a lower --accuracy", 1)
     except Exception as error:  # a bug: the user gets a line, the developer the details
         with tempfile.NamedTemporaryFile(
             "w", encoding="utf-8", prefix="lensforge-", suffix=".log", delete=False
         ) as log:
             traceback.print_exc(file=log)
-        _leave(f"internal error: {type(error).__name__}: {error}; details for a bug report: {log.name}", 1)
+        _exit_with(f"internal error: {type(error).__name__}: {error}; details for a bug report: {log.name}", 1)
 
 
-def _leave(message: str, code: int) -> None:
+def _exit_with(message: str, code: int) -> None:
     click.echo(f"lensforge: {' '.join(message.split())}", err=True)
     sys.exit(code)

@@ -51,7 +51,7 @@ def compare(
 
     ``on``, ``off``: photographs with the LED on and off; ``corners``: pixels (column, row) of the target in them, from
     the top left clockwise, found if None; ``target_mm``: side of the square that they span. ``points``: a file of
-    x, y, z (mm) on one ``surface``; ``registration``: motion that may be fitted to lay them on the design. Raises
+    x, y, z (mm) on one ``surface``; ``registration``: motion that is fitted to bring them onto the design. Raises
     :class:`InputError`; its message names the argument, and the command line's option has the same name.
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)

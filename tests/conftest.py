@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
@@ -23,7 +24,7 @@ def examples() -> Path:
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
-    """A small lens, the whole way: what ``run`` returned, and its folder as it left it."""
+    """A run of a small lens: the object that ``run`` returned, and its folder as it left it."""
     from scenes import small_spec  # not before the import hook is there
 
     folder = tmp_path_factory.mktemp("small_run") / "small"
@@ -32,7 +33,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
 
 @pytest.fixture(scope="session")
 def whole_run(small_run: lensforge.Run, tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
-    """The same in a folder of its own, with all that can be asked for besides."""
+    """The same in a folder of its own, with every result that can be added: studies of the lens, a measured part."""
     from lensforge.pipeline import run_photometry, run_sensitivity, run_stray
 
     folder = tmp_path_factory.mktemp("whole_run") / "small"
@@ -40,4 +41,23 @@ def whole_run(small_run: lensforge.Run, tmp_path_factory: pytest.TempPathFactory
     run_stray(folder, rays=512)
     run_sensitivity(folder, rays=512)
     run_photometry(folder, rays=4096)
+    _measure_part(small_run, folder)
     return lensforge.load(folder)
+
+
+def _measure_part(run: lensforge.Run, folder: Path) -> None:
+    """Compare with a photograph of the simulated light itself, and with points of the design's own inner surface."""
+    from PIL import Image
+    from scenes import hemisphere_directions
+
+    from lensforge.pipeline import run_compare_photo, run_compare_surface
+
+    light = run.light.map
+    seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top
+    photo, cloud = folder.with_name("on.png"), folder.with_name("cloud.csv")
+    Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(photo)
+    low, high = 9.5, 9.5 + 8 * len(light)
+    run_compare_photo(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])
+    u = hemisphere_directions(2000)
+    np.savetxt(cloud, u * run.lens.inner.radius(u)[:, None], delimiter=",")
+    run_compare_surface(folder, points=cloud, surface="inner", rays=512)

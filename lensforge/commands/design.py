@@ -64,7 +64,10 @@ def run_with_progress(
     resume: bool = False,
     snapshots: bool = False,
 ) -> Run:
-    """Call ``pipeline.run`` with its progress on stderr; with ``resume`` from the checkpoint that must be there."""
+    """Call ``pipeline.run`` with its progress on stderr; ``resume``: from the checkpoint in ``directory``.
+
+    Raises :class:`InputError` where there is no checkpoint to resume from.
+    """
     from lensforge.commands.progress import Reporter
     from lensforge.report.snapshots import Snapshots
 

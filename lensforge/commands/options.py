@@ -8,7 +8,7 @@ from lensforge import seeds
 from lensforge.spec import Spec
 
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by the accuracy preset.")
+RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by spec or preset.")
 THREADS = click.option("--threads", type=click.IntRange(1, 256), help="Threads; default: all cores.")
 ACCURACY = click.option(
     "--accuracy",

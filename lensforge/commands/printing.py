@@ -1,4 +1,4 @@
-"""Output of the commands: a ``key<TAB>value`` line for each number on stdout; then an error for what is missed."""
+"""Output of the commands: a ``key<TAB>value`` line for each number on stdout; then an error for missed criteria."""
 
 import json
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, open_run
 
 _METRIC = {"value", "unit", "standard_error"}
-_NO_FIGURES = ("criteria", "version", "inputs")
+_NOT_NUMBERS = ("criteria", "version", "inputs")
 
 
 def finish(
@@ -36,8 +36,8 @@ def finish(
 
 
 def _not_printed(result: StageResult) -> set[str]:
-    """Arrays, files and what belongs to another stage: they are in the folder."""
-    return {*_NO_FIGURES, *type(result).stored_elsewhere()} & set(type(result).model_fields)
+    """Names of arrays, files and parts of other stages' results, which are in the folder."""
+    return {*_NOT_NUMBERS, *type(result).stored_elsewhere()} & set(type(result).model_fields)
 
 
 def print_table(content: Mapping[str, object], prefix: str = "") -> None:
@@ -74,7 +74,7 @@ def print_headline(run: Run) -> None:
 
 
 def require_pass(directory: Path, *parts: str) -> None:
-    """Raise :class:`CriterionMissed` where the verdict on ``directory`` fails; ``parts``: only these count, if any."""
+    """Raise :class:`CriterionMissed` where the verdict on ``directory`` fails, in ``parts`` or, without them, any."""
     run = open_run(directory)
     try:
         run.verdict.require(run.spec, parts)

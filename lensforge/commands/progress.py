@@ -67,7 +67,7 @@ class Reporter:
             observer(step)
 
     def on_stage(self, stage: str) -> None:
-        """Show that a later stage begins."""
+        """Show that a stage after the design begins."""
         if self._bar.disable:
             self._console.print(stage)
         self._bar.update(self._task, description=f"{self._name}  {stage}", numbers="")

@@ -17,7 +17,7 @@ from lensforge.results import REPORT_FILE
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: by the spec.")
+@click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: from the spec.")
 @click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
 def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
     """Simulate the finished lens in DIR again.

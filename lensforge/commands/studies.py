@@ -48,14 +48,14 @@ def sweep(
     variation = parse_variation(vary, scale)
     directory = out or Path("cad_out") / f"{content.name}_sweep"
 
-    def go(spec: Spec, folder: Path, resume: bool) -> object:
+    def run_design(spec: Spec, folder: Path, resume: bool) -> object:
         return run_with_progress(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
 
     result = run_sweep(
         content,
         variation,
         directory,
-        go,
+        run_design,
         accuracy=accuracy,
         seed=seed,
         resume=resume,
@@ -76,7 +76,7 @@ def sweep(
     type=click.IntRange(2**12, 2**24),
     default=2**20,
     show_default=True,
-    help="Rays of the longest runs in the convergence study; 2^24 takes some minutes.",
+    help="Rays of the longest runs in the convergence study; 2^24 takes a few minutes.",
 )
 @THREADS
 def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) -> None:

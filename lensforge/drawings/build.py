@@ -1,4 +1,4 @@
-"""The handover to the shop, from the results of a lens: one content as HTML page and as PDF, and the tables.
+"""The handover to the shop, from the results of a lens: the same content as HTML page and as PDF, and the tables.
 
 The PDF has A4 pages drawn by matplotlib, so that no browser is needed.
 """
@@ -30,7 +30,7 @@ from lensforge.results import Results
 DATUM = (
     "A is the plane z = 0, in which both optical faces end; B is the optical axis z through the origin of the STEP; "
     "a clocking flat lies across +x. Lengths in mm. The optical faces are the named faces OPTICAL_OUTER and "
-    "OPTICAL_INNER of the STEP file, which alone defines them: tables and pictures are for measuring and reading."
+    "OPTICAL_INNER of the STEP file, which alone defines them; tables and pictures are for inspection."
 )
 _TEMPLATES = Path(__file__).with_name("templates")
 _A4 = (8.27, 11.69)
@@ -141,7 +141,7 @@ def _as_text(title: str, content: _Content) -> list[str]:
     for name, facts in content.faces.items():
         lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
     lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]
-    lines += ["", "Criteria", *(f"[{_yes(g.passed)}] {g.name} {_value(g)}" for g in content.criteria)]
+    lines += ["", "Criteria", *(f"[{_yes(c.passed)}] {c.name} {_value(c)}" for c in content.criteria)]
     return [*lines, "", "SHA-256", *(f"{digest}  {name}" for name, digest in content.hashes.items())]
 
 
@@ -154,7 +154,7 @@ def _value(criterion: Criterion) -> str:
 
 
 def pdf_of(title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> bytes:
-    """``text`` as lines, as many pages as they need, then ``pictures`` under their captions: one across, then pairs."""
+    """Make a PDF: the lines of ``text`` on as many pages as needed, then ``pictures`` with captions on one page."""
     buffer = io.BytesIO()
     with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
         folded = [piece for line in text for piece in _fold(line)]
@@ -185,7 +185,7 @@ def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:
 
 
 def _fold(line: str) -> list[str]:
-    """Lines that fit the page, later ones indented; words stay whole."""
+    """Lines that fit the page, continuations indented; words are not broken."""
     pieces = [""]
     for word in line.split(" "):
         longer = f"{pieces[-1]} {word}" if pieces[-1] else word

@@ -1,6 +1,6 @@
-"""Sizes of the lens and its base for the drawing, and tables of both faces for a measuring machine.
+"""Dimensions of the lens and its base for the drawing, and tables of both faces for a measuring machine.
 
-All come from the exact surfaces; the tables on rings about the axis, every 2.5 degrees of polar angle and 5 degrees of
+All are of the exact surfaces; the tables are on rings about the axis, every 2.5 degrees of polar angle and 5 degrees of
 azimuth.
 """
 
@@ -25,14 +25,14 @@ _INTO_AIR = {"inner": -1.0, "outer": 1.0}
 
 @dataclass(frozen=True)
 class Dimension:
-    """One size (mm) with its name."""
+    """One dimension (mm) with its name."""
 
     name: str
     value_mm: float
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
-    """Sizes of the lens and of its base; widths of a rim are those of the circles that just hold it."""
+    """Dimensions of the lens and of its base; the width of a rim is that of its enclosing circle about the axis."""
     turn = np.linspace(0.0, 2.0 * np.pi, 1440, endpoint=False)
     rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
     dome = fibonacci_hemisphere(20_000)
@@ -41,7 +41,7 @@ def dimensions(lens: Lens) -> list[Dimension]:
     found = [
         Dimension("height of the outer apex above A", outer_apex),
         Dimension("highest point above A", float((radius * dome[:, 2]).max())),
-        Dimension("depth of the cavity's apex above A", inner_apex),
+        Dimension("height of the cavity's apex above A", inner_apex),
         Dimension("thickness on the axis", outer_apex - inner_apex),
         Dimension("width of the dome", 2.0 * float((radius * np.hypot(dome[:, 0], dome[:, 1])).max())),
         Dimension("outer rim in A, outside width", 2.0 * float(lens.outer.radius(rim).max())),
@@ -79,7 +79,7 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
 
 
 def _box_of_file(path: Path) -> list[Dimension]:
-    """The box that holds a base from a STEP file, to a hundredth of a millimetre of its round faces."""
+    """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
     vertices, _ = tessellated(read_custom_base(path).solid, 1e-2)
     sizes = np.ptp(vertices, axis=0).tolist()
     names = ("width along x", "width along y", "height below A")

@@ -16,8 +16,8 @@ HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturin
 class Handover(Record):
     """Drawing and verdicts as page and PDF, tables of points and of sag, each as the bytes of its file.
 
-    ``points``: lines of the table of points. ``sha256``: of the files that go to the shop, by their names, less page
-    and PDF, which state them. ``refused``: verdicts of the check that fail.
+    ``points``: number of points in the table. ``sha256``: of the files that go to the shop, by name, except page and
+    PDF, which list them. ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text

@@ -1,4 +1,4 @@
-"""The dimensioned section: the body cut open in the plane of x and z, to scale, with its datum."""
+"""The dimensioned section: the body cut in the xz plane, to scale, with its datum."""
 
 from collections.abc import Callable
 
@@ -96,29 +96,29 @@ def _by_size(spans: list[Span]) -> list[Span]:
 
 
 def _vertical(axes: Axes, x: float, span: Span, body: float, step: float) -> None:
-    """A height at ``x``, its lines drawn from ``body``; the number stands away from the body, where ``step`` points."""
+    """Draw a height at ``x``, extension lines from ``body``; the number is on the side to which ``step`` points."""
     for z in span:
-        _faint(axes, [body, x + 0.15 * step], [z, z])
+        _extension_line(axes, [body, x + 0.15 * step], [z, z])
     _arrows(axes, span, abs(step), lambda z: (x, z))
     side = "left" if step > 0.0 else "right"
     axes.text(x + 0.15 * step, sum(span) / 2.0, f"{span[1] - span[0]:.3f}", ha=side, va="center", bbox=_CLEAR)
 
 
 def _horizontal(axes: Axes, z: float, span: Span, body: float, step: float) -> None:
-    """A width at height ``z``, its lines drawn from ``body``."""
+    """Draw a width at height ``z``, extension lines from ``body``."""
     for x in span:
-        _faint(axes, [x, x], [body, z - 0.15 * step])
+        _extension_line(axes, [x, x], [body, z - 0.15 * step])
     _arrows(axes, span, step, lambda x: (x, z))
     axes.text(sum(span) / 2.0, z + 0.1 * step, f"{span[1] - span[0]:.3f}", ha="center", va="bottom", bbox=_CLEAR)
 
 
-def _faint(axes: Axes, x: list[float], z: list[float]) -> None:
-    """A line that leads from the body to a dimension."""
+def _extension_line(axes: Axes, x: list[float], z: list[float]) -> None:
+    """Draw an extension line, from the body to a dimension."""
     axes.plot(x, z, color=INK, linewidth=0.4, alpha=0.5)
 
 
 def _arrows(axes: Axes, span: Span, step: float, at: Callable[[float], Span]) -> None:
-    """Between the ends of ``span``, or, where that is too narrow for two heads, from outside towards both."""
+    """Draw arrows between the ends of ``span``, or, where that is too narrow for two heads, from outside."""
     low, high = span
     style = {"linewidth": 0.7, "color": INK, "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 8.0}
     if high - low > step:

@@ -1,4 +1,4 @@
-"""The far field of the finished lens as IES, EULUMDAT and TM-25 files, proven by reading them back.
+"""The far field of the finished lens as IES, EULUMDAT and TM-25 files, verified by reading them back.
 
 Only light that leaves the lens upwards is in the files: light that leaves it downwards meets the plane on which the
 lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the y axis.
@@ -48,8 +48,8 @@ def measure_photometry(
 ) -> Photometry:
     """Trace the light of ``lens`` to its far field, and make the three files; ``lumens``: luminous flux of the source.
 
-    Without it, the flux follows from the spec's luminous efficacy; without that, it is 1000 lm: then candela are cd
-    for each 1000 lm of the LED. Raises :class:`InputError` for lumens that are not above 0 and finite, and where no
+    Without it, the flux follows from the spec's luminous efficacy; without that, it is 1000 lm: then candela are
+    cd/klm. Raises :class:`InputError` for lumens that are not above 0 and finite, and where no
     light leaves the lens upwards.
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
@@ -107,7 +107,7 @@ class _ExitLight:
 
     @property
     def written_w(self) -> float:
-        """The same flux by the rays of the sample."""
+        """The same flux as the sum over the rays of the sample."""
         return float(self.sample.flux.sum())
 
 
@@ -169,7 +169,7 @@ def _contents(photometric: PhotometricFile, rayfile: RayFile) -> dict[str, bytes
 
 
 def _read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
-    """Flux of each file as a reader finds it, and its relative error from ``exit_w``, the flux of the rays."""
+    """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, content in contents.items():

@@ -1,4 +1,4 @@
-"""Far-field intensity of the lens: exit rays on a sphere around it, and the intensity table that they make.
+"""Far-field intensity of the lens: exit rays on a sphere around it, and the intensity table made from them.
 
 Each ray's flux is split among the four nodes of the table around its direction by bilinear shares, and a node's
 intensity is its flux over the solid angle that it stands for. The shares add up to 1, and these solid angles are the
@@ -40,7 +40,7 @@ def exit_rays(lens: TracedLens, rays: RayBundle, sphere_mm: float) -> RaysOnSphe
 def _on_sphere(
     points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], radius_mm: float
 ) -> Float[np.ndarray, "n 3"]:
-    """Points at which rays from inside of the sphere about the origin leave it."""
+    """Points at which rays from inside the sphere about the origin leave it."""
     along = np.sum(points * directions, axis=1)
     closest = points - along[:, None] * directions
     half_chord = np.sqrt(np.maximum(radius_mm**2 - np.sum(closest**2, axis=1), 0.0))

@@ -21,5 +21,5 @@ WATTS = LightUnit("irradiance", "W/m²", 1.0)
 
 
 def light_unit(lumens_per_watt: float | None) -> LightUnit:
-    """Lux by the source's luminous efficacy, without it W/m^2."""
+    """Lux if the source's luminous efficacy is known, else W/m^2."""
     return WATTS if lumens_per_watt is None else LightUnit("illuminance", "lx", lumens_per_watt)

@@ -1,4 +1,4 @@
-"""Plots of arrays, on axes of the caller's or on new ones; each returns its axes."""
+"""Plots of arrays, on the caller's axes or new ones; each returns its axes."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -44,10 +44,10 @@ def plot_curves(
     axes: Axes | None = None,
     logarithmic: tuple[bool, bool] = (False, False),
 ) -> Axes:
-    """Named lines; ``labels`` of the two axes, each ``logarithmic`` or not."""
+    """Named lines, each as x and y; ``labels`` of the two axes, each ``logarithmic`` or not."""
     axes = new_axes(axes)
-    for name, (across, up) in curves.items():
-        axes.plot(across, up, label=name)
+    for name, (x, y) in curves.items():
+        axes.plot(x, y, label=name)
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.set(**{f"{axis}scale": "log" for axis, wanted in zip("xy", logarithmic, strict=True) if wanted})
     if len(curves) > 1:

@@ -147,7 +147,7 @@ def _rim_points(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.nda
 
 
 def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:
-    """Distinct knots and their multiplicities, the way OCC wants them."""
+    """Distinct knots and their multiplicities, in the arrays of OCC."""
     from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
     distinct, counts = np.unique(knots, return_counts=True)

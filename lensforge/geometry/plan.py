@@ -43,7 +43,7 @@ class Arc:
 class Plan:
     """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
 
-    The seat is what meets the base's outline: ``ring``, the circle of a relief step's wall that stands back from the
+    The seat is what meets the base's outline: ``ring``, the circle of a relief step's wall that is set back from the
     outer rim, or, without one, the outer rim itself.
     """
 
@@ -134,7 +134,7 @@ def _rim_radius(patch: Patch) -> Radius:
 
 
 def relief_ring(inner: Patch | Surface, outer: Patch | Surface, base: BaseSection) -> Outline | None:
-    """The wall of a step that stands back from the outer rim; None where it is drawn down from the rim itself."""
+    """The wall of a step that is set back from the outer rim; None where it is drawn down from the rim itself."""
     if base.relief_setback_mm == 0.0:
         return None
     opening, rim = (patch.radius(rim_directions(_samples())) for patch in (inner, outer))

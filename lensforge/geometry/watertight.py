@@ -1,4 +1,4 @@
-"""Is a mesh the boundary of one body? Asked of manifold3d, in double precision."""
+"""Watertightness: a mesh that is the boundary of one body, tested by manifold3d in double precision."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 @dataclass(frozen=True)
 class Closure:
-    """manifold3d's verdict; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
+    """Result of manifold3d; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
 
     ``genus`` counts handles: 0 for a lens, whose cavity and bore are one dent and not a hole; -1 for two bodies.
     ``fault_mm`` is the middle of an edge that does not join two triangles of one sense; None where all do.
@@ -26,7 +26,7 @@ class Closure:
 
 
 def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Closure:
-    """Judge a mesh whose neighbouring triangles share vertex indices."""
+    """Test a mesh whose neighbouring triangles share vertex indices."""
     import manifold3d
 
     mesh = manifold3d.Mesh64(

@@ -1,4 +1,4 @@
-"""The manufacturing check: what both faces ask of a tool, the wall between them, and what the shop can do."""
+"""The manufacturing check of the exported faces: tools that they need, the wall between them, findings for the shop."""
 
 import time
 

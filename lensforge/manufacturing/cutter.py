@@ -27,7 +27,7 @@ FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
 _ROUNDS = 60
 # Balls in a cavity are close to very many points at once; large leaves are scanned faster than a deep tree is walked.
-_LEAF = 256
+LEAF = 256
 _COARSE = 8  # one obstacle in eight brings the balls close to their size before all of them are tested
 # Beyond this many face radii a ball is a plane as far as the part can tell.
 _UNLIMITED = 20.0
@@ -49,7 +49,7 @@ def largest_ball_mm(samples: FaceSamples, part: Float[np.ndarray, "m 3"] | None 
 def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Float[np.ndarray, "m 3"]) -> None:
     """Shrink the balls in place until none has an obstacle deeper inside than the tolerance."""
     points, normals = samples.points, samples.normals
-    tree = cKDTree(obstacles, leafsize=_LEAF)
+    tree = cKDTree(obstacles, leafsize=LEAF)
     active = np.arange(len(points))
     for _ in range(_ROUNDS):
         centres = points[active] + radius[active, None] * normals[active]

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from lensforge.geometry.custom_base import read_custom_base, tessellated
 from lensforge.geometry.form import FORM_LIMIT_NM
+from lensforge.manufacturing.cutter import LEAF
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck
 from lensforge.manufacturing.result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
@@ -105,7 +106,7 @@ def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Flo
     """Distance (mm) in the plane z = 0 to the face's rim."""
     azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
     circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
-    distance, _ = cKDTree(face.radius(circle)[:, None] * circle).query(points)
+    distance, _ = cKDTree(face.radius(circle)[:, None] * circle, leafsize=LEAF).query(points)
     nearest: Float[np.ndarray, " n"] = distance
     return nearest
 

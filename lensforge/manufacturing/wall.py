@@ -1,6 +1,6 @@
 """Wall thickness: radial, which the design constrains, and along the normal, which is that of the material.
 
-The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest way between the
+The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest line between the
 faces is perpendicular to both, so starting from the outer face would give the same minimum. Lines that leave the
 hemisphere below z = 0 run into the base and have no thickness, so at the rim the radial wall may be the thinner one.
 """

@@ -33,7 +33,7 @@ Registration = Literal["rigid", "shift", "none"]
 class Located(Record):
     """Quality of corners that were found in the photographs, not given.
 
-    ``seen_in``: "on", "off", or "the light" for on less off. ``lit``: they are corners of the light itself, not of a
+    ``seen_in``: "on", "off", or "the light" for on minus off. ``lit``: they are corners of the light itself, not of a
     panel. Scatter of the points of the worst edge about its line, and its bow, in pixels.
     """
 

@@ -12,15 +12,15 @@ from lensforge.measurement.comparison import Located
 from lensforge.measurement.photograph import listed
 from lensforge.measurement.quadrilateral import Sides, area, clockwise, enclosing, fit_sides
 
-_COARSE = 400  # pixels of the longer side, in which regions are looked for
-_LEVELS = 32  # thresholds a picture
+_COARSE = 400  # pixels of the longer side of the reduced picture in which regions are found
+_LEVELS = 32  # thresholds per picture
 _LEAST_AREA, _MOST_AREA = 0.02, 0.97  # of the picture
-_FILLED = 0.94  # of its quadrilateral, a region that is one: perspective leaves the sides straight
+_FILLED = 0.94  # of its quadrilateral, by a region that is one: perspective leaves the sides straight
 _STRAIGHT, _SCATTER = 0.7, 0.6  # share of an edge's points on its line, and their rms (pixels), of a border
 _BOW = 3e-3  # of the side: more is a lens's distortion that four corners cannot undo
 _SAME = 0.02  # of the quadrilateral's size: corners nearer than this are the same
 _HELD = 0.9  # of the bright pixels lie within the target
-_LIT = 0.3  # of the light's peak, just inside of a border: then it is the pattern's edge, not the panel's
+_LIT = 0.3  # of the light's peak, just inside a border: then it is the pattern's edge, not the panel's
 _ROLL_RAD = np.radians(30.0)
 
 
@@ -42,8 +42,8 @@ def locate(
     """Find the one square panel in the photographs ``on`` and ``off`` (linear light) that holds the light.
 
     ``border_share``: the simulation's mean along its border over its peak. ``lit_square``: take the edges of a square
-    pattern where no panel is seen. Raises :class:`InputError`, with what to do, where no border, more than one, a bent
-    or a rolled one is seen: nothing is guessed.
+    pattern where no panel is seen. Raises :class:`InputError`, with what to do, where no border, several, a bent or a
+    rolled one is seen: nothing is guessed.
     """
     light = on if off is None else on - off
     found = [each for each in _found(on, off, light) if _holds(each.corners, light)]
@@ -79,12 +79,12 @@ def _found(
 
 
 def _rough(picture: Float[np.ndarray, "h w"]) -> Iterator[Float[np.ndarray, "4 2"]]:
-    """Quadrilaterals around bright regions at many thresholds, in coarse pixels scaled back; each about once."""
+    """Quadrilaterals around bright regions at many thresholds, near-duplicates left out, in pixels of ``picture``."""
     factor = max(1, int(np.ceil(max(picture.shape) / _COARSE)))
     coarse = gaussian_filter(_means(picture, factor), 1.0)
     low, high = np.quantile(coarse, (0.005, 0.995))
     known: list[Float[np.ndarray, "4 2"]] = []
-    # Closer together where it is dark: a panel's border may be a hundredth of the peak.
+    # Thresholds are closer together where it is dark: a panel's border may be a hundredth of the peak.
     for threshold in low + (high - low) * (np.arange(1, _LEVELS) / _LEVELS) ** 3:
         for region in _regions(coarse > threshold):
             corners = enclosing(region)
@@ -103,7 +103,7 @@ def _means(picture: Float[np.ndarray, "h w"], factor: int) -> Float[np.ndarray, 
 
 
 def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"]]:
-    """Connected regions of a fair size, their holes filled, that do not touch the picture's border."""
+    """Connected regions of sufficient size, holes filled, that do not touch the picture's border."""
     numbered, count = label(binary_opening(binary_fill_holes(bright), iterations=2))
     sizes = np.bincount(numbered.ravel(), minlength=count + 1)
     edge = np.concatenate([numbered[0], numbered[-1], numbered[:, 0], numbered[:, -1]])
@@ -113,7 +113,7 @@ def _regions(bright: Bool[np.ndarray, "h w"]) -> Iterator[Bool[np.ndarray, "h w"
 
 
 def _refined(picture: Float[np.ndarray, "h w"], rough: Float[np.ndarray, "4 2"]) -> Sides | None:
-    """Fit the edges twice, the second time near to the first lines; None unless all four are edges."""
+    """Fit the edges twice, the second time close to the first lines; None unless all four are edges."""
     size = float(np.sqrt(area(rough)))
     sides = fit_sides(picture, rough, max(6.0, 0.03 * size))
     if sides is not None:
@@ -138,7 +138,7 @@ def _holds(corners: Float[np.ndarray, "4 2"], light: Float[np.ndarray, "h w"]) -
 
 
 def _with_lit(each: Square, light: Float[np.ndarray, "h w"], border_share: float) -> Square:
-    """Set ``lit`` by the light just inside of the border; a square seen with the LED off is a panel in any case."""
+    """Set ``lit`` by the light just inside the border; a square seen with the LED off is a panel in any case."""
     if each.located.seen_in == "off":
         return each
     centre, t = each.corners.mean(axis=0), np.linspace(0.0, 1.0, 50)[:, None, None]
@@ -152,8 +152,8 @@ def _one(found: list[Square]) -> Square:
     """Return the only one. Raises :class:`InputError`, with what to do, for none or several."""
     if not found:
         raise InputError(
-            "on: no square with four straight edges is seen around the light, the target's border does not stand "
-            "out; give corners, or a second photograph, off, with some room light on the target"
+            "on: no square with four straight edges is seen around the light, the target's border is too faint; "
+            "give corners, or a second photograph, off, with some room light on the target"
         )
     if len(found) > 1:
         by_size = sorted(found, key=lambda each: -area(each.corners))[:3]
@@ -167,13 +167,13 @@ def _sound(square: Square) -> Square:
     corners, side, bow = square.corners, float(np.sqrt(area(square.corners))), square.located.edge_bow_px
     if bow > _BOW * side:
         raise InputError(
-            f"on: the target's edges are bent by {bow:.1f} pixels, corners would not be certain; "
+            f"on: the target's edges are bent by {bow:.1f} pixels, so its corners are uncertain; "
             f"undo the distortion of the camera's lens first, or give corners {listed(corners)}"
         )
     top = corners[1] - corners[0]
     if abs(np.arctan2(top[1], top[0])) > _ROLL_RAD:
         raise InputError(
-            f"on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, its top left is not "
-            f"certain; give corners, such as {listed(corners)}"
+            f"on: the target is rolled by {np.degrees(np.arctan2(top[1], top[0])):.0f} deg, so its top left is "
+            f"uncertain; give corners, such as {listed(corners)}"
         )
     return square

@@ -1,7 +1,7 @@
 """Form deviation of a measured surface from the design, as a smooth function fitted to the points.
 
-The basis functions are those of the design, without its symmetry: a machine's errors have none. Detail finer than the
-narrowest of them stays in the residual, with the noise of the probe.
+The basis functions are those of the design, without its symmetry: manufacturing errors have none. Detail finer than
+the narrowest of them stays in the residual, with the noise of the probe.
 """
 
 from dataclasses import dataclass

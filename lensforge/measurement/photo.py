@@ -25,7 +25,7 @@ _LEAST_PIXELS = 11  # the window of SSIM
 class Shot:
     """Photographs: LED on, LED off, the target's corners (column, row), its side, the camera's gamma.
 
-    Corners of None are searched for in the pictures; a side of None is that of the design's receiver. Raises
+    Corners of None are found in the photographs; a side of None is that of the design's receiver. Raises
     :class:`InputError` for a side or a gamma that is not above 0 and finite.
     """
 
@@ -51,8 +51,8 @@ def compare_photo(
 ) -> PhotoComparison:
     """Compare ``shot`` with the ``simulated`` irradiance ([y, x], any unit) on a receiver ``receiver_mm`` wide.
 
-    Corners that are not given are searched for. Both images are scaled to a mean of 1. ``inputs``: hashes of what was
-    simulated, by name. Raises :class:`InputError` for pictures or corners that cannot be used.
+    Both images are scaled to a mean of 1. ``inputs``: hashes of what was
+    simulated, by name. Raises :class:`InputError` for photographs or corners that cannot be used.
     """
     grid, reference = PixelGrid(receiver_mm, len(simulated)), normalised(simulated)
     picture, located = _picture(shot, grid, reference)
@@ -95,12 +95,12 @@ def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pi
 
 def _not_clipped(share: float) -> Criterion:
     return at_most(
-        "photo_clipped", share, CLIPPED_SHARE, "of the target", "expose for a shorter time, both pictures alike"
+        "photo_clipped", share, CLIPPED_SHARE, "of the target", "use a shorter exposure, the same for both photographs"
     )
 
 
 def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
-    """Line through the centre along ``axis``, the mean of the two middle lines if their number is even."""
+    """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
     lines = image if axis == "x" else image.T
     middle = len(image) // 2
     mean: Float[np.ndarray, " p"] = lines[middle - (len(image) % 2 == 0) : middle + 1].mean(axis=0)
@@ -109,7 +109,7 @@ def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[n
 
 @dataclass(frozen=True)
 class _OnTarget:
-    """The photograph on the receiver, its mean 1; the share of it that the camera clipped; and its corners."""
+    """The photograph on the receiver, scaled to a mean of 1; the share that the camera clipped; and its corners."""
 
     light: Float[np.ndarray, "p p"]
     clipped: float
@@ -145,12 +145,12 @@ def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"
     unseen = float(np.isnan(image).mean())
     if unseen > 0.0:
         raise InputError(
-            f"corners: {unseen:.1%} of the receiver of {grid.side_mm:g} mm lies outside of {shot.on}; "
+            f"corners: {unseen:.1%} of the receiver of {grid.side_mm:g} mm lies outside {shot.on}; "
             f"are they those of a square of target_mm = {target_mm:g}?"
         )
     if image.mean() <= 0.0:
         raise InputError(
-            f"{shot.on}: no brighter than with the LED off within the corners; are on and off interchanged?"
+            f"{shot.on}: within the corners no brighter than with the LED off; are on and off interchanged?"
         )
     clipped = float(rectify(picture.clipped, corners, target_mm, grid).mean())
     return _OnTarget(normalised(image), clipped, corners)

@@ -13,10 +13,10 @@ from lensforge.measurement.similarity import similarity
 from lensforge.receivers.pixels import PixelGrid
 
 _REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, blue (ITU-R BT.709)
-_MOST_SAMPLES = 16  # a side, for each pixel of the result
+_MOST_SAMPLES = 16  # per side of a pixel of the result
 _ORDER = "top left, top right, bottom right, bottom left of the simulated picture (y upwards)"
-_CLEARLY = 0.5  # another orientation must have half of the NMSE at most to be reported
-# Orders in which the corners of an upright picture are taken, by name.
+_CLEARLY = 0.5  # another orientation is reported only if its NMSE is at most half
+# Order of the corners of an upright picture for each orientation.
 _ORIENTATIONS = {
     "rotated by 90 deg": (1, 2, 3, 0),
     "rotated by 180 deg": (2, 3, 0, 1),
@@ -30,9 +30,9 @@ _ORIENTATIONS = {
 
 @dataclass(frozen=True)
 class Photograph:
-    """Linear light by pixel, any unit, [row, column] with row 0 on top; full scale of the camera is 1.
+    """Linear light by pixel, any unit, [row, column] with row 0 at the top; full scale of the camera is 1.
 
-    ``clipped``: 1 where any colour was at full scale, so that the light may have been more.
+    ``clipped``: 1 where any colour was at full scale, so that the light may have been brighter.
     """
 
     light: Float[np.ndarray, "h w"]
@@ -42,7 +42,7 @@ class Photograph:
 def read_photograph(path: Path, gamma: float = 1.0) -> Photograph:
     """Read a grey or colour image of 8 or 16 bits; its values to the power of ``gamma`` are the light.
 
-    1 is right for raw cameras, 2.2 for most pictures meant to be looked at. Raises :class:`InputError`.
+    Use 1 for raw images, 2.2 for most processed ones. Raises :class:`InputError`.
     """
     from skimage.io import imread
 
@@ -85,7 +85,7 @@ def rectify(
 
     ``corners``: column and row in the picture, 0 at the centre of the first pixel, of the corners of the centred square
     of ``target_mm``: top left, top right, bottom right, bottom left as the simulation shows them. A camera behind the
-    panel sees them mirrored; given in this order, they turn the picture back. Light outside of the picture is NaN.
+    panel sees them mirrored; given in this order, they undo it. Light outside the picture is NaN.
     Raises :class:`InputError` for corners that do not bound a square seen from one side.
     """
     transform = _homography(corners, target_mm)
@@ -114,13 +114,13 @@ def _homography(corners: Float[np.ndarray, "4 2"], target_mm: float) -> Any:
 
 
 def _samples(corners: Float[np.ndarray, "4 2"], target_mm: float, grid: PixelGrid) -> int:
-    """Samples along a side of a pixel: as many as the picture has pixels there, so that none is left out."""
+    """Samples along a side of a pixel: as many as the picture has pixels there, so that none is skipped."""
     longest = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).max()
     return int(np.clip(np.ceil(longest / target_mm * grid.pitch_mm), 2, _MOST_SAMPLES))
 
 
 def listed(corners: Float[np.ndarray, "4 2"]) -> str:
-    """Corners as column,row to a tenth of a pixel, as the command line takes them."""
+    """Text of corners as column,row to a tenth of a pixel, as the command line takes them."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
 
 
@@ -129,8 +129,8 @@ def require_upright(
 ) -> None:
     """Raise :class:`InputError` where ``measured`` is far more similar to ``simulated`` when rotated or mirrored.
 
-    Both are normalised. Either the camera was rotated, or stood behind the panel, or the lens itself is wrong: the
-    picture alone does not tell, so the user has to, with corners in that order or as they are.
+    Both are normalised. Either the camera was rotated or stood behind the panel, or the lens itself is wrong. The
+    picture alone cannot tell, so the user decides, by giving the corners in that order or in the present one.
     """
     upright = similarity(measured, simulated).nmse
     other = {name: similarity(_turned(measured, order), simulated).nmse for name, order in _ORIENTATIONS.items()}
@@ -145,7 +145,7 @@ def require_upright(
 
 def _turned(image: Float[np.ndarray, "p p"], order: tuple[int, ...]) -> Float[np.ndarray, "p p"]:
     """``image`` ([y, x], y upwards) as rectified by its corners in another ``order``."""
-    # The corners of the image, in their order, as places in it: the corner ``order[k]`` comes to place k.
+    # Corner ``order[k]`` of the image moves to position k.
     place = np.array([[1, 0], [1, 1], [0, 1], [0, 0]])  # (y, x) of top left, top right, bottom right, bottom left
     taken = place[list(order)]
     if taken[0, 0] == taken[1, 0]:  # along the top, x still runs

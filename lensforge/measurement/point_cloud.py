@@ -102,8 +102,8 @@ def distances(
 def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Registration = "rigid") -> RigidMotion:
     """Fit ``points`` (mm) to ``patch`` by least squares along its normals, from two starting positions.
 
-    ``registration``: rotation and translation, translation alone, or nothing where the points are in lens coordinates
-    by their datums. Points should lie within some millimetres and some ten degrees of the lens coordinates: a freeform
+    ``registration``: rotation and translation, translation alone, or nothing where datums put the points in lens
+    coordinates. Points should lie within a few millimetres and about ten degrees of the lens coordinates: a freeform
     has more than one position that nearly fits. A surface close to a sphere rotates easily under its own deformation;
     where that would matter, measure against datums. Raises :class:`InputError` for points not over the surface.
     """
@@ -124,7 +124,7 @@ def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Regis
 def _fit(
     patch: Patch, points: Float[np.ndarray, "n 3"], start: Float[np.ndarray, "6"], free: Bool[np.ndarray, "6"]
 ) -> Any:
-    """Trust-region least squares; rotations are scaled to lengths at the lens's size, so that all six are alike."""
+    """Trust-region least squares; rotations are scaled by the lens's size, so that all six have a similar effect."""
     size = float(np.linalg.norm(points, axis=1).mean())
 
     def whole(chosen: Float[np.ndarray, " k"]) -> Float[np.ndarray, "6"]:

@@ -1,4 +1,4 @@
-"""Bright quadrilaterals in a picture: enclosing a region first, then by straight lines through its edges.
+"""Bright quadrilaterals in a picture: one that encloses a region, then straight lines fitted to its edges.
 
 Points are (column, row) in pixels, 0 at the centre of the first pixel, rows downwards.
 """
@@ -11,19 +11,19 @@ from scipy.ndimage import gaussian_filter1d, map_coordinates
 from scipy.spatial import ConvexHull
 from scipy.stats import theilslopes
 
-_FINE = 4  # samples for each pixel across an edge
-_ALONG = np.linspace(0.06, 0.94, 161)  # places on a side, its ends left out: a corner is rounded by the optics
-_BLUR, _AVERAGED = 1.5, 3.0  # standard deviations: pixels across the edge, places along it, which is straight
-_ON_LINE = 1.0  # pixels: edge points farther from the line than this are of something else
+_FINE = 4  # samples per pixel across an edge
+_ALONG = np.linspace(0.06, 0.94, 161)  # positions on a side without its ends: the camera's lens rounds corners
+_BLUR, _AVERAGED = 1.5, 3.0  # standard deviations: pixels across the edge, positions along it, which is straight
+_ON_LINE = 1.0  # pixels: edge points farther from the line than this belong to something else
 
 
 @dataclass(frozen=True)
 class Sides:
-    """Corners, clockwise as seen, of the lines through the four edges; how well each edge is one straight line.
+    """Corners, clockwise as seen, at which the lines through the four edges meet; and the straightness of each edge.
 
-    ``straight``: share of the edge's points on its line; ``rms``: their scatter (pixels); ``bow``: how far the middle
-    of the edge lies off the line through its ends (pixels), as a lens's distortion bends it; ``step``: brightness
-    inside less outside.
+    ``straight``: share of the edge's points on its line; ``rms``: their scatter (pixels); ``bow``: distance of
+    the middle of the edge from the line through its ends (pixels), by distortion of the lens; ``step``: brightness
+    inside minus outside.
     """
 
     corners: Float[np.ndarray, "4 2"]
@@ -36,7 +36,7 @@ class Sides:
 def enclosing(region: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "4 2"] | None:
     """Enclose ``region`` by a quadrilateral of nearly the least area; None for a region without an area.
 
-    The convex hull loses its edges one by one, always the one whose neighbours, extended until they meet, add least.
+    Edges of the convex hull are removed one by one, always that whose neighbours, extended until they meet, add least.
     """
     rows, columns = np.nonzero(region)
     if np.ptp(rows) < 2 or np.ptp(columns) < 2:
@@ -69,7 +69,7 @@ def _without_each_edge(outline: Float[np.ndarray, "k 2"]) -> tuple[Float[np.ndar
 
 
 def clockwise(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
-    """Sort corners from the top left on, clockwise as seen."""
+    """Sort corners clockwise as seen, the top left first."""
     offset = corners - corners.mean(axis=0)
     ordered = corners[np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))]  # rows run down: clockwise as seen
     return np.roll(ordered, -int(np.argmin(ordered.sum(axis=1))), axis=0)
@@ -89,15 +89,15 @@ def fit_sides(picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2
     lines, quality = [], []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         along = (end - start) / np.linalg.norm(end - start)
-        outward = np.array([along[1], -along[0]])  # to the left of the way: outside of a clockwise path
-        places, offsets, step = _edge(picture, start, end, outward, reach)
-        slope, level = theilslopes(offsets, places)[:2]
-        on_line = np.abs(offsets - level - slope * places) < _ON_LINE
+        outward = np.array([along[1], -along[0]])  # to the left of the direction: the outside of a clockwise path
+        positions, offsets, step = _edge(picture, start, end, outward, reach)
+        slope, level = theilslopes(offsets, positions)[:2]
+        on_line = np.abs(offsets - level - slope * positions) < _ON_LINE
         if on_line.sum() < 10:
             return None
-        slope, level = np.polyfit(places[on_line], offsets[on_line], 1)
-        rest = (offsets - level - slope * places)[on_line]
-        bow = np.polyfit(places[on_line], rest, 2)[0] * (0.5 * np.ptp(places)) ** 2
+        slope, level = np.polyfit(positions[on_line], offsets[on_line], 1)
+        rest = (offsets - level - slope * positions)[on_line]
+        bow = np.polyfit(positions[on_line], rest, 2)[0] * (0.5 * np.ptp(positions)) ** 2
         lines.append((start + level * outward, (end - start) + slope * outward))
         quality.append((float(on_line.mean()), float(np.sqrt(np.mean(rest**2))), float(abs(bow)), step))
     met = [_meeting(lines[side - 1], lines[side]) for side in range(4)]
@@ -112,7 +112,7 @@ def _edge(
     outward: Float[np.ndarray, "2"],
     reach: float,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], float]:
-    """Places on a side (0 to 1), how far outward (pixels) the brightness falls fastest there, and the fall."""
+    """Positions on a side (0 to 1), outward offsets (pixels) of the steepest fall there, and the brightness step."""
     across = np.arange(-reach - 3.0, reach + 3.0 + 0.5 / _FINE, 1.0 / _FINE)
     points = start + _ALONG[:, None, None] * (end - start) + across[:, None] * outward
     seen = map_coordinates(picture, [points[..., 1], points[..., 0]], order=1, mode="nearest")

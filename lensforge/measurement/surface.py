@@ -57,7 +57,7 @@ def compare_surface(
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
 
     Deviations are along the normal, positive away from the origin: too much material on the outer surface, too little
-    on the inner one. The motion that ``registration`` allows is taken out, the rest is form; the other surface is the
+    on the inner one. The motion that ``registration`` allows is removed, the rest is form; the other surface is the
     design's. Raises :class:`InputError` for points that cannot be registered, and for an unknown ``registration``.
     """
     if registration not in get_args(Registration):
@@ -158,7 +158,7 @@ def _extent(values: Float[np.ndarray, " n"]) -> DeviationExtent:
 
 
 def _criteria(form: Form) -> list[Criterion]:
-    other = "give the points of this surface alone, near to lens coordinates"
+    other = "give the points of this surface alone, close to lens coordinates"
     more = "measure more of the surface"
     return [
         at_least("points_used", form.used, USED_SHARE, "of the points", other),

@@ -1,4 +1,4 @@
-"""The headline numbers of a lens, one card each: value, unit, and a line that puts it into place."""
+"""The headline numbers of a lens, one card each: value, unit, and a line of context."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from lensforge.verification.proof import Proof, StrayLight
 
 @dataclass(frozen=True)
 class Card:
-    """One large number, its unit, and a line that puts it into place.
+    """One large number, its unit, and a line of context.
 
     ``state``: "pass" or "fail" where the number has a limit, "open" where the shop must decide, else "".
     """

@@ -15,10 +15,10 @@ from lensforge.report.tables import rows
 from lensforge.results import Results
 from lensforge.version import __version__
 
-_MOST = 8  # more columns than that no page holds
+_MOST = 8  # columns: more do not fit on a page
 _ABSENT = "–"
 
-# Which way is better, of the numbers of which that can be said whatever the spec.
+# The better value of the metrics for which there is one whatever the spec.
 _BETTER = {"NMSE": min, "Efficiency": max, "Uniformity": max, "RSD": min}
 
 
@@ -33,14 +33,14 @@ class Cell:
 
 @dataclass(frozen=True)
 class Line:
-    """One row of a table: what it is, and a cell for each design."""
+    """One row of a table: its name, and a cell for each design."""
 
     name: str
     cells: tuple[Cell, ...]
 
 
 def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = None) -> str:
-    """One page that needs nothing else, on two to eight designs; ``names``: by default those of their specs.
+    """One self-contained page on two to eight designs; ``names``: by default those of their specs.
 
     Raises :class:`InputError` for another number of designs.
     """
@@ -59,7 +59,7 @@ def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = 
 
 
 def spec_names(designs: Sequence[Results]) -> list[str]:
-    """The names of their specs, numbered where two are called the same."""
+    """The names of the designs' specs, numbered where two are the same."""
     names = [design.spec.name for design in designs]
     if len(set(names)) == len(names):
         return names
@@ -67,7 +67,7 @@ def spec_names(designs: Sequence[Results]) -> list[str]:
 
 
 def folder_names(folders: Sequence[Path]) -> list[str]:
-    """The folders' names, or their whole paths where two are called the same.
+    """The folders' names, or their whole paths where two names are the same.
 
     Raises :class:`InputError` where the same folder is given twice.
     """
@@ -78,14 +78,14 @@ def folder_names(folders: Sequence[Path]) -> list[str]:
 
 
 def number_lines(designs: Sequence[Results]) -> list[Line]:
-    """The headline numbers; the best of a kind is marked where better has a meaning and they differ."""
+    """The headline numbers; the best is marked where one value is better than another and they differ."""
     found = [{card.label: card for card in cards(design)} for design in designs]
     lines = []
     for label in dict.fromkeys(label for labelled in found for label in labelled):
         cells = [labelled.get(label) for labelled in found]
         texts = [f"{card.value} {card.unit}".strip() if card else _ABSENT for card in cells]
         best = _best(label, designs) if len(set(texts)) > 1 else None
-        mark = None if best is None else texts[best]  # a design that reads the same is as good
+        mark = None if best is None else texts[best]  # designs with the same text are equally good
         lines.append(
             Line(
                 label,

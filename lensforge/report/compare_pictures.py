@@ -1,4 +1,4 @@
-"""Pictures of several designs on one scale: colours, millimetres and curves can be compared by eye."""
+"""Pictures of several designs on one scale, so that colours, sizes and curves can be compared by eye."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,13 +19,13 @@ from lensforge.report.section_figures import lens_section, reach_mm
 from lensforge.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
-_DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide are all seen
-_APART = 5.0  # peaks or receivers farther apart than this have no scale in common
-_DARK = "#000004"  # of a receiver where there is nothing, as the darkest of the map's colours
+_DASHES = ("solid", (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))  # curves that coincide remain visible
+_APART = 5.0  # ratio of peaks or of receivers above which there is no common scale
+_DARK = "#000004"  # the darkest of the map's colours, outside the receiver
 
 
 class ComparedPictures:
-    """The pictures of ``designs``, called ``names``; those that have not been simulated have no light."""
+    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated."""
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
@@ -34,7 +34,7 @@ class ComparedPictures:
 
     @cached_property
     def _units(self) -> list[LightUnit]:
-        """Unit of each simulated design: lux only where all of them know their lumens."""
+        """Unit of each simulated design: lux only where the luminous efficacy of all is known."""
         units = [unit_of_light(spec) for _, spec, _ in self._lit]
         return units if WATTS not in units else [WATTS] * len(units)
 
@@ -128,5 +128,5 @@ class ComparedPictures:
 
 
 def _spread(values: Sequence[float]) -> float:
-    """The largest over the least."""
+    """Ratio of the largest to the smallest; 1 for none."""
     return max(values) / min(values) if values and min(values) > 0.0 else float("inf") if values else 1.0

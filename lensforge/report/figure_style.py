@@ -18,7 +18,7 @@ from lensforge.files import replacing
 
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"
-# Mid tones, apart for colour-blind eyes, that stand out on white and on black.
+# Mid tones, distinct to colour-blind readers, that stand out on white and on black.
 BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8b929c"
 
 NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page
@@ -64,7 +64,7 @@ _Arguments = ParamSpec("_Arguments")
 
 
 def in_report_style(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
-    """Let a figure function draw in the report's style, whatever style its caller uses."""
+    """Make a figure function draw in the report's style, whatever style its caller uses."""
 
     @wraps(draw)
     def styled(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
@@ -83,7 +83,7 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 def new_map(
     width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88
 ) -> tuple[Figure, Axes, Axes]:
-    """A figure with square axes and a colour bar of their height, at fixed places so that neighbours line up."""
+    """A figure with square axes and a colour bar of their height, at fixed positions so that neighbours line up."""
     side, top = width - left - right, 0.1
     height = bottom + side + top
     figure = Figure(figsize=(width, height))
@@ -106,7 +106,7 @@ def add_colour_bar(
 
 
 def save_picture(figure: Figure, path: Path) -> None:
-    """``figure`` as a file of its own on white; the suffix of ``path`` says which kind."""
+    """``figure`` as a file on white; the suffix of ``path`` gives the format."""
     with replacing(path) as temporary, mpl.rc_context(_STYLE):
         figure.savefig(temporary, facecolor="white")
 

@@ -1,4 +1,4 @@
-"""Flux budget as a waterfall: the emitted flux less each loss is the detected flux."""
+"""Flux budget as a waterfall: the emitted flux minus every loss is the detected flux."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ _WORDS = {
 
 
 def losses(flux: Flux, missed: MissedByCause) -> list[tuple[str, float]]:
-    """Every loss above zero as (words, share of the emitted flux), in the order in which light meets them."""
+    """Every loss above zero as (words, share of the emitted flux), in the order in which they occur along a ray."""
     shares = {**missed.model_dump(), **flux.model_dump()}
     return [(words, shares[name]) for name, words in _WORDS.items() if shares[name] > 0.0]
 
@@ -59,7 +59,7 @@ def waterfall(lost: Sequence[tuple[str, float]], kept: Sequence[tuple[str, float
 
 
 def _bar(axes: Axes, row: int, label: str, left: float, width: float, colour: str) -> None:
-    """One bar; its label and share stand above it, where they fit whatever its width."""
+    """One bar; its label and share are above it, where they fit whatever its width."""
     axes.barh(row + 0.16, width, left=left, height=0.42, color=colour, linewidth=0)
     axes.text(0.0, row - 0.12, label, ha="left", va="bottom")
     share = "< 0.01 %" if 0.0 < width < 5e-5 else f"{100.0 * width:.2f} %"

@@ -11,7 +11,7 @@ from lensforge.results import Results
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget
 from lensforge.spec.target import ArrayTarget
 
-Shown = Literal["pass", "fail", "open"]  # the style in which a verdict is set
+Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
 _SHOWN: dict[State, Shown] = {"pass": "pass", "fail": "fail", "undecided": "open"}
 _STEMS = {
@@ -63,7 +63,7 @@ class Headline:
 
 
 def headline(results: Results) -> Headline:
-    """The verdict, and the state of the criteria: all met, some missed, or stages still to run."""
+    """The verdicts, and the state of the criteria: all met, some missed, or stages still to run."""
     verdict = results.verdict
     states: dict[str, State] = {"light": verdict.light, "files": verdict.files, "cutting": verdict.cutting}
     parts = tuple(
@@ -153,8 +153,8 @@ def _criterion_row(stage: str, criterion: Criterion) -> CriterionRow:
     )
 
 
-def failed_rows(results: Results) -> list[CriterionRow]:
-    """Rows of the criteria that are not met, which stand at the top of the page."""
+def missed_rows(results: Results) -> list[CriterionRow]:
+    """Rows of the missed criteria, for the top of the page."""
     return [row for row in criterion_rows(results) if not row.passed]
 
 

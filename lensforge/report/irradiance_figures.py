@@ -1,7 +1,7 @@
 """Figures of light on the receiver: maps, their difference, lines across them, isolines and encircled energy.
 
-Images are irradiance in W/m^2, indexed [row y, column x], y upwards, and are drawn in the unit of light that a figure
-is given; ``receiver_mm`` is the side of the square.
+Images are irradiance in W/m^2, indexed [row y, column x], y upwards, and are drawn in the unit of light given to the
+figure; ``receiver_mm`` is the side of the square.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from lensforge.report.numerals import number
 
 _LINE_HEIGHT = 2.4
 ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
-MOST_DRAWN = 512  # pixels a side of a map: more than any screen gives a third of its width
+MOST_DRAWN = 512  # pixels per side of a map: more than a screen shows in a third of its width
 
 
 @in_report_style
@@ -97,7 +97,7 @@ def line_comparison(
 ) -> Figure:
     """Light along the straight ``line`` from one point (x, y in mm) of the receiver to another.
 
-    ``names``: what ``wanted`` and ``reached`` are.
+    ``names``: labels of ``wanted`` and ``reached``.
     """
     figure, axes = new_figure(NARROW, _LINE_HEIGHT)
     start, end = line
@@ -173,7 +173,7 @@ def pixel_axis_mm(receiver_mm: float, pixels: int) -> Float[np.ndarray, " p"]:
 
 
 def drawn(image: Image) -> Float[np.ndarray, "q q"]:
-    """``image``, or its area means on ``MOST_DRAWN`` pixels a side if it has more."""
+    """``image``, or its area means on ``MOST_DRAWN`` pixels per side if it has more."""
     if len(image) <= MOST_DRAWN:
         return image
     picture = PictureFile.fromarray(image.astype(np.float32))

@@ -1,4 +1,4 @@
-"""The report on one lens: a page that needs nothing else, from its results."""
+"""The report on one lens: a self-contained page, from its results."""
 
 import base64
 import hashlib
@@ -34,7 +34,7 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 
 @dataclass(frozen=True)
 class FileRow:
-    """One file, with the hash by which anyone can tell it from another."""
+    """One file: its name, size and SHA-256."""
 
     name: str
     size: str
@@ -42,9 +42,9 @@ class FileRow:
 
 
 def render_report(results: Results, folder: Path | None = None) -> str:
-    """The page on ``results``; ``folder``: where they lie, whose files and snapshots of the search are then shown.
+    """The page on ``results``; ``folder``: that of the results, whose files and snapshots of the search are shown.
 
-    A stage that has not run is named as such in its section. Raises :class:`InputError` for a damaged snapshot, an
+    The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an
     STL that is no mesh, or a file that cannot be read.
     """
     part = results.find(Part)
@@ -70,7 +70,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "outdated": headline.outdated(results),
         "cards": cards(results),
         "criteria": headline.criterion_rows(results),
-        "failed": headline.failed_rows(results),
+        "missed": headline.missed_rows(results),
         "remarks": headline.missing(results),
         "check": results.find(Check),
         "proof": results.find(Proof),
@@ -136,7 +136,7 @@ def _files(folder: Path) -> list[FileRow]:
 
 
 def _spec_tables(results: Results) -> dict[str, list[Row]]:
-    """Section of the spec -> its rows, what stands before the first section under ``""``."""
+    """Rows of each section of the spec by name; those of its top-level entries under ``""``."""
     content = results.spec.model_dump()
     top = {key: value for key, value in content.items() if not isinstance(value, dict)}
     sections = {key: rows(value) for key, value in content.items() if isinstance(value, dict)}
@@ -144,7 +144,7 @@ def _spec_tables(results: Results) -> dict[str, list[Row]]:
 
 
 def _number_tables(results: Results) -> dict[str, list[Row]]:
-    """File -> all of its values; criteria, verdicts and the spec have tables of their own."""
+    """All values of each file, by its name; criteria, verdicts and the spec have their own tables."""
     records = {stem: plain(result) for stem, result in results.found.items()}
     tables = {"lens": results.lens.to_json(), **records}
     return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}

@@ -19,7 +19,7 @@ RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
 
 @dataclass(frozen=True)
 class Measured:
-    """One thing measured on the part: its heading, facts, and rows of pictures."""
+    """One measurement of the part: its heading, facts, and rows of pictures."""
 
     title: str
     facts: Facts
@@ -42,7 +42,7 @@ def photo_facts(photo: PhotoComparison) -> Facts:
     """Facts from the photograph of the part's light."""
     displaced = " and ".join(f"{number(value, 2)} mm" for value in photo.displacement_mm)
     facts = [
-        ("Photographs", photo.on if photo.off is None else f"{photo.on} less {photo.off}"),
+        ("Photographs", photo.on if photo.off is None else f"{photo.on} minus {photo.off}"),
         ("Similarity (SSIM) to the simulation", number(photo.ssim, 3)),
         ("NMSE against the simulation", number(photo.nmse, 3)),
         ("Displacement of the pattern along x and y", displaced),
@@ -59,7 +59,7 @@ def _corners(photo: PhotoComparison) -> str:
     located = photo.corners_located
     if located is None:
         return "given"
-    where = {"on": "the picture with the LED on", "off": "the picture with the LED off"}
+    where = {"on": "the photograph with the LED on", "off": "the photograph with the LED off"}
     seen = where.get(located.seen_in, located.seen_in)
     return f"found in {seen}, edges straight to {number(located.edge_rms_px, 2)} pixel rms"
 
@@ -73,7 +73,7 @@ def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
     return [
         picture("photo-simulated", draw(photo.simulated, side, top, unit=RELATIVE), "Simulated"),
         picture("photo-measured", draw(photo.measured, side, top, unit=RELATIVE), "Photographed", "Rectified."),
-        picture("photo-difference", difference, "Photographed less simulated", "Red: brighter than simulated."),
+        picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
     ]
 
 
@@ -117,7 +117,7 @@ def _value(metric: Metric | None) -> str:
 
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
-    """The form deviation, the light that the measured surface makes, and what it changes."""
+    """The form deviation, the light with the measured surface, and its change."""
     side, width, unit = surface.surface, surface.receiver_mm, unit_of_light(results.spec)
     before, after = surface.irradiance_design, surface.irradiance_measured
     top = float(max(before.max(), after.max())) or 1.0
@@ -128,7 +128,7 @@ def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[Page
     same = "The same rays through both. Red: brighter than designed."
     pictures = [
         picture(f"lit-{side}", lit, "Simulated light", rays),
-        picture(f"changed-{side}", change, "Simulated light less the design\u2019s", same),
+        picture(f"changed-{side}", change, "Simulated light minus the design\u2019s", same),
     ]
     if np.isfinite(surface.deviation_um).any():
         form = surface_figures.form_map(np.transpose(surface.deviation_um))

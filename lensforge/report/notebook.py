@@ -1,4 +1,4 @@
-"""Results in a notebook: the verdicts, headline numbers, the light and a section."""
+"""Results in a notebook: verdicts, headline numbers, the light and a section."""
 
 from html import escape
 

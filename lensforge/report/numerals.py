@@ -99,7 +99,7 @@ def unit_of(names: Sequence[str]) -> str:
 
 
 def unit_of_light(spec: Spec) -> LightUnit:
-    """Lux where the spec says how many lumens a watt of its source is, without it W/m^2."""
+    """Lux where the spec states the luminous efficacy of its source, else W/m^2."""
     return light_unit(spec.source.luminous_efficacy_lm_per_w)
 
 

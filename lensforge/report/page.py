@@ -26,7 +26,7 @@ _LIMIT_SECONDS = 120.0
 
 
 def template(name: str) -> Template:
-    """The template ``name``; text is escaped, and a name that has no value is an error."""
+    """The template ``name``; text is escaped, and a variable without a value is an error."""
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -39,10 +39,10 @@ def template(name: str) -> Template:
 
 
 def write_page(page: str, path: Path) -> None:
-    """Write ``page`` to ``path``; the PDF of an earlier page goes."""
+    """Write ``page`` to ``path``, and remove the PDF of an earlier page."""
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
-    drop_stale(path)
+    remove_stale_pdf(path)
 
 
 def write_pdf(page: Path) -> Path:
@@ -70,13 +70,13 @@ def write_pdf(page: Path) -> Path:
     return path
 
 
-def drop_stale(page: Path) -> None:
-    """Remove the PDF of an earlier ``page``, which shows other numbers."""
+def remove_stale_pdf(page: Path) -> None:
+    """Remove the PDF of an earlier ``page``, whose numbers are outdated."""
     page.with_suffix(".pdf").unlink(missing_ok=True)
 
 
 def _sandbox() -> tuple[str, ...]:
-    """Chromium refuses its own sandbox to root, as in containers; the page is ours."""
+    """Option for root, as in containers, where Chromium's sandbox does not work; the page is our own."""
     return ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()
 
 

@@ -31,12 +31,12 @@ class PagePicture:
 
 
 def picture(name: str, figure: Figure, title: str, caption: str = "") -> PagePicture:
-    """``figure`` as it enters a page; ``name`` is unique on the page."""
+    """``figure`` for a page; ``name`` must be unique on the page."""
     return PagePicture(to_svg(figure, name, title), title, caption)
 
 
 def first_picture(results: Results) -> PagePicture | None:
-    """The light, as the page opens with it."""
+    """The light, for the top of the page."""
     light = results.find(Light)
     if light is None:
         return None
@@ -56,14 +56,14 @@ def irradiance_pictures(results: Results) -> list[PagePicture]:
     dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
     simulated = f"{number(light.rays)} rays, {light.pixels} × {light.pixels} pixels. {_typeset(light.filter)}."
     if len(reached) > irradiance_figures.MOST_DRAWN:
-        simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels a side."
+        simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels per side."
     wanted_map = draw(target, side, top, target, unit=unit)
     reached_map = draw(reached, side, top, target, mask, unit)
     difference = irradiance_figures.difference_map(reached - target, side, unit)
     return [
         picture("target", wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
         picture("simulated", reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
-        picture("difference", difference, "Simulated less target", "Red: too bright. Blue: too dark."),
+        picture("difference", difference, "Simulated minus target", "Red: too bright. Blue: too dark."),
     ]
 
 
@@ -105,8 +105,8 @@ def history_pictures(results: Results) -> list[PagePicture]:
     if design is None or not any(level.nmse for level in design.history):
         return []
     levels, draw = design.history, search_figures.history
-    total = "The optimiser minimises it: the error of the pattern plus the penalties of constraints and bounds."
-    free = "Numbers above: functions of each surface that are free to move."
+    total = "Minimised by the optimiser: the error of the pattern plus the penalties of constraints and bounds."
+    free = "Numbers above: free basis functions of each surface."
     least = "Least clearance of the cavity, thickness and radius over the lens. Below 0 (red) a constraint is violated."
     return [
         picture("loss", draw(levels, "loss"), "Merit function by level", total),
@@ -117,7 +117,7 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 
 def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
-    """The levels of the search, all on one scale."""
+    """Snapshots of the levels of the search, all on one scale."""
     unit = unit_of_light(results.spec)
     steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
     top = max((float(each.irradiance.max()) for each in taken), default=None)
@@ -148,7 +148,7 @@ def section_pictures(results: Results) -> list[PagePicture]:
 
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
-    """A polygon (mm) around the emitting area: by the spec, or by the design's record for a ray file."""
+    """A polygon (mm) around the emitting area: from the spec, or from the design's record for a ray file."""
     source, design = results.spec.source, results.find(Design)
     if isinstance(source, SquareSource):
         corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Section on verification: the STEP as read back, the exported part under rays, and its light against the design's."""
+"""Section on verification: the STEP as read back, rays through the exported part, and its light against the design's."""
 
 from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part
@@ -26,7 +26,7 @@ def step_facts(results: Results) -> Facts:
 
 
 def cast_facts(results: Results) -> Facts:
-    """The exported mesh against the design, under the same rays and against the converged irradiance."""
+    """The exported mesh against the design: ray by ray, and against the converged irradiance."""
     record, light = results.find(Proof), results.find(Light)
     if record is None:
         return []
@@ -39,7 +39,7 @@ def cast_facts(results: Results) -> Facts:
         ("Landing, part against design", f"{number(deviation.rms, 3)} mm rms, {number(deviation.max, 3)} mm largest"),
         ("NMSE against the design's irradiance", number(record.nmse_vs_design, 3)),
         ("NMSE of the ray noise alone", number(record.noise_floor_nmse, 3)),
-        ("NMSE against the design under the same rays", number(record.nmse_same_rays, 3)),
+        ("NMSE against the design with the same rays", number(record.nmse_same_rays, 3)),
         ("Efficiency", efficiency),
     ]
 
@@ -58,5 +58,5 @@ def verification_pictures(results: Results) -> list[PagePicture]:
     return [
         picture("design", draw(design, side, top, unit=unit), "Design"),
         picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
-        picture("part-less-design", difference, "Part less design", noise),
+        picture("part-minus-design", difference, "Part minus design", noise),
     ]

@@ -1,4 +1,4 @@
-"""A few rays through the exact surfaces, for the drawing of a section only.
+"""A few rays through the exact surfaces, only for drawing a section.
 
 The lens has no symmetry, so rays that start in a section leave it; their projection is drawn.
 """
@@ -22,7 +22,7 @@ Points = Float[np.ndarray, "n 3"]
 def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float) -> Float[np.ndarray, "n 4 3"]:
     """Start, both surfaces' hits, and a point at ``reach_mm`` from the origin; NaN after the end of a ray.
 
-    A ray ends where it meets z = 0, runs back into the cavity, or is totally reflected.
+    A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected.
     """
     scan = DenseScan(_STEPS, reach_mm=2.0 * reach_mm)
     inner, outer = exact_surfaces(lens, (scan, scan))

@@ -16,7 +16,7 @@ from lensforge.results import Results
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof
 
 _COLOURS = (BLUE, GREEN, ORANGE)
-_LEAST_MM = 1e-5  # nothing in light is finer than 10 nm
+_LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def gap_pictures(results: Results) -> list[PagePicture]:
 
 @in_report_style
 def gap_figure(gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float | None) -> Figure:
-    """Share of the rays over the gap; ``gaps_mm``: by name of the referee, quantiles evenly from 0 to 1.
+    """Cumulative share of the rays over the gap; ``gaps_mm``: by name of the referee, quantiles evenly from 0 to 1.
 
     ``limit_mm``: the largest rms gap allowed for the exported mesh, dashed.
     """

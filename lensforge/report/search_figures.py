@@ -34,10 +34,10 @@ _CONSTRAINT_CURVES = {
     "radius_margin_mm": ("radius", ORANGE),
 }
 _CURVE_COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
-_LINEAR_MM = 0.01  # the scale is linear within, so that 0 has a place on it
+_LINEAR_MM = 0.01  # the scale is linear within, so that it includes 0
 _LEVEL_WIDTH, _LEVEL_HEIGHT = 2.7, 5.0
 _SLOPES, _LIGHT = "coolwarm", "inferno"
-_SHADE = 0.35  # what a facet loses that is turned away from the light
+_SHADE = 0.35  # brightness lost by a facet turned away from the light
 _TOWARDS_LIGHT = np.array([0.35, -0.75, 0.56])
 
 
@@ -60,7 +60,7 @@ def history(levels: Sequence[Level], quantity: Literal["loss", "nmse", "efficien
 
 
 def _positive(levels: Sequence[Level], quantity: str) -> bool:
-    """True where a logarithmic scale can show it: penalties with multipliers may turn the merit function negative."""
+    """True where a logarithmic scale can show it: penalties with multipliers may make the merit function negative."""
     return all(value > 0.0 for level in levels for value in getattr(level, quantity))
 
 
@@ -116,7 +116,7 @@ def snapshot_figure(
 ) -> Figure:
     """Above: ``surface_mm`` coloured by ``slope`` (mm/rad) from -``steepest`` to it. Below: the light, 0 to ``top``.
 
-    ``steepest`` and ``top`` (W/m^2) are by default the largest values, and given to put several levels on one scale.
+    ``steepest`` and ``top`` (W/m^2) are by default the largest values; give them to put several levels on one scale.
     """
     figure = Figure(figsize=(_LEVEL_WIDTH, _LEVEL_HEIGHT))
     steepest = steepest or float(np.abs(slope).max()) or 1.0
@@ -142,10 +142,10 @@ def _bar(figure: Figure, height: float) -> Axes:
 def _draw_surface(
     figure: Figure, points: Float[np.ndarray, "i j 3"], slope: Float[np.ndarray, "i j"], slopes: ScalarMappable
 ) -> None:
-    """The surface from above, one raster image in a drawing of lines."""
+    """Draw the surface from above, as one raster image within the vector drawing."""
     axes: Any = figure.add_axes((0.0, 0.64, 1.0, 0.36), projection="3d", computed_zorder=False)
     colours = np.asarray(colormaps[_SLOPES](slopes.norm(slope[:-1, :-1])))
-    colours[..., :3] *= _light_on(points)[..., None]
+    colours[..., :3] *= _brightness(points)[..., None]
     x, y, z = np.moveaxis(points, -1, 0)
     surface = axes.plot_surface(
         x, y, z, facecolors=colours, rcount=len(x), ccount=x.shape[1], linewidth=0, antialiased=False, shade=False
@@ -158,8 +158,8 @@ def _draw_surface(
     axes.set_axis_off()
 
 
-def _light_on(points: Float[np.ndarray, "i j 3"]) -> Float[np.ndarray, "k l"]:
-    """Brightness of each facet, never so low that its colour could not be read."""
+def _brightness(points: Float[np.ndarray, "i j 3"]) -> Float[np.ndarray, "k l"]:
+    """Brightness of each facet, never so low that its colour is illegible."""
     down, around = points[1:, :-1] - points[:-1, :-1], points[1:, 1:] - points[1:, :-1]
     normal = np.cross(down, around)
     normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)

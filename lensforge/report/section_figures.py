@@ -1,4 +1,4 @@
-"""The lens cut open along its axis, to scale: glass, base, source, constraints, and a fan of rays."""
+"""Section of the lens through its axis, to scale: lens, base, source, constraints, and a fan of rays."""
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from lensforge.report.ray_fan import trace_fan
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
-_MARGIN = 1.3  # the drawing's reach in largest radii
+_MARGIN = 1.3  # half the width of the drawing over the largest radius
 
 
 @in_report_style
@@ -36,9 +36,8 @@ def draw_section(
 ) -> None:
     """Draw the section at ``azimuth_deg`` on ``axes``; ``outline_mm`` is the source's, None where it is not known.
 
-    ``reach``: half the width of the drawing (mm); without it, by the size of the lens.
-
-    Also drawn: the paraboloid that must fit into the cavity, and the largest radius allowed.
+    ``reach``: half the width of the drawing (mm), by default from the size of the lens. Also drawn: the paraboloid that
+    must fit into the cavity, and the maximum radius.
     """
     across = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     outlines = body_outlines(lens, azimuth_deg)
@@ -54,7 +53,7 @@ def draw_section(
 
 
 def reach_mm(lens: Lens) -> float:
-    """Half the width of a drawing that holds the lens and its largest radius allowed."""
+    """Half the width (mm) of a drawing that holds the lens and its maximum radius."""
     largest = float(lens.outer.radius(fibonacci_hemisphere(2000)).max())
     return _MARGIN * max(largest, lens.spec.constraints.max_radius_mm)
 

@@ -1,4 +1,4 @@
-"""Snapshots of a search: one record and one picture for each level, in ``DIR/snapshots``."""
+"""Snapshots of a search: a record and a picture for each level, in ``DIR/snapshots``."""
 
 import re
 from pathlib import Path
@@ -82,7 +82,10 @@ def snapshot_files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 class Snapshots:
-    """An observer of a design that writes a snapshot at the end of every level; those of an earlier run go first."""
+    """An observer of a design that writes a snapshot at the end of every level, after deleting those of earlier runs.
+
+    With ``resume`` those are kept.
+    """
 
     def __init__(self, spec: Spec, directory: Path, *, resume: bool = False) -> None:
         self._folder = Path(directory) / FOLDER
@@ -125,7 +128,7 @@ class Snapshots:
 
 
 def outer_slope(lens: Lens) -> tuple[Float[np.ndarray, "i j 3"], Float[np.ndarray, "i j"]]:
-    """Points of the outer surface (mm) on polar angle and azimuth, and d rho / d theta there (mm/rad)."""
+    """Points of the outer surface (mm) by polar angle and azimuth, and d rho / d theta there (mm/rad)."""
     theta, phi = np.meshgrid(
         np.linspace(0.0, 0.5 * np.pi, _POLAR), np.linspace(0.0, 2.0 * np.pi, _AROUND), indexing="ij"
     )

@@ -1,7 +1,7 @@
-"""The exported mesh in three dimensions: pictures rendered off-screen, and a small mesh that turns in the page.
+"""The exported mesh in three dimensions: pictures rendered off-screen, and a small mesh to rotate in the page.
 
-A process of its own renders: where a machine has no renderer at all, OpenGL may end the process instead of raising.
-Then the page says so in one line. That process runs this file: ``solid_view.py STL FOLDER RADIUS``.
+A separate process renders: where a machine has no renderer, OpenGL may end the process instead of raising; then the
+page says so in one line. That process runs this file: ``solid_view.py STL FOLDER RADIUS``.
 
 Bytes of the small mesh, little-endian: vertex and triangle counts (uint32); mm per unit, half the height of the first
 view (mm) and the z of its centre (mm) (float32); then positions about the origin (int16 x 3 per vertex), triangles
@@ -30,7 +30,7 @@ _UNREADABLE = 3  # exit code of the process when the file is no mesh
 _PIXELS = (880, 640)
 _GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
-_WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture: of the part's diagonal, of the optics' radius
+_WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture, in the part's diagonal and in the optics' radius
 MOST_TRIANGLES = 12_000  # about 110 kB: too coarse to measure on, fine enough to look at
 _EDGE_DEG = 35.0  # sharper edges keep two normals
 _CANDIDATES = 8
@@ -38,7 +38,7 @@ _CANDIDATES = 8
 
 @dataclass(frozen=True)
 class _Viewpoint:
-    """``camera``: direction in which it stands; ``cut``: without the half towards it; ``close``: the optics only."""
+    """Direction to the ``camera``; ``cut``: without the half towards it; ``close``: the optics only."""
 
     camera: tuple[float, float, float]
     cut: bool = False
@@ -56,7 +56,7 @@ VIEWS = {
 class SolidViews:
     """PNG pictures by name of the view, the bounds of the part (mm, low and high x, y, z), or why there are none.
 
-    ``mesh``: the part to turn in a browser, as :func:`small_mesh` packs it.
+    ``mesh``: the part to rotate in a browser, as :func:`small_mesh` packs it.
     """
 
     pictures: dict[str, bytes]
@@ -66,7 +66,7 @@ class SolidViews:
 
 
 class Rendering:
-    """A rendering of the bytes of an STL under way, so that figures can be drawn meanwhile."""
+    """A rendering of the bytes of an STL in the background, so that figures can be drawn meanwhile."""
 
     def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lensforge-")
@@ -112,7 +112,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
 
     try:
         mesh: Any = pv.read(stl).clean()
-    except Exception as error:  # whatever the reader throws, the file is not a mesh
+    except Exception as error:  # whatever the reader raises, the file is not a mesh
         raise ValueError(str(error)) from error
     if mesh.n_cells == 0:
         raise ValueError("no triangles")
@@ -123,7 +123,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
                 part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
                 specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
             )  # fmt: skip
-        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # the standard lights leave it dark below
+        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # the standard lights leave the underside dark
         _aim(plotter, mesh, view, optics_radius_mm)
         plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
         plotter.close()
@@ -142,7 +142,7 @@ def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
 
 
 def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, float]:
-    """Half the height of a picture (mm) and the z of its centre: of the part, or of its optics if those are small."""
+    """Half the height of a picture (mm) and the z of its centre (mm), for the part, or for its optics if small."""
     whole, close = _WHOLE * mesh.length, _CLOSE * optics_radius_mm
     if view.close and close < whole:
         return close, 0.4 * optics_radius_mm
@@ -150,7 +150,7 @@ def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float,
 
 
 def _aim(plotter: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
-    """A parallel view from the direction of ``view``."""
+    """Set a parallel projection from the direction of ``view``."""
     half_height, centre_z = _frame(mesh, view, optics_radius_mm)
     distance = 3.0 * mesh.length
     centre = (0.0, 0.0, centre_z)
@@ -162,7 +162,7 @@ def _aim(plotter: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> 
 
 
 def small_mesh(mesh: Any, half_height_mm: float, centre_z_mm: float) -> bytes:
-    """A triangle mesh (pyvista) as the page carries it; the normals are those of the full mesh."""
+    """Pack a triangle mesh (pyvista) for the page; the normals are those of the full mesh."""
     coarse = mesh
     if mesh.n_cells > MOST_TRIANGLES:
         coarse = mesh.decimate(1.0 - MOST_TRIANGLES / mesh.n_cells)
@@ -179,7 +179,7 @@ def _pack(
     half_height_mm: float,
     centre_z_mm: float,
 ) -> bytes:
-    """Quantised: positions to 1/32767 of the largest coordinate, normals to 1/127."""
+    """Bytes of the mesh, quantised: positions to 1/32767 of the largest coordinate, normals to 1/127."""
     unit = float(np.abs(points).max()) / 32767.0
     counts = np.array([len(points), len(triangles)], dtype="<u4")
     view = np.array([unit, half_height_mm, centre_z_mm], dtype="<f4")

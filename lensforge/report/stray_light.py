@@ -1,4 +1,4 @@
-"""Section on stray light: the flux budget with all reflections, and what they put on the receiver."""
+"""Section on stray light: the flux budget with all reflections, and the stray light on the receiver."""
 
 from lensforge.report import flux_figures, irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
@@ -19,13 +19,13 @@ _ENDS = {
     "backward": "back to the board",
     "absorbed": "absorbed in the lens",
     "base": "absorbed by the base",
-    "too_dim": "below the flux that is followed",
+    "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",
 }
 
 
 def stray_pictures(results: Results) -> list[PagePicture]:
-    """Flux budget with all reflections, stray light on the receiver, and all light less the design's model."""
+    """Flux budget with all reflections, stray light on the receiver, and all light minus the design's model."""
     stray = results.find(StrayLight)
     if stray is None:
         return []
@@ -42,7 +42,7 @@ def stray_pictures(results: Results) -> list[PagePicture]:
     return [
         picture("stray-budget", budget, "Flux budget with all reflections", "Green: detected in the window."),
         picture("stray-light", scattered, "Stray light on the receiver", caption),
-        picture("unmodelled", difference, "All light less the design's model", "Red: the design predicts too little."),
+        picture("unmodelled", difference, "All light minus the design's model", "Red: the design predicts too little."),
     ]
 
 
@@ -57,7 +57,7 @@ def _lost(flux: StrayFlux) -> list[tuple[str, float]]:
 
 
 def stray_sentence(results: Results) -> str:
-    """Flux that the sequential design does not model, in words."""
+    """Sentence on the flux that the sequential design does not model."""
     stray = results.find(StrayLight)
     if stray is None:
         return ""

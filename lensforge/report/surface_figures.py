@@ -1,7 +1,7 @@
 """Maps over a face: departure from its best-fit sphere, curvature against the mill, and uncut material.
 
-Maps come on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim. They are drawn on that chart, where a
-face never folds over itself, even where it is undercut: the axis is at the centre, the rim (90 deg) is the circle.
+Maps are on the stereographic chart, [X, Y] over [-1, 1], NaN outside the rim, and are drawn on it: there a face never
+folds over itself, even where it is undercut. The axis is at the centre, the rim (90 deg) is the unit circle.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from lensforge.report.figure_style import INK, add_colour_bar, in_report_style, 
 
 ChartMap = Float[np.ndarray, "n n"]
 
-_SHOWN_QUANTILE = 0.995  # of |curvature|: a few steep points at a rim would flatten all other colours
+_SHOWN_QUANTILE = 0.995  # of |curvature|: a few extreme points at a rim would wash out all other colours
 _PLACE = {"left": 0.1, "bottom": 0.1, "right": 1.34}  # no axes to label
 _REACHED = "#dfe2e6"
-_LINE = "#111111"  # on pale map colours, in the light and in the dark
+_LINE = "#111111"  # on pale map colours, in light and dark mode
 
 
 @in_report_style
@@ -50,7 +50,7 @@ def curvature_map(kappa_min: ChartMap, mill_radius_mm: float) -> Figure:
     inside = kappa_min[np.isfinite(kappa_min)]
     reach = max(float(np.quantile(np.abs(inside), _SHOWN_QUANTILE)), 1e-9)
     if inside.min() < limit:
-        reach = max(reach, -1.05 * limit)  # where the limit is passed, the scale shows it
+        reach = max(reach, -1.05 * limit)  # where the limit is exceeded, the scale includes it
     shown = _show(axes, kappa_min, "PuOr_r", -reach, reach)
     low, high = bool(inside.min() < -reach), bool(inside.max() > reach)
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((low, high), "neither")
@@ -81,7 +81,7 @@ def _readable(values_mm: ChartMap) -> tuple[str, float]:
 
 
 def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, fill: bool = True) -> AxesImage:
-    """The map with its rim, and circles every 30 deg from the axis."""
+    """Draw the map with its rim, and circles every 30 deg from the axis."""
     half = 1.0 + 1.0 / (len(values) - 1)
     shown = axes.imshow(
         (_filled(values) if fill else values).T,

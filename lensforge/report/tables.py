@@ -9,7 +9,7 @@ from pydantic import JsonValue
 from lensforge.records import Metric, StageResult
 from lensforge.report.numerals import NOTHING, anything, number, unit_of
 
-_SHORT = 6  # as many numbers share a cell; more are a block of their own
+_SHORT = 6  # up to so many numbers share a cell; more become a block
 _METRIC = frozenset(Metric.model_fields)
 _PACKED = frozenset(("shape", "float64"))  # an array of a spec, as spec/arrays.py writes it
 
@@ -25,12 +25,12 @@ class Row:
 
 
 def plain(result: StageResult) -> dict[str, JsonValue]:
-    """The result as its JSON file holds it: without arrays, files and what belongs to another stage."""
+    """The result as its JSON file holds it: without arrays, files and parts of other stages' results."""
     return result.model_dump(mode="json", exclude=set(result.stored_elsewhere()))
 
 
 def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Row]:
-    """A row for each value in ``content``, in order, less the top-level keys in ``without``; a metric is one row."""
+    """A row for each value in ``content``, in order, except the top-level keys in ``without``; a metric is one row."""
     kept = {key: value for key, value in content.items() if key not in without}
     return list(_walk(kept, ()))
 
@@ -61,7 +61,7 @@ def _metric(content: Mapping[str, object], names: tuple[str, ...]) -> Row:
 
 
 def _packed(content: Mapping[str, object]) -> str:
-    """Shape of an array, and a hash by which it can be told from another."""
+    """Shape of an array, and a short hash that identifies it."""
     shape = content["shape"]
     count = " × ".join(map(number, shape)) if isinstance(shape, list | tuple) else NOTHING
     return f"{count} numbers, SHA-256 {sha256(str(content['float64']).encode()).hexdigest()[:12]}…"

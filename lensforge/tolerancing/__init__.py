@@ -1,1 +1,1 @@
-"""Sensitivity to small errors of making and mounting: perturbed lenses, traced again with the same rays."""
+"""Sensitivity to small manufacturing and alignment errors: perturbed lenses, traced again with the same rays."""

@@ -1,4 +1,4 @@
-"""Errors of making and mounting: of form, position, source and index, each of a stated amount."""
+"""Manufacturing and alignment errors: of form, position, source and index, each of a stated amount."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -15,7 +15,7 @@ from lensforge.tolerancing.sensitivity_table import Amounts
 Radius = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
 
 LOW_ORDER = 9  # functions over the hemisphere: errors as wide as astigmatism and coma
-_ROUNDS = 3  # each gains three digits for displacements that are small against the lens
+_ROUNDS = 3  # each gains three digits for displacements that are small compared with the lens
 _SAMPLES = 4000
 
 
@@ -32,7 +32,7 @@ class Perturbation:
 
 
 def perturbations(lens: Lens, amounts: Amounts, seed: int) -> list[Perturbation]:
-    """List the errors: form of each surface, outer surface displaced against inner one and source, source, index."""
+    """List the errors: form of each surface, outer surface displaced from inner surface and source, source, index."""
     return [*_form(lens, amounts, seed), *_alignment(lens, amounts), *_source_and_index(amounts)]
 
 
@@ -94,7 +94,7 @@ class Displaced:
 
 @dataclass(frozen=True)
 class WithFormError:
-    """``surface`` plus the radial ``error``, whose offset does not count."""
+    """``surface`` plus the radial ``error`` without its offset."""
 
     surface: Surface
     error: SrbfSurface
@@ -116,7 +116,7 @@ def with_form_error(surface: Surface, functions: int, sigma_c: float, rms_mm: fl
 
 @dataclass(frozen=True)
 class ShiftedSource:
-    """``source`` shifted by ``shift_mm``, and an error of ``index`` for its rays.
+    """``source`` shifted by ``shift_mm``, and an error ``index`` of the refractive index for its rays.
 
     ``index`` is added to the refractive indices of rays that carry their own; for all others it is in the scene.
     """

@@ -30,8 +30,8 @@ def measure_sensitivity(
 ) -> Sensitivity:
     """Trace the lens with each error of ``amounts``, always with the same rays.
 
-    Changes are against the lens as designed: with common rays most of the noise of both cancels. ``progress`` is
-    called after each lens with the number of those done and of all.
+    Changes are from the lens as designed: with common rays most of the noise of both cancels. ``progress`` is called
+    after each lens with the number of lenses traced and of all.
     """
     started = time.perf_counter()
     amounts = amounts or Amounts()
@@ -58,7 +58,7 @@ def measure_sensitivity(
 
 
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
-    """Tables and index of the lens with ``error``; its source is the caller's."""
+    """Tables and index of the lens with ``error``; an error of the source is left to the caller."""
     scene = replace(nominal.scene, refractive_index=nominal.scene.refractive_index + error.index)
     inner, outer = (
         _table(nominal, error.surfaces[name]) if name in error.surfaces else table

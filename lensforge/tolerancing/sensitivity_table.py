@@ -12,7 +12,7 @@ MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 
 
 class Amounts(Record):
-    """Amount of each error, by default of a size usual in shops; lengths in mm, angles in rad."""
+    """Amount of each error, by default typical of optical shops; lengths in mm, angles in rad."""
 
     low_order_rms_mm: NotNegative = 1e-3
     fine_rms_mm: NotNegative = 1e-4
@@ -24,7 +24,7 @@ class Amounts(Record):
 
 
 class Change(Record):
-    """Change of the metrics from the lens as designed, by the same rays: most of the noise of both cancels."""
+    """Change of the metrics from the lens as designed, with the same rays: most of the noise of both cancels."""
 
     uniformity: Number | None
     rsd: Number | None
@@ -43,7 +43,7 @@ class ErrorRow(Record):
 
 
 class Sensitivity(StageResult):
-    """Small errors of making and mounting, of given ``amounts``, and the change of the light by each."""
+    """Small manufacturing and alignment errors of given ``amounts``, and the change of the light by each."""
 
     stage: ClassVar[str] = "sensitivity"
 

@@ -1,1 +1,1 @@
-"""Independent proof: the exported part is cast with rays again; no tracing code of the design stage is used."""
+"""Independent verification: rays are cast through the exported part, without any tracing code of the design stage."""

@@ -1,6 +1,6 @@
 """Rays through the STEP file: the CAD kernel intersects the exported body face by face, without triangles.
 
-Errors that the mesh has from its flat facets must vanish here.
+Errors from the flat facets of the mesh must vanish here.
 """
 
 import tempfile
@@ -21,19 +21,19 @@ from lensforge.verification.passage import CastFate, Passage, RefractedRays, ind
 from lensforge.verification.proof import BrepCast
 
 RAYS = 1024
-# Half of what the mesh may deviate. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the
+# Half of the mesh's limit. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the
 # deviation from the design is that of the design's own table: 4 um at draft accuracy, 2 um at standard.
 DEVIATION_PER_DISTANCE = 5e-5
 FLUX_SHARE = 1e-4
 FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total reflection may end either way
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
-_TOLERANCE_MM = 1e-7  # the kernel's own confusion of points
+_TOLERANCE_MM = 1e-7  # within which the CAD kernel takes two points as one
 _FAR_MM = 1e6
 
 
 @dataclass(frozen=True)
 class BrepHits:
-    """First hits on a body: face (-1: none), point (mm), unit normal to either side, True where the ray leaves it."""
+    """First hits on a body: face (-1: none), point (mm), unit normal of either sign, True where the ray leaves it."""
 
     faces: Int[np.ndarray, " n"]
     points: Float[np.ndarray, "n 3"]
@@ -120,7 +120,7 @@ def cast_brep(
 ) -> tuple[BrepCast, Float[np.ndarray, " q"]]:
     """Cast ``count`` of ``rays``, drawn at random, through the STEP file; and quantiles of the landing gaps (mm).
 
-    ``expected`` and ``mesh`` hold all of the rays; the gaps are against the design. Raises :class:`InputError` for
+    ``expected`` and ``mesh`` hold all of the rays; the gaps are from the design. Raises :class:`InputError` for
     bytes that hold no solid or several.
     """
     start = perf_counter()

@@ -1,7 +1,7 @@
-"""First hits of many rays on a mesh: trimesh's own intersection tests, on the few triangles that a ray comes near.
+"""First hits of many rays on a mesh: trimesh's own intersection tests, on the few triangles near each ray.
 
 trimesh queries an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
-lens, and reaches some hundred rays per second. Here each ray walks through the cells of a uniform grid (Amanatides and
+lens, and traces a few hundred rays per second. Here each ray walks through the cells of a uniform grid (Amanatides and
 Woo 1987), all rays in step, and trimesh tests the triangles of the cells that it visits until the first hit.
 """
 
@@ -40,7 +40,7 @@ class FacetHits:
 
 @dataclass(frozen=True)
 class Leg:
-    """Rays to cast: start (mm), unit direction, and the distance (mm) up to which hits are the surface just left."""
+    """Rays to cast: start (mm), unit direction, and distance (mm) up to which a hit is the surface just left."""
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]

@@ -16,26 +16,26 @@ class Expected:
     """The design's results for n rays: landings (mm, NaN if lost) and flux there (W); and its irradiance (W/m^2)."""
 
     irradiance: Float[np.ndarray, "pixels pixels"]
-    hits: Float[np.ndarray, "hits 2"]
+    landings: Float[np.ndarray, "k 2"]
     flux: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
-        """Results for some of the rays; the irradiance stays that of all."""
-        return Expected(self.irradiance, self.hits[rows], self.flux[rows])
+        """Results for some of the rays; the irradiance remains that of all rays."""
+        return Expected(self.irradiance, self.landings[rows], self.flux[rows])
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
-    """Rows of at most ``count`` out of ``of`` rays, drawn without replacement, always the same.
+    """Rows of at most ``count`` out of ``of`` rays, drawn at random without replacement, always the same.
 
-    Not evenly picked: every sixteenth point of a Sobol sequence lies in one sixteenth of the chip.
+    Not at regular intervals: every sixteenth point of a Sobol sequence lies in one sixteenth of the chip.
     """
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
 def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: float) -> Agreement:
-    """Compare landing and flux of every ray; rays that both land outside of the receiver do not count."""
+    """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
     here, there, apart = landing_gaps(passage, expected, receiver_mm)
-    lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.hits[:, 0])
+    lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.landings[:, 0])
     differs = (here & lost_there) | (there & lost_here)
     both = here & there
     change = 1.0
@@ -57,13 +57,13 @@ def landing_gaps(
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
     """Masks of the rays that part and design land on the receiver, and the gaps (mm) of those that both do.
 
-    Where both land none, one gap as long as the receiver's diagonal.
+    Where no ray lands in both, one gap as long as the receiver's diagonal.
     """
-    here, there = within(passage.landings, receiver_mm), within(expected.hits, receiver_mm)
+    here, there = within(passage.landings, receiver_mm), within(expected.landings, receiver_mm)
     both = here & there
     if not both.any():
         return here, there, np.array([np.sqrt(2.0) * receiver_mm])
-    return here, there, np.linalg.norm(passage.landings[both] - expected.hits[both], axis=1)
+    return here, there, np.linalg.norm(passage.landings[both] - expected.landings[both], axis=1)
 
 
 def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> Float[np.ndarray, " q"]:
@@ -77,8 +77,8 @@ def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> F
 def flux_budget(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[PartFlux, PartMissed]:
     """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
 
-    ``reflected`` is what rays lose at the surfaces up to their end; the rest of a ray's flux counts by its fate.
-    Rays that reach the receiver's plane outside of the window are ``outside``.
+    ``reflected`` is what rays lose by reflection at the surfaces; the rest of a ray's flux counts by its fate.
+    Rays that reach the receiver's plane outside the window are ``outside``.
     """
     landed = passage.fates == CastFate.LANDED
     inside = landed & within(passage.landings, window_mm)

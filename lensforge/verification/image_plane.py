@@ -8,7 +8,7 @@ from scipy.ndimage import convolve1d
 
 from lensforge.errors import InputError
 
-# Against the design's own irradiance only noise may remain: as much from either, if the design has no fewer rays.
+# The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
 NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
 
 
@@ -37,8 +37,8 @@ class ImagePlane:
     ) -> Float[np.ndarray, "pixels pixels"]:
         """Variance ((W/m^2)^2) of :meth:`irradiance` if the n rays were drawn independently.
 
-        Each pixel is a sum of n terms, most of them zero: ``n Var = sum w^2 - (sum w)^2 / n``. Quasi-random rays do
-        better, so this is an upper bound for them.
+        Each pixel is a sum of n terms, most of them zero: ``n Var = sum f^2 - (sum f)^2 / n``, f the flux. Quasi-
+        random rays are less noisy: for them this is an upper bound.
         """
         variance = self._sums(landings, flux**2) - self._sums(landings, flux) ** 2 / len(flux)
         squared = self._filter() ** 2

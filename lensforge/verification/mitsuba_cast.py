@@ -1,6 +1,6 @@
-"""Rays through the exported mesh by Mitsuba 3, where it is installed: its kernel, its refraction, its Fresnel terms.
+"""Rays through the exported mesh by Mitsuba 3, where installed: its own ray casting, refraction and Fresnel terms.
 
-Mitsuba's scalar variant needs no LLVM and no GPU, and traces some ten thousand rays per second in single precision. Its
+Mitsuba's scalar variant needs no LLVM and no GPU, and traces about 10,000 rays per second in single precision. Its
 meshes are flat facets with interpolated normals, so landings are off by the sag of the curved surface over a facet.
 """
 
@@ -23,7 +23,7 @@ from lensforge.verification.proof import MitsubaCast
 RAYS = 2**16
 VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
 # 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
-# errors are found by the casts that know the curved surface.
+# errors are found by the casts through the curved surface.
 DEVIATION_PER_DISTANCE = 1e-3
 FLUX_SHARE = FATE_SHARE = 2e-3
 
@@ -60,7 +60,7 @@ def cast_mitsuba(
         rays=len(rows),
         nmse_vs_design=nmse(image, expected.irradiance),
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
-        nmse_same_rays=nmse(image, receiver.irradiance(design.hits, design_flux)),
+        nmse_same_rays=nmse(image, receiver.irradiance(design.landings, design_flux)),
         against_design=compare(some, passage, design, receiver.side_mm),
         seconds=perf_counter() - start,
     )
@@ -82,9 +82,10 @@ def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
 def send_through_mitsuba(
     part: PartMesh, rays: RayBundle, refractive_index: float, distance_mm: float
 ) -> tuple[str, Passage]:
-    """Trace every ray in, out, and to the plane z = ``distance_mm``, both hits above z = 0; and Mitsuba's version.
+    """Trace every ray in, out, and to the plane z = ``distance_mm``, both hits above z = 0.
 
-    A variant that the caller has set is set again afterwards. Raises :class:`InputError` where Mitsuba does not load.
+    Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
+    Mitsuba does not load.
     """
     try:
         import mitsuba as mi
@@ -93,7 +94,7 @@ def send_through_mitsuba(
         mi.set_variant(VARIANT)
     except ImportError as error:
         reason = " ".join(str(error).split())
-        raise InputError(f"mitsuba: does not load ({reason}); install it anew or remove it") from None
+        raise InputError(f"mitsuba: does not load ({reason}); reinstall it or remove it") from None
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
         ends = np.full((len(rays), 2), np.nan)

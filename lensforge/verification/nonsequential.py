@@ -20,7 +20,7 @@ from lensforge.verification.passage import at_base, indices_of, meet, refract
 Base = Literal["polished", "black"]
 
 _CHUNK = 16384  # rays cast at a time: bounds the memory, and stays in the cache
-_SKIN_MM = 1e-6  # small, so that light in corners is followed too; the facet just left is told by its wrong side
+_SKIN_MM = 1e-6  # small, so that light in corners is followed too; the facet just left is recognised by its side
 _SIDES = 4  # tries to get past facets whose side contradicts the medium that the ray is in
 
 
@@ -157,7 +157,7 @@ def _step(body: Body, light: ActiveRays, distance_mm: float, least: float, budge
 
 
 def _next_hits(body: Body, light: ActiveRays) -> FacetHits:
-    """First hits on facets of the side that the ray's medium demands: a grazing ray may miss its own facet."""
+    """First hits on facets whose side fits the ray's medium: a grazing ray may miss its own facet."""
     hits = body.grid.first_hits(light.leg)
     for _ in range(_SIDES):
         wrong = np.nonzero(hits.found & ((_along(body, light.leg, hits) > 0.0) != light.inside))[0]
@@ -171,7 +171,7 @@ def _next_hits(body: Body, light: ActiveRays) -> FacetHits:
 
 
 def _absorbed(body: Body, light: ActiveRays, points: Float[np.ndarray, "n 3"], budget: FluxBudget) -> ActiveRays:
-    """Rays after the bulk's absorption on their path to ``points``, by Beer and Lambert."""
+    """Rays after bulk absorption on their path to ``points``, by the Beer-Lambert law."""
     lengths = np.linalg.norm(points - light.leg.origins, axis=1)
     left = np.where(light.inside, np.exp(-body.absorption_per_mm * lengths), 1.0)
     budget.absorbed += float(np.sum(light.flux * (1.0 - left)))
@@ -203,7 +203,7 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
 def _causes(
     body: Body, light: ActiveRays, hits: FacetHits, transmittance: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Causes of the transmitted and of the reflected rays; an earlier cause stays."""
+    """Causes of the transmitted and of the reflected rays; an earlier cause is kept."""
     back = (light.crossings == 1) & (body.part.faces[hits.triangles] == light.entered_by)
     missed = [light.crossings >= 2, at_base(body.part, hits) | back]
     transmitted = np.select(missed, [Cause.MET_AGAIN, Cause.BASE], Cause.SEQUENTIAL)

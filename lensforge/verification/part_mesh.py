@@ -1,6 +1,6 @@
-"""The exported part read from its STL alone: a closed triangle mesh, its smooth faces, and normals of its own.
+"""The exported part read from its STL alone: a closed triangle mesh, its smooth faces, and its vertex normals.
 
-Nothing is known here of the design: faces are found by their sharp edges, normals by a local polynomial fit to the
+Nothing of the design is used: faces are found by their sharp edges, normals by a local polynomial fit to the
 mesh's vertices. Averages of facet normals do not suffice: they lean inward at a rim, where facets lie on one side only,
 by 6 mrad on a lens of 100,000 triangles.
 """
@@ -34,7 +34,7 @@ _RIDGE = np.diag([_RIDGE_OF_DEGREE[i + j] for i, j in _POWERS])
 
 @dataclass(frozen=True)
 class VertexFit:
-    """Local shape at each vertex: unit normals, and their change ``bends @ displacement`` (1/mm) along it."""
+    """Local shape at each vertex: unit normals, and their change ``bends @ displacement``, ``bends`` in 1/mm."""
 
     normals: Float[np.ndarray, "k 3"]
     bends: Float[np.ndarray, "k 3 3"]
@@ -129,7 +129,7 @@ def fit_vertices(
     fit = VertexFit(facet_average(vertices, triangles), np.zeros((count, 3, 3)))
     for members in np.split(np.argsort(faces, kind="stable"), np.cumsum(np.bincount(faces))[:-1]):
         if len(members) < NEIGHBOURS:
-            continue  # a few facets, such as those of a box: their average has to do
+            continue  # a few facets, such as those of a box: the facet average stays
         tree = cKDTree(vertices[members])
         for rows in np.split(members, range(_CHUNK, len(members), _CHUNK)):
             near = members[tree.query(vertices[rows], k=NEIGHBOURS)[1]]

@@ -1,6 +1,6 @@
 """Sequential trace of the part, once in and once out; Snell and Fresnel written independently of the design's.
 
-The first triangle that a ray meets decides, on whatever face it lies. Reflected light is not followed.
+A ray refracts at the first triangle that it meets, whatever face this belongs to. Reflected light is not followed.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -27,7 +27,7 @@ class CastFate(IntEnum):
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
     BASE = 3  # met a surface at or below z = 0 instead of an optical one
-    BACK_INTO_CAVITY = 4  # left the material through the face by which it came
+    BACK_INTO_CAVITY = 4  # left the material through the face by which it entered
     TOTAL_REFLECTION = 5  # totally reflected on the way out
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
 
@@ -173,7 +173,7 @@ def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, "
 
 
 def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.ndarray, " n"]:
-    """Fates of rays cast inside of the material; LANDED: goes on."""
+    """Fates of rays cast inside the material; LANDED: goes on."""
     same = part.faces[entry.triangles] == part.faces[exits.triangles]
     return np.select(
         [~exits.found, at_base(part, exits), same],

@@ -1,4 +1,4 @@
-"""First hits of the grid against trimesh's own plain ray cast: slow, written by others, on a sample of the rays."""
+"""First hits of the grid against trimesh's own ray cast, slow and independent, on a sample of the rays."""
 
 from time import perf_counter
 
@@ -20,7 +20,7 @@ def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: fl
     """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, indices = outside_leg(rays).take(rows), indices_of(rays, refractive_index)[rows]
-    part.mesh.triangles_tree  # noqa: B018  built here, so that it does not count as casting
+    part.mesh.triangles_tree  # noqa: B018  built here, so that it is not timed as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]
     inside = cross(part, outside.take(entered), entry.take(entered), 1.0 / indices[entered]).leg
@@ -41,7 +41,7 @@ def _disagreements(part: PartMesh, grid: Grid, leg: Leg) -> int:
 
 
 def plain_distances(mesh: trimesh.Trimesh, leg: Leg) -> Float[np.ndarray, " n"]:
-    """Distance (mm) of each ray's first hit by trimesh's own plain path, never Embree; infinite where there is none."""
+    """Distance (mm) of each ray's first hit by trimesh's own ray cast, never Embree; infinite where there is none."""
     points, ray, _ = RayMeshIntersector(mesh).intersects_location(leg.origins, leg.directions, multiple_hits=True)
     nearest = np.full(len(leg.origins), np.inf)
     if len(ray):

@@ -54,7 +54,7 @@ class Agreement(Record):
 
 
 class PlainCast(Record):
-    """First hits (``casts``) by trimesh's plain path against those of the grid; ``rate``: plain casts per second."""
+    """First hits (``casts``) by trimesh's own ray cast against those of the grid; ``rate``: its casts per second."""
 
     rays: Count
     casts: Count
@@ -72,7 +72,7 @@ class BrepCast(Record):
 
 
 class MitsubaCast(Record):
-    """Rays through the mesh by Mitsuba of ``version``."""
+    """Rays through the mesh by Mitsuba, release ``version``."""
 
     version: Text
     rays: Count
@@ -84,7 +84,7 @@ class MitsubaCast(Record):
 
 
 class PartFlux(Record):
-    """The flux budget of the part; shares of what is emitted."""
+    """The flux budget of the part; shares of the emitted flux."""
 
     detected: Share
     outside: Share
@@ -94,7 +94,7 @@ class PartFlux(Record):
 
 
 class PartMissed(Record):
-    """Flux that never reached the receiver's plane, by cause; shares of what is emitted."""
+    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux."""
 
     no_hit: Share
     starts_inside: Share
@@ -159,7 +159,7 @@ class Proof(StageResult):
 
 
 class StrayFlux(Record):
-    """Flux budget of the non-sequential trace; shares of what is emitted, which add up to 1."""
+    """Flux budget of the non-sequential trace; shares of the emitted flux, which add up to 1."""
 
     detected_direct: Share
     detected_stray: Share
@@ -195,7 +195,7 @@ class StrayLight(StageResult):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption.
 
     ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) [row y, column x]. ``misplaced_flux``: flux that lands on
-    other pixels than by the sequential trace, as a share of what is emitted.
+    other pixels than by the sequential trace, as a share of the emitted flux.
     """
 
     stage: ClassVar[str] = "stray"

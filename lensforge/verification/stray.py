@@ -24,7 +24,7 @@ from lensforge.verification.proof import StrayByCause, StrayFlux, StrayLight, St
 
 BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
 LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
-DIM_SHARE = 1e-2  # rays too dim to be traced on: what they could still change
+DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
 
 
 def trace_stray(
@@ -124,10 +124,10 @@ def _by_cause(landed: ReceivedLight, window_mm: float, emitted: float) -> StrayB
 
 
 def _against_sequential(images: _Images, receiver: ImagePlane, emitted: float) -> tuple[float, float | None]:
-    """Difference of the irradiance by all light from that by the sequential trace of the same rays.
+    """Difference of the irradiance of all light from that of the sequential trace of the same rays.
 
-    Flux that lands on other pixels, as a share of what is emitted, and the NMSE; None where the sequential trace lands
-    none.
+    Flux that lands on other pixels, as a share of the emitted flux, and the NMSE; None where the sequential trace lands
+    no light.
     """
     whole, sequential = images.direct + images.stray, images.sequential
     pixel = (receiver.side_mm / receiver.pixels * 1e-3) ** 2

@@ -1,8 +1,8 @@
 """Verification of an exported part: does it send every ray where the design does?
 
 The same rays go through the design and through the part, so the comparison is free of ray noise: landing by landing,
-flux by flux, pixel by pixel. A lens that is scaled by one per cent, or whose surfaces are displaced by 20 um, makes the
-same picture to the eye; its rays land elsewhere.
+flux by flux, pixel by pixel. A lens that is scaled by one per cent, or whose surfaces are displaced by 20 um, makes a
+picture that looks the same; its rays land elsewhere.
 """
 
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ class Case:
         count, pixels = len(self.rays), self.receiver.pixels
         for name, array, shape in (
             ("design_irradiance", self.expected.irradiance, (pixels, pixels)),
-            ("design_hits", self.expected.hits, (count, 2)),
+            ("design_hits", self.expected.landings, (count, 2)),
             ("design_flux", self.expected.flux, (count,)),
         ):
             if array.shape != shape:
@@ -83,11 +83,11 @@ def verify_part(
     threads: int = 1,
     inputs: Mapping[str, str] | None = None,
 ) -> Proof:
-    """Cast ``rays`` into the part that the bytes of an STL file (mm) hold, and compare with the design.
+    """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
 
     ``design_irradiance`` (W/m^2, [y, x]) is the design's, under the same 3 x 3 filter of ``filter_variance``
     (0: none); ``design_hits`` (mm) and ``design_flux`` (W) are where it lands the same rays. Efficiency counts the
-    centred square of ``window_mm``. trimesh's plain path casts ``plain_rays`` of the rays, to hold the grid against.
+    centred square of ``window_mm``. trimesh's own ray cast traces ``plain_rays`` of the rays, to verify the grid.
     ``step``: the bytes of the same part's STEP file, through which the CAD kernel casts ``step_rays`` of the rays;
     without it ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded,
     and ``mitsuba`` is None. The result does not depend on ``threads``. ``inputs``: hashes of the inputs, by name.
@@ -116,7 +116,7 @@ def verify_part(
 
 @dataclass(frozen=True)
 class _OtherCasts:
-    """Results of the casts besides the grid's, with quantiles of their landing gaps (mm); None: not done."""
+    """Results of the casts other than the grid's, with quantiles of their landing gaps (mm); None: not done."""
 
     plain: PlainCast
     brep: tuple[BrepCast, Gaps] | None = None
@@ -132,7 +132,7 @@ class _OtherCasts:
 
 @dataclass(frozen=True)
 class _Irradiance:
-    """The part's irradiance (W/m^2), its NMSE against the design's, the noise in it, and the NMSE by the same rays."""
+    """The part's irradiance (W/m^2), its NMSE against the design's, its ray noise, and the NMSE with the same rays."""
 
     irradiance: Float[np.ndarray, "pixels pixels"]
     nmse_vs_design: float
@@ -148,7 +148,7 @@ def _irradiance(case: Case, passage: Passage) -> _Irradiance:
         irradiance=image,
         nmse_vs_design=nmse(image, expected.irradiance),
         noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
-        nmse_same_rays=nmse(image, receiver.irradiance(expected.hits, expected.flux)),
+        nmse_same_rays=nmse(image, receiver.irradiance(expected.landings, expected.flux)),
     )
 
 
@@ -160,11 +160,11 @@ def _proof(
     inputs: dict[str, str],
     clock: tuple[float, float],
 ) -> Proof:
-    """Put all results and criteria together; ``clock``: start of the verification, and seconds of the casting."""
+    """Assemble all results and criteria; ``clock``: start of the verification, and seconds of the casting."""
     seen, heights = _irradiance(case, passage), np.abs(passage.facets_um)
     agreement = compare(case.rays, passage, case.expected, case.receiver.side_mm)
     flux, missed = flux_budget(case.rays, passage, case.window_mm)
-    in_window = within(case.expected.hits, case.window_mm)
+    in_window = within(case.expected.landings, case.window_mm)
     criteria = _criteria(case, part.open_edges, agreement, seen) + others.criteria(case.distance_mm)
     return Proof(
         inputs=inputs,

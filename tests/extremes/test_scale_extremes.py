@@ -181,9 +181,9 @@ def test_pulls_of_hits_far_beyond_any_receiver() -> None:
     sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
     flux = torch.ones(2, dtype=torch.float64)
     light = _collected(hits, flux, sines, PixelGrid(1e-2, 4))
-    for pull, of in ((light.outside_receiver, hits), (light.total_reflection, sines)):
-        assert 0.0 < pull.item() <= 2.0
-        assert torch.isfinite(torch.autograd.grad(pull, of, retain_graph=True)[0]).all()
+    for term, of in ((light.outside_receiver, hits), (light.total_reflection, sines)):
+        assert 0.0 < term.item() <= 2.0
+        assert torch.isfinite(torch.autograd.grad(term, of, retain_graph=True)[0]).all()
 
 
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}

@@ -13,13 +13,16 @@ from pydantic import ValidationError
 
 import lensforge as lf
 from lensforge.records import Record
-from lensforge.results import Results
+from lensforge.results import EXTRAS, STAGES, Results
+from lensforge.studies.sweep.table import sweep_of
+from lensforge.studies.sweep.vary import variation_of
 
 Where = tuple[str | int, ...]
 
-FILES = ("lens", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "photometry")
-# A spec is the user's: what it leaves out has a default.
-FREE = {("lens", "spec")}
+STEMS = {**{kind.stage: kind for kind in STAGES}, **EXTRAS, "sweep": lf.Sweep, "rays": lf.RayFileSummary}
+FILES = ("lens", *(stem for stem in STEMS if stem != "compare_outer"), "run")
+# A spec may leave out what has a default; tables by design, field or stage have as many rows as there are.
+FREE = {("lens", "spec"), ("sweep", "spec"), ("sweep", "inputs"), ("sweep", "changes"), ("run", "results")}
 
 
 def places(content: Any, path: Where = ()) -> Iterator[Where]:
@@ -52,9 +55,13 @@ def foreign(value: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def folder(whole_run: lf.Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of a whole result folder, with all that can be asked for besides."""
+    """A copy of a whole result folder, with the record of a sweep and that of a ray file."""
     copy = tmp_path_factory.mktemp("records") / "run"
     shutil.copytree(whole_run.folder, copy)
+    variation = variation_of("constraints.max_radius_mm", [7.0, 8.0], ())
+    designs = [(variant, whole_run) for variant in variation.variants(whole_run.spec)]
+    sweep_of(whole_run.spec, variation, designs).write(copy)
+    lf.rays(Path(__file__).parents[2] / "examples" / "led.tm25ray").write(copy)
     return copy
 
 
@@ -67,25 +74,47 @@ def test_no_field_of_a_record_is_taken_as_it_comes(folder: Path, name: str, chan
     tried = 0
     try:
         for place in places(content):
-            if change == "missing" and (isinstance(place[-1], int) or (name, place[0]) in FREE):
+            if change == "missing" and (isinstance(place[-1], int) or any((name, part) in FREE for part in place)):
                 continue  # a shorter list is another result, not a broken one
+            if (name, *place[:1]) == ("rays", "header") and len(place) > 1:
+                continue  # it holds whatever the ray file's own header says
             path.write_text(json.dumps(changed(content, place, change)).replace("Infinity", "1e999"))
-            message = refusal(folder)
+            message = refusal(folder, name)
             assert message is not None, f"{name}.json: {change} {place} was taken"
             assert len(message.splitlines()) == 1 and f"{name}.json" in message, (place, message)
             tried += 1
     finally:
         path.write_bytes(whole)
     assert tried >= 5
-    assert lf.load(folder) is not None
+    assert refusal(folder, name) is None
 
 
-def refusal(folder: Path) -> str | None:
-    """Why the folder does not load; of what is said to be of another version, that. None where all of it is taken."""
+def refusal(folder: Path, name: str) -> str | None:
+    """Why one record does not load, as its stage or the library reads it; None where all of it is taken."""
     try:
-        return next(iter(lf.load(folder).outdated.values()), None)
+        if name == "run":
+            lf.load(folder)
+        elif name == "lens":
+            lf.load_lens(folder / "lens.json")
+        else:
+            lens = {"lens": lf.load_lens(folder / "lens.json")} if name in ("design", "export") else {}
+            STEMS[name].read(folder, name, **lens)
     except lf.InputError as error:
         return str(error)
+    return None
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name not in ("sweep", "rays")])
+def test_a_folder_with_a_broken_record_does_not_load(folder: Path, name: str) -> None:
+    path = folder / f"{name}.json"
+    whole = path.read_bytes()
+    try:
+        path.write_text(json.dumps(changed(json.loads(whole), ("version",), "foreign")))
+        with pytest.raises(lf.InputError, match=rf"{name}\.json: version"):
+            lf.load(folder)
+    finally:
+        path.write_bytes(whole)
+    assert lf.load(folder) is not None
 
 
 def records_in(value: object) -> Iterator[Record]:
@@ -133,7 +162,7 @@ def test_no_number_beyond_its_range_is_taken(whole_run: Results) -> None:
     assert len(tried) > 80
 
 
-@pytest.mark.parametrize("name", ["evaluate", "check", "verify", "stray", "photometry"])
+@pytest.mark.parametrize("name", ["evaluate", "check", "verify", "stray", "photometry", "compare", "compare_inner"])
 @pytest.mark.parametrize("change", ["missing", "shape", "not finite", "no archive", "none"])
 def test_arrays_are_held_to_their_shape(folder: Path, name: str, change: str) -> None:
     path = folder / f"{name}.npz"

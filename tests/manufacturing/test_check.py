@@ -17,6 +17,7 @@ from lensforge.manufacturing.face_check import check_face
 from lensforge.manufacturing.findings import relief_findings
 from lensforge.manufacturing.relief import check_relief
 from lensforge.manufacturing.result import Check
+from lensforge.pipeline import run_check
 from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -106,6 +107,16 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
         u = chart.to_sphere(np.stack([axis[places[:, 0]], axis[places[:, 1]]], axis=-1))
         exact = lens_surface.radius(u)[:, None] * u
         assert np.abs(getattr(check, f"{surface}_xyz")[tuple(places.T)] - exact).max() > 1e-10
+
+
+def test_a_result_folder_is_checked_with_the_nodes_of_its_export(tmp_path):
+    part = build_part(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), base="none"), nodes=80, rings=16)
+    part.lens.save(tmp_path / "lens.json")
+    assert run_check(tmp_path).sha256 == check_lens(part.lens).sha256
+    part.write(tmp_path)
+    exported = run_check(tmp_path).sha256
+    assert exported == check_part(part).sha256
+    assert exported != check_lens(part.lens).sha256
 
 
 def test_the_numbers_of_two_hemispheres(plain):

@@ -9,6 +9,7 @@ import torch
 from scenes import DEVICES, small_spec
 
 from lensforge.errors import InputError
+from lensforge.optimisation import light_path
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
@@ -67,8 +68,8 @@ def test_chunks_add_up_and_search_for_each_crossing_once(monkeypatch: pytest.Mon
     step = _Step({})
     whole = step(device=CPU)
     searched: list[int] = []
-    search = on_device.first_crossing
-    monkeypatch.setattr(on_device, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
+    search = light_path.first_crossing
+    monkeypatch.setattr(light_path, "first_crossing", lambda t, o, d: (searched.append(len(o)), search(t, o, d))[1])
     assert _close(step(device=CPU, chunk=300), whole)
     assert len(searched) == 2 * 7, "seven chunks, two surfaces, and none again in the backward pass"
 

@@ -1,1 +1,1 @@
-"""Accuracy against time, measured on one scene: each knob's study, with the error that every level leaves."""
+"""Accuracy against time, measured on one scene: a convergence study of each setting, with the error of every level."""
