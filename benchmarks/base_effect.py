@@ -1,6 +1,6 @@
 """Effect of the clamping base on the light: the part with its base, polished or black, against the part without one.
 
-The design leaves the base out. Here all light is followed, reflections too, through the mesh of the part with its base
+The design ignores the base. Here all light is followed, with reflections, through the mesh of the part with its base
 and through that of the part without one, always the same rays; prints the rows of docs/results.md. NMSE is against the
 target, on 32 x 32 pixels, where ray noise is small; the change is the NMSE of the picture against the one without base.
 
@@ -32,7 +32,7 @@ RAYS, SEED, RINGS, PIXELS = 2**14, 2**42, 96, 32
 COLUMNS = ("design", "base", "flux fraction", "direct light on the base", "NMSE", "change")
 
 
-def part_mesh_of(lens: Lens, base: BaseSection) -> PartMesh:
+def mesh_with_base(lens: Lens, base: BaseSection) -> PartMesh:
     """The mesh of the lens on ``base``, as its STL holds it."""
     mesh = build_mesh(make_plan(fit_patch(lens.inner), fit_patch(lens.outer), base), RINGS)
     if base.file is not None:
@@ -56,7 +56,7 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     found: list[tuple[str, ...]] = []
     before = None
     for name, base, finish in cases:
-        part = part_mesh_of(lens, base)
+        part = mesh_with_base(lens, base)
         body = Body(part, Grid(part.mesh), lens.refractive_index, spec.lens.absorption_per_mm, finish)
         landed = follow(body, rays, spec.target.distance_mm, Limits()).landings()
         picture = receiver.irradiance(landed.points, landed.flux)

@@ -1,4 +1,4 @@
-"""Cost of designing a lens for the tool that makes it: one row of the table in docs/results.md.
+"""Cost in light of designing a lens for the tool that makes it: one row of the table in docs/results.md.
 
     python benchmarks/designed_to_be_cut.py examples/flat_top.toml [--inner 1.0] [--outer 1.0] [--draft 2.0]
 
@@ -18,7 +18,7 @@ from lensforge.sources.build import build_source
 from lensforge.spec import Spec, load_spec, parse_spec
 
 
-def asked_for(spec: Spec, options: argparse.Namespace) -> Spec:
+def with_constraints(spec: Spec, options: argparse.Namespace) -> Spec:
     """The spec with the constraints of the command line."""
     content = spec.model_dump(mode="json")
     content["constraints"] |= {
@@ -32,10 +32,10 @@ def asked_for(spec: Spec, options: argparse.Namespace) -> Spec:
     return parse_spec(content, spec.name)
 
 
-def wish(options: argparse.Namespace) -> str:
-    """The constraints of the command line, in words."""
-    asked = {"inner": options.inner, "outer": options.outer, "draft": options.draft}
-    return ", ".join(f"{name} {value:g}" for name, value in asked.items() if value is not None) or "nothing"
+def constraints_text(options: argparse.Namespace) -> str:
+    """Text of the command line's constraints."""
+    given = {"inner": options.inner, "outer": options.outer, "draft": options.draft}
+    return ", ".join(f"{name} {value:g}" for name, value in given.items() if value is not None) or "nothing"
 
 
 def largest(face: FaceResult) -> str:
@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--accuracy", default="standard", choices=tuple(PRESETS))
     parser.add_argument("--save", type=Path, help="where to write lens.json")
     options = parser.parse_args()
-    spec = asked_for(load_spec(options.spec), options)
+    spec = with_constraints(load_spec(options.spec), options)
     source = build_source(spec.source)
     found = search(spec, source, accuracy=options.accuracy)
     if options.save is not None:
@@ -64,7 +64,7 @@ def main() -> None:
     faces = check.inner, check.outer
     missed = [criterion.name for criterion in found.criteria if not criterion.passed]
     columns = [
-        wish(options),
+        constraints_text(options),
         f"{light.uniformity.value:.3f}" if light.uniformity is not None else "-",
         f"{light.efficiency.value:.4f}",
         f"{light.nmse.value:.4f}",

@@ -19,7 +19,7 @@ from lensforge.optimisation.merit import MeritFunction
 
 
 def gradients(step: Step, merit: MeritFunction) -> list[torch.Tensor]:
-    """The loss, and its gradients by weights and offsets; they lie on the CPU, so all is done."""
+    """The loss, and its gradients by weights and offsets, on the CPU: the device has finished."""
     parameters = step.weights, step.offsets
     # in the uniformity stage light outweighs the constraints, so that the agreement is that of the light
     loss = merit.evaluate(*parameters, step.bundle, step.constraints, uniform=True).loss

@@ -1,4 +1,4 @@
-"""Effect of dispersion on a finished lens: the same rays with the index of each, with their mean, with the design's.
+"""Effect of dispersion on a finished lens: the same rays with each one's index, with the mean, with the design's.
 
     python benchmarks/dispersion.py cad_out/osram_pi --material PMMA
 
@@ -20,7 +20,7 @@ from lensforge.sources.build import build_source, summarise
 from lensforge.surfaces.spline import grid_for, tabulate
 from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
 
-NODES_PER_SIGMA = 6.0  # only says where to look: a step on the exact surface follows
+NODES_PER_SIGMA = 6.0  # the table only brackets the crossing: a step on the exact surface follows
 
 
 def shift(one, other, side_mm):

@@ -1,4 +1,4 @@
-"""The whole geometry stage of finished designs, after import: STEP, STL and 3MF, their proof, and the check.
+"""The whole geometry stage of finished designs, after import: STEP, STL and 3MF, reading them back, and the check.
 
 Prints seconds (wall and processor) for each part and the peak memory of the process. On a quiet machine:
 

@@ -1,8 +1,8 @@
-"""One gradient step of the flat top, taken apart: where the time goes, how it grows, what it needs.
+"""One gradient step of the flat top: time of its parts, growth with rays and functions, memory.
 
     python benchmarks/gradient_step.py [--rays 524288] [--repeat 7]
 
-Prints the median of each part over the repeats, and ratios within this one run; absolute times are this machine's.
+Prints the median of each part over the repeats, and ratios within this run; absolute times depend on the machine.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep
@@ -87,7 +87,7 @@ class Step:
 
 
 def times_the_cost(other: Step, step: Step, rounds: int) -> float:
-    """Ratio of the medians, taken in turns: what else the machine does meets both alike."""
+    """Ratio of the medians, measured alternately: other load of the machine affects both alike."""
     seconds: tuple[list[float], list[float]] = ([], [])
     for _ in range(rounds):
         for each, times in zip((other, step), seconds, strict=True):

@@ -1,10 +1,10 @@
-"""Agreement of Mitsuba 3 with the design for growing numbers of rays: the third cast of `lensforge verify`, at length.
+"""Agreement of Mitsuba 3 with the design: Mitsuba's cast of `lensforge verify` at growing numbers of rays.
 
     pip install lensforge[mitsuba]
     python benchmarks/mitsuba_check.py DIR [--rays N]
 
 DIR is a result folder with lens.json, lens.stl and evaluate.npz. Prints one JSON object for each ray count, from 2**12
-in steps of four up to --rays; exit code 1 where one of its criteria fails.
+in steps of four up to --rays; exit code 1 where a criterion is missed.
 """
 
 import argparse
@@ -35,18 +35,18 @@ def main() -> int:
     parser.add_argument("directory", type=Path)
     parser.add_argument("--rays", type=int, default=2**18)
     given = parser.parse_args()
-    held = True
+    all_met = True
     try:
-        for result in check(given.directory, given.rays):
+        for result in casts(given.directory, given.rays):
             print(json.dumps(result))
-            held &= all(criterion["passed"] for criterion in result["criteria"])
+            all_met &= all(criterion["passed"] for criterion in result["criteria"])
     except LensforgeError as error:
         print(f"mitsuba_check: {error}", file=sys.stderr)
         return 2
-    return 0 if held else 1
+    return 0 if all_met else 1
 
 
-def check(directory: Path, most: int) -> Iterator[dict[str, Any]]:
+def casts(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     lens, part = load_lens(directory / "lens.json"), read_part_mesh((directory / "lens.stl").read_bytes())
     target, source = lens.spec.target, build_source(lens.spec.source, lens.spec.lens.dispersion)
     rays = source.sample(min(most, source.ray_count or most), SEED)

@@ -4,12 +4,12 @@
 
 Needs the [mitsuba] extra and an LLVM library; DRJIT_LIBLLVM_PATH names one (15 and 16 fail on AVX-512, 19 works).
 
-Both trace the same rays of the flat top through the same two surfaces, refract by Snell, weigh by Fresnel, land on the
-receiver and take the gradient of the same scalar: Mitsuba by the radii of all mesh vertices (its vertex normals follow
-them), lensforge by all table coefficients. What counts is the normal at a random direction against the exact sum: the
-mesh is the coarsest of a series whose rms error is no larger than the table's. A step of Mitsuba includes the update of
-its meshes, as a step of lensforge includes its bounds; the search's own part (loss, constraints, new rays) is in
-neither.
+Both trace the same rays of the flat top through the same two surfaces, refract by Snell, lose flux by Fresnel, land on
+the receiver and take the gradient of the same scalar: Mitsuba by the radii of all mesh vertices (its vertex normals
+follow them), lensforge by all table coefficients. The measure of accuracy is the normal at fixed directions against the
+exact sum: the mesh is the coarsest of a series whose rms error is no larger than the table's. A step of Mitsuba
+includes the update of its meshes, as a step of lensforge includes its bounds; the search's own part (loss, constraints,
+new rays) is in neither.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep
@@ -31,11 +31,11 @@ from lensforge.studies.tradeoff.tables import table_normals
 from lensforge.surfaces import chart
 from lensforge.surfaces.surface import Surface
 
-MESH_NODES = (64, 128, 256, 384, 512, 640)  # beyond that the normals of vertices suffer from single precision
+MESH_NODES = (64, 128, 256, 384, 512, 640)  # beyond that single precision limits the vertex normals
 
 
 def rms_angle(found: np.ndarray, surface: Surface) -> float:
-    """Between unit normals at :func:`directions` and the exact ones, rad."""
+    """Rms angle (rad) between unit normals at :func:`directions` and the exact ones."""
     chord = np.linalg.norm(found - surface.normal(directions()), axis=1)
     return float(np.sqrt(np.mean((2.0 * np.arcsin(0.5 * chord)) ** 2)))
 
@@ -129,7 +129,7 @@ def main() -> None:
         rms_angle(table_normals(grid, table.detach().numpy(), directions())[1], surface)
         for table, surface in zip(tables, surfaces, strict=True)
     )
-    print(f"table of {grid.nodes} nodes a side: normals {1e6 * ours:.1f} urad rms, float64")
+    print(f"table of {grid.nodes} nodes per side: normals {1e6 * ours:.1f} urad rms, float64")
 
     ratios: list[tuple[float, float]] = []
     for nodes in MESH_NODES:
@@ -142,7 +142,7 @@ def main() -> None:
         mine = median_seconds(lambda: lensforge_step(step, tables, step.bundle), options.repeat)
         ratios.append((error, seconds / mine))
         print(
-            f"mesh of {nodes} nodes a side: normals {1e6 * error:.1f} urad rms, float32; "
+            f"mesh of {nodes} nodes per side: normals {1e6 * error:.1f} urad rms, float32; "
             f"Mitsuba {mi.__version__} {options.rays / seconds:.3g} rays/s, "
             f"lensforge {options.rays / mine:.3g} rays/s, ratio {seconds / mine:.2f}"
         )

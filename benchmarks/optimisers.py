@@ -2,10 +2,10 @@
 
     python benchmarks/optimisers.py [examples/pi.toml] [--seconds 60] [--output docs/optimisers]
 
-All turn the same parameters, coarse to fine through the same levels with the same share of the time for each, on the
+All vary the same parameters, coarse to fine through the same levels with the same share of the time for each, on the
 same loss; SGD and Adam see fresh rays at every step, L-BFGS (strong Wolfe line search) a fixed sample that is renewed
-at every restart. All are evaluated alike: NMSE of 2^20 rays that no search has seen; the time of that is not
-counted. Rates are the best of a series for each method. Writes a table (Markdown) and a plot.
+at every restart. All are evaluated alike: NMSE of 2^20 rays that no search has seen; that time is not
+counted. Learning rates are the best of a series for each method. Writes a table (Markdown) and a plot.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep
@@ -40,7 +40,7 @@ THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.015, 0.012, 0.01)
 
 @dataclass
 class SearchInProgress:
-    """A search in progress: parameters, and a clock that stands still during evaluations."""
+    """A search in progress: parameters, and a clock that is stopped during evaluations."""
 
     merit: MeritFunction
     constraints: AugmentedLagrangian
@@ -88,9 +88,9 @@ def gradient_descent(make: Callable[[list[torch.Tensor]], torch.optim.Optimizer]
 
 
 def quasi_newton(iterations: int) -> Method:
-    """L-BFGS in bouts of ``iterations`` on one sample each; a bout that leaves the surfaces' domain is taken back."""
+    """L-BFGS restarted every ``iterations``, on a new sample each; a run that leaves the surfaces' domain is undone."""
 
-    def bout(run: SearchInProgress, active: list[torch.Tensor]) -> None:
+    def restart(run: SearchInProgress, active: list[torch.Tensor]) -> None:
         rays = run.fresh_rays()
         optimiser = torch.optim.LBFGS(active, max_iter=iterations, history_size=20, line_search_fn="strong_wolfe")
 
@@ -109,9 +109,9 @@ def quasi_newton(iterations: int) -> Method:
         while run.spent < begun + seconds:
             start, before = time.perf_counter(), [parameter.detach().clone() for parameter in active]
             try:
-                bout(run, active)
+                restart(run, active)
             except InputError as error:
-                print(f"   taken back: {error}"[:110])
+                print(f"   undone: {error}"[:110])
                 with torch.no_grad():
                     for parameter, old in zip(active, before, strict=True):
                         parameter.copy_(old)
@@ -189,7 +189,8 @@ def write_table(curves: dict[str, list[tuple[float, float]]], options: argparse.
     for name, curve in curves.items():
         cells = " | ".join(first_below(curve, threshold) for threshold in THRESHOLDS)
         lines.append(f"| {name} | {cells} | {curve[-1][1]:.4f} |")
-    text = f"Seconds to an NMSE of …, `{options.spec.name}`, {options.rays} rays a step:\n\n" + "\n".join(lines) + "\n"
+    title = f"Seconds to an NMSE of …, `{options.spec.name}`, {options.rays} rays per step:"
+    text = "\n".join([title, "", *lines, ""])
     options.output.with_suffix(".table.md").write_text(text, encoding="utf-8")
     print(text)
 

@@ -48,7 +48,7 @@ Work = Callable[[], object]
 
 @dataclass(frozen=True)
 class Feature:
-    """``modules``: parts of the names of the files that are only there for it."""
+    """An optional feature, on and off; ``modules``: parts of the names of files used only by it."""
 
     name: str
     stage: str

@@ -2,8 +2,8 @@
 
     python benchmarks/overfit.py examples/led_rayfile.toml --accuracy draft
 
-What the noise of the rays alone adds to an NMSE is estimated from 16 replicates and taken off, so that parts of
-different sizes can be compared.
+The contribution of ray noise to an NMSE is estimated from 16 replicates and subtracted, so that parts of different
+sizes can be compared.
 """
 
 import argparse

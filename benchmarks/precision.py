@@ -3,7 +3,7 @@
     python benchmarks/precision.py cad_out/flat_top cad_out/pi [--json FILE]
 
 The compiled tracer computes in float64 and closes in on a crossing until Newton's step is below 1e-12 of the distance
-from the origin; both are fixed. Their worth is measured on float32 tables, and on the exact tracer, which runs in
+from the origin; both are fixed. Their effect is measured on float32 tables, and on the exact tracer, which runs in
 either precision and to any tolerance. Prints the tables of docs/accuracy.md.
 """
 
@@ -102,7 +102,7 @@ def is_a_sum(lens: Lens) -> bool:
 
 def exact_surface(lens: Lens, name: str, dtype: torch.dtype, scan: DenseScan) -> ExactSurface:
     surface = getattr(lens, name)
-    weights, offset = (torch.tensor(value, dtype=dtype) for value in (surface.weights, surface.offset_mm))
+    weights, offset = (torch.tensor(value, dtype=dtype) for value in (surface.weights_mm, surface.offset_mm))
     return ExactSurface(surface.basis, weights, offset, scan)
 
 
@@ -116,7 +116,7 @@ def exact_light(reference: ExactReference, dtype: torch.dtype, scan: DenseScan) 
 
 
 def studies_of(measured: TableMeasurement) -> list[ConvergenceStudy]:
-    """Both studies; that of the search for a lens of two SRBF sums only."""
+    """Both studies; that of the search only for a lens of two SRBF sums."""
     return [precision_study(measured), *([search_study(measured)] if is_a_sum(measured.reference.lens) else [])]
 
 

@@ -1,4 +1,4 @@
-"""The paper's designs, made again: prints the rows of docs/results.md from finished result folders.
+"""The paper's designs, repeated: prints the rows of docs/results.md from finished result folders.
 
 for name in flat_top pi quickstart led_rayfile; do lensforge design examples/$name.toml; done
 python benchmarks/results.py cad_out/flat_top cad_out/pi cad_out/quickstart cad_out/led_rayfile
@@ -30,7 +30,7 @@ def shown(metric: Metric | None, digits: int) -> str:
 
 
 def row(directory: Path) -> tuple[str, ...]:
-    """The figures of one result folder, as its records state them."""
+    """The numbers of one result folder, from its records."""
     run = load(directory)
     design, light, part = run.design, run.light, run.part
     return (

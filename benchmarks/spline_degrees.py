@@ -2,8 +2,8 @@
 
     python benchmarks/spline_degrees.py cad_out/flat_top cad_out/pi [--json FILE]
 
-The compiled tracer knows the cubic only; here all four degrees are splines of scipy, traced by the exact tracer, so
-that nothing differs but the degree. Prints the table of docs/accuracy.md.
+The compiled tracer is cubic only; here all four degrees are splines of scipy, traced by the exact tracer, so that
+only the degree differs. Prints the table of docs/accuracy.md.
 """
 
 from study_script import main  # before torch
@@ -53,7 +53,7 @@ class SplineSurface(Surface):
 
     @property
     def detail_rad(self) -> float:
-        """Detail of the surface that it stands for."""
+        """Detail (rad) of the surface that it approximates."""
         return self.detail
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -88,7 +88,7 @@ def degree_study(measured: TableMeasurement, settings: Sequence[float] = SETTING
             shapes = {side: (one.radius(directions()), one.normal(directions())) for side, one in made.items()}
             errors = reference.shape_errors(shapes) | reference.light_errors(light.hits, light.flux)
             users = ("all tables",) if name == "cubic" else ()
-            levels.append(meter.level(setting, name, errors, users, **{"nodes a side": grid.nodes}))
+            levels.append(meter.level(setting, name, errors, users, nodes=grid.nodes))
     orders = {
         name: orders_of([level for level in levels if level.series == name], ("rho", "normal")) for name in DEGREES
     }

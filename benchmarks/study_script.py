@@ -1,6 +1,6 @@
-"""Command line of the studies of fixed choices: finished lenses in, Markdown tables out, with --json all digits.
+"""Command line shared by precision.py and spline_degrees.py: finished lenses in, Markdown tables out.
 
-Nothing to run by itself: see precision.py and spline_degrees.py.
+Not a script itself. With --json the tables are also written with all digits.
 """
 
 import lensforge  # noqa: F401  before torch, whose idle threads then sleep

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> object:
-        """Load the library's names with the first that is asked for: NumPy and pydantic alone take 0.2 s."""
+        """Load the library's names with the first that is used: NumPy and pydantic alone take 0.2 s."""
         own = os.path.join(os.path.dirname(__file__), name)  # noqa: PTH118, PTH120  pathlib would take time to load
         if os.path.exists(own) or os.path.exists(own + ".py"):  # noqa: PTH110
             raise AttributeError(name)  # a module of ours: whoever asks for it imports it himself

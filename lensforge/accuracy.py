@@ -1,8 +1,8 @@
-"""Accuracy presets, in one record, so that every stage reads the same settings.
+"""Accuracy presets in one table, so that every stage reads the same settings.
 
-The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): the irradiance error of a preset's table stays below a
+The rule, measured by ``lensforge tradeoff`` (docs/accuracy.md): the irradiance error of a preset's tables stays below a
 hundredth of the noise of the rays that are traced with it. On the flat top, the cross and the pi it is 0.0014 of that
-noise at most, so accuracy is bought with rays: from one preset to the next the noise (NMSE) of the evaluation falls,
+noise at most, so accuracy takes more rays: from one preset to the next the noise (NMSE) of the evaluation falls,
 first to 1/13, then to less than 1/2.
 """
 
@@ -19,7 +19,7 @@ class Preset:
     ``evaluate_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
     ``design_rays``: rays of a gradient step. ``coarse_steps``, ``fine_steps``: gradient steps of every level but the
     last, and of the last. ``evaluate_rays``: rays that evaluate the finished lens. ``verify_rays``: rays of the
-    independent cast.
+    independent ray cast.
     """
 
     nodes_per_sigma: float

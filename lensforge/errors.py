@@ -1,4 +1,4 @@
-"""Every error that a user may see, each with the exit code of the command line.
+"""Errors that a user may see, each with the exit code of the command line.
 
 An error message is one line: what is wrong, the value, what is allowed, and what to try.
 """
@@ -26,7 +26,7 @@ class CriterionMissed(LensforgeError):
 
 
 class MissingResult(InputError, AttributeError):
-    """A stage has not run yet, so it has no result; ``hasattr`` answers False."""
+    """A stage has not run yet, so it has no result; ``hasattr`` gives False."""
 
 
 class OutdatedResult(InputError):
@@ -41,7 +41,7 @@ class Cancelled(LensforgeError):
 
 @contextmanager
 def remedy(advice: str) -> Iterator[None]:
-    """Append ``advice`` to an :class:`InputError` raised inside the block, by numerics that know no option or field."""
+    """Append ``advice`` to an :class:`InputError` raised inside the block by code that knows no option or field."""
     try:
         yield
     except InputError as error:

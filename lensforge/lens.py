@@ -193,7 +193,7 @@ def surface_record(surface: Surface) -> SrbfRecord | AsphereRecord:
                     "sigma_c": basis.sigma_c,
                     "symmetry": basis.symmetry,
                     "offset_mm": surface.offset_mm,
-                    "weights_mm": surface.weights.tolist(),
+                    "weights_mm": surface.weights_mm.tolist(),
                 }
             )
         case Asphere():

@@ -40,7 +40,7 @@ _Result = TypeVar("_Result", bound=StageResult)
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """A lens and what its stages found, by the stem of their files.
+    """A lens and the results of its stages, by the stem of their files.
 
     ``outdated``: stages whose files belong to another lens, another part or another version, and why; they count as
     not run.

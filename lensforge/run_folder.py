@@ -1,4 +1,4 @@
-"""A result folder: what it holds as one object, and its ``run.json`` with the verdict."""
+"""A result folder as one object, and its ``run.json`` with the verdict."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,44 +1,44 @@
-"""Seeds of all rays in the program, from disjoint ranges: no lens is evaluated by the rays that shaped it.
+"""Seeds of all rays in the program, from disjoint ranges: no lens is evaluated by the rays that designed it.
 
-The numbers are those of a run, ``seed`` from 0 to ``MOST``; a range is 2^40 wide, room for every seed of a run.
+They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40 wide, room for every seed of a run.
 """
 
 MOST = 2**20  # the largest seed of a run
-_STEPS = 1_000_003  # of a search at most: a scramble of its own for every step, whatever step it was resumed at
+_STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
 _EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET = (k * _RANGE for k in (1, 2, 4, 8, 16, 32))
 
 
 def of_step(seed: int, step: int) -> int:
-    """Rays of a gradient step, counted over all levels of a search."""
+    """Seed for the rays of a gradient step, counted over all levels of a search."""
     return seed * _STEPS + step
 
 
 def of_replicate(seed: int, replicates: int, replicate: int, parts: int, part: int) -> int:
-    """Rays of one of the ``parts`` in which a replicate of an evaluation is traced."""
+    """Seed for one of the ``parts`` in which a replicate of an evaluation is traced."""
     return _EVALUATION + (seed * replicates + replicate) * parts + part
 
 
 def of_verification(seed: int) -> int:
-    """Rays that the exported part is verified with, in both of its passes."""
+    """Seed for the rays that verify the exported part, the stray-light pass included."""
     return _VERIFICATION + seed
 
 
 def of_far_field(seed: int, parts: int, part: int) -> int:
-    """Rays of one of the ``parts`` of a far-field intensity."""
+    """Seed for one of the ``parts`` of a far-field intensity."""
     return _FAR_FIELD + seed * parts + part
 
 
 def of_convergence(number: int) -> int:
-    """Rays of one of the independent samples by which the trade-off measures noise."""
+    """Seed for one of the independent samples by which the trade-off measures noise."""
     return _CONVERGENCE + number
 
 
 def of_reference(scramble: int) -> int:
-    """Rays through the exact surfaces, the reference of the trade-off's convergence studies."""
+    """Seed for the rays through the exact surfaces, the reference of the trade-off's convergence studies."""
     return _REFERENCE + scramble
 
 
 def of_preset_error(seed: int, scrambles: int, scramble: int) -> int:
-    """Rays by which an evaluation measures what the tables of its preset leave."""
+    """Seed for one of the scrambles by which an evaluation measures the error of its preset's tables."""
     return _PRESET + seed * scrambles + scramble

@@ -1,6 +1,6 @@
-"""The stages as verbs: what a stage needs comes in, one frozen result comes out, nothing is written.
+"""The stages of one lens as verbs: objects come in, one frozen result comes out, nothing is written.
 
-What a verb needs loads when it is called: torch and numba with the first light, the CAD kernel with the first solid.
+Heavy libraries load with the first verb that needs them: torch and numba with light, the CAD kernel with a solid.
 """
 
 from pathlib import Path
@@ -31,7 +31,7 @@ from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
 
-_STRAY_RAYS = 2**15  # every one of them becomes some ten: more would not be waited for
+_STRAY_RAYS = 2**15  # each splits into some ten: more would take minutes
 
 
 def design(
@@ -94,7 +94,7 @@ def evaluate(
 ) -> Light:
     """Simulate ``lens``: the light on its receiver, every metric with its standard error.
 
-    What is None is the lens's own: its accuracy, the spec's source, the rays and pixels of spec or preset, its seed.
+    An argument that is None is the lens's own: its accuracy, seed and source, the rays and pixels of spec or preset.
     """
     from lensforge.evaluation.evaluate import evaluate_lens
 
@@ -209,7 +209,7 @@ def stray_light(
 
 
 def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
-    """Say what small errors of form, position, source and index do to the light of ``lens``."""
+    """Measure how small errors of form, position, source and index change the light of ``lens``."""
     from lensforge.tolerancing.sensitivity import measure_sensitivity
 
     require(lens, Lens, "sensitivity")

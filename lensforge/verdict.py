@@ -1,4 +1,4 @@
-"""The verdict on a lens: is its light what was asked for, are its files sound, can it be cut.
+"""The verdict on a lens: is its light as specified, are its files sound, can it be cut.
 
 Without limits of the spec's own, light fails where its pattern is far from the target or too little of it lands there.
 Both bounds are calibrated on the shipped specs at standard accuracy: the worst of them has an NMSE of 0.02 and puts

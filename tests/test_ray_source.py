@@ -36,7 +36,7 @@ def test_the_light_of_given_rays_is_that_of_the_file(rays):
     given = spec.replace(source=RaySource(rays, flux_w=1.0, origin="virtual_focus"))
     short = {"optimise.steps_per_level": [2, 2], "optimise.rays": 512}
     found, again = (design(each.replace(short), accuracy="draft") for each in (spec, given))
-    assert np.array_equal(found.lens.outer.weights, again.lens.outer.weights)
+    assert np.array_equal(found.lens.outer.weights_mm, again.lens.outer.weights_mm)
     light, light_of_given = (evaluate(each.lens, rays=4096) for each in (found, again))
     for name in ("map", "raw_map", "target_map", "nmse", "efficiency", "share_in_target", "flux", "missed_by_cause"):
         assert same(getattr(light, name), getattr(light_of_given, name)), name

@@ -59,7 +59,9 @@ class _Corner(click.ParamType[tuple[float, float]]):
 @click.option(
     "--corners", type=_Corner(), nargs=4, help="Corners of the target, clockwise from top left; default: found."
 )
-@click.option("--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the target; default: the receiver's.")
+@click.option(
+    "--target-mm", type=click.FloatRange(0.0, min_open=True), help="Side of the target; default: that of the receiver."
+)
 @click.option("--gamma", type=click.FloatRange(0.2, 5.0), default=1.0, show_default=True, help="Gamma of the camera.")
 @click.option("--points", type=click.Path(path_type=Path), help="Points x, y, z in mm, measured on one surface.")
 @click.option("--surface", type=click.Choice(["inner", "outer"]), help="Surface on which --points lie.")
@@ -104,7 +106,7 @@ def compare(
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: from the spec, or 1000.")
+@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: the spec's, or 1000.")
 def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
     with threads_of_torch(threads):

@@ -24,7 +24,7 @@ def rays(
 ) -> None:
     """Summarise, draw or convert a ray file."""
     if format_name and not to:
-        raise InputError(f"--format {format_name}: it goes with --to FILE")
+        raise InputError(f"--format {format_name}: give --to FILE with it")
     from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
     from lensforge.sources.rayfiles.plot import draw
 

@@ -22,7 +22,7 @@ from lensforge.results import REPORT_FILE
 def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
     """Simulate the finished lens in DIR again.
 
-    With --rays, --pixels or --source the light goes into evaluate_other.json; the lens's own evaluate.json stays.
+    With --rays, --pixels or --source the result is written to evaluate_other.json; evaluate.json is kept.
     """
     with threads_of_torch(threads):
         light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source)
@@ -83,7 +83,7 @@ def verify(
 def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     """Build report.html from the files in DIR, or one page that compares several designs."""
     if len(directories) == 1 and out is not None:
-        raise InputError(f"--out = {out}: one design's report goes into its folder; give two folders or more")
+        raise InputError(f"--out = {out}: the report on one design is written to its folder; give two folders or more")
     from lensforge.report.page import write_pdf
 
     page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")

@@ -1,1 +1,1 @@
-"""Evaluation of a finished lens: irradiance by hard bins, metrics with standard errors, every ray accounted for."""
+"""Evaluation of a finished lens: irradiance by hard bins, metrics with standard errors, and the flux budget."""

@@ -1,4 +1,4 @@
-"""The finished lens under the paper's protocol: from rays in independent replicates to :class:`Light`."""
+"""Evaluation of a finished lens by the paper's protocol: rays in independent replicates, metrics, :class:`Light`."""
 
 import time
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from lensforge.accuracy import Preset
 from lensforge.criteria import Criterion, at_most
 from lensforge.evaluation.light import Flux, Light, MissedByCause, TableErrors
-from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.metrics import jackknife, jackknife_metric, nmse, relative_deviation, uniformity
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import MISSED_RECEIVER, Simulation, TracedLens, simulate
 from lensforge.kernels.fates import Fate
@@ -22,7 +22,7 @@ from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 
-IN_TARGET = 0.1  # of the target's maximum: where it is brighter, light counts as in the target
+IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where it is brighter than that
 
 Images = Float[np.ndarray, "r p p"]
 
@@ -38,14 +38,14 @@ def evaluate_lens(
 ) -> Light:
     """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
 
-    ``seed``: by default the lens's own. What the preset's tables leave on this scene is measured as well.
+    ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well.
     """
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     light = evaluate_traced(traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels)
     design = TracedLens.of(lens, preset.nodes_per_sigma)
-    left = measure_preset(lens, source, design, traced)
-    return light.model_copy(update={"preset_error": left, "inputs": {"lens": lens.sha256}})
+    error = measure_preset(lens, source, design, traced)
+    return light.model_copy(update={"preset_error": error, "inputs": {"lens": lens.sha256}})
 
 
 def evaluate_traced(
@@ -63,7 +63,7 @@ def evaluate_traced(
     mask = None if uniform_mm is None else grid.square_mask(uniform_mm)
     flux, missed = _flux_budget(simulation)
     return Light(
-        nmse=_metric(images, partial(nmse, target=target)),
+        nmse=jackknife_metric(images, partial(nmse, target=target)),
         efficiency=_share(simulation.window, simulation.emitted_w),
         share_in_target=_share(_in_target(simulation.images, target), simulation.emitted_w),
         uniformity=_in_mask(images, uniformity, mask),
@@ -93,11 +93,6 @@ def evaluate_traced(
     )
 
 
-def _metric(images: Images, statistic: Callable[[np.ndarray], float]) -> Metric:
-    value, error = jackknife(images, statistic)
-    return Metric(value=value, standard_error=error)
-
-
 def _in_mask(
     images: Images,
     statistic: Callable[..., float],
@@ -106,11 +101,11 @@ def _in_mask(
     """``statistic`` in the mask; None without a mask, or where no pixel lies in it or no light falls anywhere."""
     if mask is None or not mask.any() or not images.sum() > 0.0:
         return None
-    return _metric(images, partial(statistic, mask=mask))
+    return jackknife_metric(images, partial(statistic, mask=mask))
 
 
 def _share(flux_w: Float[np.ndarray, " r"], emitted_w: float) -> Metric:
-    """Mean over replicates as a share of what is emitted."""
+    """Mean over replicates as a share of the emitted flux."""
     value, error = jackknife(flux_w[:, None], lambda mean: float(mean[0]))
     return Metric(value=value / emitted_w, standard_error=None if error is None else error / emitted_w)
 
@@ -122,7 +117,7 @@ def _in_target(images: Images, target: Float[np.ndarray, "p p"]) -> Float[np.nda
 
 
 def _noise(images: Images) -> float | None:
-    """The share of the NMSE that ray noise alone makes: variance of the mean image over its square."""
+    """NMSE due to ray noise alone: variance of the mean image over its square."""
     mean = images.mean(axis=0)
     if len(images) < 2 or not mean.any():
         return None
@@ -130,7 +125,7 @@ def _noise(images: Images) -> float | None:
 
 
 def _flux_budget(simulation: Simulation) -> tuple[Flux, MissedByCause]:
-    """Shares of what is emitted by what became of it, and why the receiver's plane was missed."""
+    """The flux budget, and the flux that missed the receiver's plane by cause."""
     share = simulation.by_fate.mean(axis=0) / simulation.emitted_w
     detected = float(simulation.window.mean() / simulation.emitted_w)
     missed = MissedByCause(

@@ -27,9 +27,9 @@ Picture = Literal["map", "raw_map", "target_map"]
 
 
 class Flux(Record):
-    """The flux budget: shares of what is emitted by what became of it; they add up to 1.
+    """The flux budget: shares of the emitted flux by fate; they add up to 1.
 
-    ``detected``: in the window. ``outside``: on the receiver's plane beside the window. ``missed``: never reached that
+    ``detected``: in the window. ``outside``: on the receiver's plane outside the window. ``missed``: never reached that
     plane. ``reflected``: reflected at either surface, which a sequential design does not follow.
     """
 
@@ -42,7 +42,7 @@ class Flux(Record):
 
 
 class MissedByCause(Record):
-    """Flux that missed the receiver's plane, by cause, as shares of what is emitted."""
+    """Flux that missed the receiver's plane, by cause, as shares of the emitted flux."""
 
     backward: Share
     outside_cavity: Share
@@ -61,7 +61,7 @@ class TableErrors(Record):
 class TableError(Record):
     """Error of a stage's tables against the exact surfaces, by the same rays: an upper bound.
 
-    ``hit_mm``: root mean square over rays that arrive both ways, and ``hit_max_mm``.
+    ``hit_mm``, ``hit_max_mm``: root mean square and largest shift of the hits, over rays that arrive through both.
     """
 
     table_error_nm: NotNegative
@@ -83,9 +83,9 @@ class PresetError(Record):
 class Light(StageResult):
     """The light of a lens on its receiver, simulated with independent replicates of rays.
 
-    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2) [row y, column x] after the filter, before it, and wanted,
-    scaled to the flux that arrives; ``axis_mm``: centres of the pixels along either axis. ``nmse``: Eq. (7) with the
-    target scaled to the flux that arrives; ``nmse_of_noise``: what ray noise alone makes of it. ``efficiency``: share
+    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2) [row y, column x] after the filter, before it, and of the
+    target, scaled to the flux there; ``axis_mm``: centres of the pixels along either axis. ``nmse``: Eq. (7) with the
+    target scaled to the flux that arrives; ``nmse_of_noise``: the part due to ray noise. ``efficiency``: share
     of the emitted flux in the window; ``share_in_target``: where the target is above a tenth of its maximum.
     ``uniformity``, ``rsd``: in the centred square of ``uniform_mm``, None where the spec names none.
     """
@@ -156,5 +156,5 @@ class LightMetrics(Record):
 
     @staticmethod
     def of(light: Light) -> "LightMetrics":
-        """Figures of ``light``."""
+        """Metrics of ``light``."""
         return LightMetrics(nmse=light.nmse, uniformity=light.uniformity, rsd=light.rsd, efficiency=light.efficiency)

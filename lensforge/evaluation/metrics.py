@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.records import Image
+from lensforge.records import Image, Metric
 
 
 def nmse(irradiance: Image, target: Image) -> float:
     """Eq. (7), with the target scaled to the flux of ``irradiance``: it measures the shape, efficiency the amount.
 
-    1 for a dark image, as against a target that is not scaled.
+    1 for a dark image, as for a target that is not scaled.
     """
     total = irradiance.sum()
     if not total > 0.0:
@@ -33,7 +33,7 @@ def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> floa
 
 
 def relative_square(both: Float[np.ndarray, "2 p p"]) -> float:
-    """NMSE between two pictures as they are: mean square difference over that of the second; 0 where it is dark."""
+    """NMSE between two pictures without scaling: mean square difference over that of the second; 0 where it is dark."""
     reference = float(np.sum(both[1] ** 2))
     return float(np.sum((both[0] - both[1]) ** 2)) / reference if reference > 0.0 else 0.0
 
@@ -48,6 +48,14 @@ def jackknife(
     if count < 2:
         return value, None
     return value, jackknife_error(np.array([statistic((total - one) / (count - 1)) for one in replicates]))
+
+
+def jackknife_metric(
+    replicates: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndarray], float], unit: str = ""
+) -> Metric:
+    """:func:`jackknife` as a record."""
+    value, error = jackknife(replicates, statistic)
+    return Metric(value=value, unit=unit, standard_error=error)
 
 
 def jackknife_error(left_out: Float[np.ndarray, " r"]) -> float:

@@ -1,10 +1,9 @@
-"""Error of an accuracy preset on the very scene: light through its tables against light through the exact surfaces.
+"""Error of an accuracy preset on this scene: light through its tables against light through the exact surfaces.
 
-The same rays go both ways, so that no noise enters; they come in independent scrambles, so that it is known how well
-the few of them tell. The noise of the rays that evaluate a lens is no part of it: that is ``nmse_of_noise``.
+The same rays pass through both, so that no noise enters; they come in independent scrambles, which give the standard
+error. The noise of the rays that evaluate a lens is not included: that is ``nmse_of_noise``.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,24 +11,23 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.evaluation.light import PresetError, TableError
-from lensforge.evaluation.metrics import jackknife, relative_square
+from lensforge.evaluation.metrics import jackknife_metric, relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.receivers.pixels import flux_in_square, splat_flux
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.receiver import Hits
-from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
 
-_SCRAMBLES, _RAYS = 8, 2**8  # few: the exact surface is asked for each of them, and no run may wait for it
+_SCRAMBLES, _RAYS = 8, 2**8  # few: each is traced through the exact surfaces, which is slow
 
 
 def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: TracedLens) -> PresetError:
-    """Errors of the tables of both stages against the exact surfaces; those of the evaluation bracket the crossings.
+    """Errors of the tables of both stages against the exact surfaces; the evaluation's tables bracket the crossings.
 
     The irradiance is that of the four-pixel splat on the design's pixels. With so few rays in a pixel the errors of
-    neighbours do not average out: its error is an upper bound.
+    neighbouring rays do not average out: its error is an upper bound.
     """
     count = min(_RAYS, (source.ray_count or _SCRAMBLES * _RAYS) // _SCRAMBLES or 1)
     own_seeds = (seeds.of_preset_error(lens.seed, _SCRAMBLES, k) for k in range(_SCRAMBLES))
@@ -68,26 +66,23 @@ class _Comparison:
 
 
 def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, view: _Comparison, emitted_w: float) -> TableError:
-    everywhere = Hits.of(view.receiver.land(traced.trace(rays)))
+    landed = Hits.of(view.receiver.land(traced.trace(rays)))
     squares, pictures, lost, largest = [], [], [], 0.0
     for rows in np.split(np.arange(len(rays)), _SCRAMBLES):
-        seen, truth = everywhere.take(rows), exact.take(rows)
-        on = (np.abs(truth.hits) <= 0.5 * view.receiver.grid.side_mm).all(axis=1)
-        both = seen.arrived & truth.arrived & on
-        away = np.linalg.norm(seen.hits[both] - truth.hits[both], axis=1)
+        tabulated, reference = landed.take(rows), exact.take(rows)
+        on = (np.abs(reference.hits) <= 0.5 * view.receiver.grid.side_mm).all(axis=1)
+        both = tabulated.arrived & reference.arrived & on
+        away = np.linalg.norm(tabulated.hits[both] - reference.hits[both], axis=1)
         largest = max(largest, float(away.max(initial=0.0)))
         squares.append([float(away @ away), float(both.sum())])
-        pictures.append([view.picture(seen), view.picture(truth)])
-        lost.append([(view.detected(seen) - view.detected(truth)) / emitted_w])
+        pictures.append([view.picture(tabulated), view.picture(reference)])
+        lost.append([(view.detected(tabulated) - view.detected(reference)) / emitted_w])
     return TableError(
         table_error_nm=max(traced.table_error_nm.values()),
         hit_max_mm=largest,
-        hit_mm=_metric(squares, lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"),
-        irradiance_nmse=_metric(pictures, relative_square),
-        efficiency=_metric(lost, lambda mean: float(mean[0])),
+        hit_mm=jackknife_metric(
+            np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"
+        ),
+        irradiance_nmse=jackknife_metric(np.array(pictures), relative_square),
+        efficiency=jackknife_metric(np.array(lost), lambda mean: float(mean[0])),
     )
-
-
-def _metric(replicates: Sequence[object], statistic: Callable[[np.ndarray], float], unit: str = "") -> Metric:
-    value, error = jackknife(np.array(replicates), statistic)
-    return Metric(value=value, unit=unit, standard_error=error)

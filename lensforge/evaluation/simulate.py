@@ -20,7 +20,7 @@ from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.tables import Scene, trace_tables
 
 REPLICATES = 16
-MISSED_RECEIVER = len(Fate)  # beside the fates: left the lens, but never reaches the receiver
+MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -50,7 +50,7 @@ class TracedLens:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Means over each replicate: flux per pixel (r, p, p), flux by fate (r, f), and in the window (r,); in W.
+    """Flux (W) of each replicate: per pixel (r, p, p), by fate (r, f), and in the window (r,).
 
     The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``.
@@ -98,7 +98,7 @@ def design_landings(
 
 
 def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
-    """(replicate, share of its flux, rays). A measured source is dealt out at random; others are sampled anew."""
+    """Bundles as (replicate, factor of flux, rays): a measured source divided at random, any other sampled afresh."""
     ray_count = source.ray_count
     if ray_count is not None:
         everything = source.sample(min(rays, ray_count), seed)

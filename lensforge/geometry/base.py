@@ -1,7 +1,7 @@
-"""The faces of the body that light does not shape: base, step, flange, pocket, bore, on the edges of the rims.
+"""The non-optical faces of the body: rim, base, step, flange, pocket and bore, built on the edges of the rims.
 
-The bore and the step are the rims' own edges drawn straight down, so the LED can be put in from below. Every planar
-face is horizontal, or the flat side of a base.
+The bore is the cavity's rim extruded straight down, so the LED can be inserted from below; a step without setback is
+the outer rim extruded likewise. Every planar face is horizontal, or a flat side of the base.
 """
 
 from typing import Any
@@ -28,9 +28,9 @@ Named = list[tuple[str, Any]]
 
 
 def body_faces(plan: Plan, inner_rim: list[Any], outer_rim: list[Any]) -> Named:
-    """Names and faces that close the two domes.
+    """Names and faces that close the body between the two domes.
 
-    The chains run once around, counter-clockwise; where the outer rim crosses the outline they share vertices.
+    The edge chains run once around, counter-clockwise; where the outer rim crosses the outline they share vertices.
     """
     if not plan.has_base:
         return [(RIM, _annulus(wire(outer_rim), wire(inner_rim)))]
@@ -41,7 +41,7 @@ def body_faces(plan: Plan, inner_rim: list[Any], outer_rim: list[Any]) -> Named:
 
 
 def _outside(plan: Plan, outer_rim: list[Any]) -> tuple[Named, Any]:
-    """Everything between the outer rim and the bottom, and the wire at the bottom."""
+    """Faces between the outer rim and the bottom, and the wire at the bottom."""
     if plan.flush:
         side, foot = _wall(outer_rim, plan.shoulder_mm)
         faces = [(SIDE, side)]
@@ -66,7 +66,7 @@ def _outside(plan: Plan, outer_rim: list[Any]) -> tuple[Named, Any]:
 
 
 def _pocket(plan: Plan, bore_foot: Any) -> tuple[Named, Any]:
-    """The faces of the wider bore from below, and the wire that opens the bottom."""
+    """The faces of the pocket in the bottom, and the wire of the opening in the bottom."""
     if plan.pocket is None:
         return [], bore_foot
     mouth = _circle(plan.pocket, plan.base.height_mm)
@@ -87,7 +87,7 @@ def _side_name(plan: Plan, edge: Any) -> str:
 
 
 def _between_rim_and_outline(plan: Plan, rim: list[Any], outline: list[Any]) -> Named:
-    """A ledge where the rim is inside the outline, an overhang where it is outside: a whole ring, or crescents."""
+    """Ledges where the rim is inside the outline, overhangs where it is outside: one whole ring, or crescents."""
     relation = plan.arcs[0].relation
     if len(plan.arcs) == 1:
         inside, around = wire(rim), wire(outline)
@@ -113,7 +113,7 @@ def _chain_between(edge: Any, outline: list[Any]) -> list[Any]:
 
 
 def _prism(edges: list[Any], depth_mm: float) -> tuple[list[Any], Any]:
-    """The walls drawn straight down by ``depth_mm``, or up where it is negative, one for each edge, and their foot."""
+    """Walls extruded down by ``depth_mm`` (up where it is negative), one for each edge, and the wire at their foot."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
     from OCP.TopoDS import TopoDS
@@ -132,7 +132,7 @@ def _edges(boundary: Any) -> list[Any]:
 def _wall(rim: list[Any], height: float) -> tuple[Any, Any]:
     """The ruled wall below a rim of one closed edge, and the wire at its foot.
 
-    Ruled, not extruded: the kernel integrates a B-spline span by span, an extruded one with too few points.
+    Ruled, not extruded: the CAD kernel integrates a B-spline span by span, but an extruded one with too few points.
     """
     from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
     from OCP.BRepFill import BRepFill

@@ -1,4 +1,4 @@
-"""Derivatives of a face at a point, its normal, and the principal curvatures that follow.
+"""Derivatives of a face at a point, its normal, and its principal curvatures.
 
 Curvatures are signed for the cutter: convex is positive, concave (a hollow that a ball must enter) negative. With the
 air-side normal ``n`` the curvature along a unit tangent ``t`` is ``-x_tt . n``: a ball of glass has ``+1/r``, a

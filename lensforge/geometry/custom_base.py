@@ -1,8 +1,8 @@
 """A custom base: one solid from the user's STEP file, in the lens's coordinates, joined to the body and to its mesh.
 
-Its top lies in z = 0, on the plane ring between the two rims, so that the optical faces take no part in the union:
-they keep their surfaces, and the union is one of plane faces that touch. The union of the meshes keeps every vertex of
-the optical faces, and adds some to their rims where the base's outline crosses them.
+Its top lies in z = 0, on the plane ring between the two rims: only plane faces that touch take part in the union, and
+the optical faces keep their surfaces. The union of the meshes keeps every vertex of the optical faces, and adds some to
+their rims where the base's outline crosses them.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ BASE = "BASE"
 
 _PLANE_MM = 1e-5  # the uncertainty that STEP files state
 _COVERED_SHARE = 1e-4  # of the opening: a bore as wide as the cavity covers none of it, up to rounding
-_VOLUME_SHARE = 1e-7  # of the base: what the union may lose or gain
-_ANGLE_RAD = 0.1  # between neighbouring facets of a round face of the base
+_VOLUME_SHARE = 1e-7  # of the base: largest change of volume in the union
+_ANGLE_RAD = 0.1  # between neighbouring facets of a curved face of the base
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class CustomBase:
 
 def read_custom_base(path: Path) -> CustomBase:
     """The one solid of ``path``. Raises :class:`InputError` for anything else, or where its top is not in z = 0."""
-    parts = read_products(path, "a base is named relative to its spec", "export it as AP203, AP214 or AP242")
+    parts = read_products(path, "base.file is relative to the folder of its spec", "export it as AP203, AP214 or AP242")
     solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
         raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")
     base = Solid(solids[0][0], solids[0][1].faces)
     if not base.valid:
-        raise InputError(f"{path}: its solid is not valid (open, or cutting itself); repair it where it was made")
+        raise InputError(f"{path}: its solid is not valid (open, or self-intersecting); repair it in CAD")
     top = _top_mm(base)
     if abs(top) > _PLANE_MM:
         raise InputError(f"{path}: its top is at z = {top:.6g} mm, the lens ends at 0; move it by {-top:.6g} mm in z")
@@ -61,21 +61,23 @@ def join_base(body: Solid, base: CustomBase) -> Solid:
     union = BRepAlgoAPI_Fuse(body.shape.wrapped, added.shape.wrapped)
     solids = cq.Shape.cast(union.Shape()).Solids() if union.IsDone() else []
     if len(solids) != 1:
-        raise InputError(f"{base.path}: makes {len(solids)} solids with the lens, not one; look where the two touch")
+        raise InputError(f"{base.path}: makes {len(solids)} solids with the lens, not one; inspect where the two touch")
     if len(solids[0].Shells()) != 1:
-        raise InputError(f"{base.path}: closes the cavity; it must leave a way in from below for the LED")
+        raise InputError(f"{base.path}: closes the cavity; it must leave an opening below for the LED")
     names = {face: name for name, face in added.faces.items()}
     sources = [*body.faces.items(), *((names.get(face, BASE), face) for face in added.shape.Faces())]
     faces = [(name, piece) for name, face in sources for piece in _pieces(union, face)]
     joined = Solid(solids[0], uniquely_named(faces))
     change = abs(joined.volume_mm3 - body.volume_mm3 - added.volume_mm3)
     if not {OUTER, INNER} <= set(joined.faces) or change > _VOLUME_SHARE * added.volume_mm3:
-        raise InputError(f"{base.path}: its union with the lens is wrong by {change:.3g} mm^3; simplify the base's top")
+        raise InputError(
+            f"{base.path}: its union with the lens is {change:.3g} mm^3 off in volume; simplify the base's top"
+        )
     return joined
 
 
 def _pieces(union: Any, face: Any) -> list[Any]:
-    """Pieces of ``face`` in the union: itself, its parts, or nothing where the two solids touched."""
+    """Pieces of ``face`` in the union: the face itself, parts of it, or none where the two solids touch."""
     import cadquery as cq
 
     changed = [cq.Face(piece) for piece in union.Modified(face.wrapped)]
@@ -85,7 +87,7 @@ def _pieces(union: Any, face: Any) -> list[Any]:
 
 
 def _require_placement(body: Solid, base: CustomBase) -> None:
-    """The base leaves the cavity open in z = 0, and touches the ring between the rims."""
+    """Require that the base leaves the cavity open in z = 0, and touches the ring between the rims."""
     import cadquery as cq
 
     ring = body.faces[RIM]
@@ -95,12 +97,12 @@ def _require_placement(body: Solid, base: CustomBase) -> None:
     if covered > _COVERED_SHARE:
         raise InputError(
             f"{base.path}: covers {100.0 * covered:.3g} % of the cavity's opening; "
-            f"it must leave free a circle of {2.0 * _reach_mm(mouth):.4g} mm about the axis in z = 0"
+            f"it must leave free a circle of {2.0 * _largest_radius_mm(mouth):.4g} mm about the axis in z = 0"
         )
     if _common_area(ring, base.solid) <= _COVERED_SHARE * opening.Area():
         raise InputError(
-            f"{base.path}: does not meet the lens, whose rim lies in z = 0 between {_reach_mm(mouth):.4g} and "
-            f"{_reach_mm(ring.outerWire()):.4g} mm from the axis"
+            f"{base.path}: does not meet the lens, whose rim lies in z = 0 between {_largest_radius_mm(mouth):.4g} and "
+            f"{_largest_radius_mm(ring.outerWire()):.4g} mm from the axis"
         )
 
 
@@ -122,22 +124,22 @@ def _common_area(face: Any, base: Solid) -> float:
     return float(sum(piece.Area() for piece in cq.Shape.cast(common.Shape()).Faces()))
 
 
-def _reach_mm(wire: Any) -> float:
+def _largest_radius_mm(wire: Any) -> float:
     """Largest distance (mm) of a wire from the axis, by points along it."""
     points = [wire.positionAt(k / 720.0) for k in range(720)]
     return float(max((point.x**2 + point.y**2) ** 0.5 for point in points))
 
 
 def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
-    """``mesh`` and ``base``, whose facets keep within ``chord_mm``, as one mesh; all of the base is the face ``BASE``.
+    """``mesh`` and a mesh of ``base`` within ``chord_mm`` as one mesh; all of the base is the face ``BASE``.
 
-    Raises :class:`InputError` where the kernel's mesh of the base is not closed.
+    Raises :class:`InputError` where the CAD kernel's mesh of the base is not closed.
     """
     lens = _manifold(mesh.vertices, mesh.triangles, mesh.face)
     vertices, triangles = tessellated(base.solid, chord_mm)
     below = _manifold(vertices, triangles, np.full(len(triangles), len(mesh.names)))
     if below.is_empty():
-        raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid where it was made")
+        raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid in CAD")
     joined = (lens + below).to_mesh64()
     return BodyMesh(
         np.array(joined.vert_properties),  # a copy: the views of the library are read-only
@@ -162,7 +164,7 @@ def _manifold(
 
 
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """The kernel's facets, face by face, with the vertices on shared edges merged."""
+    """Vertices and triangles by the CAD kernel, face by face, equal vertices on shared edges merged."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
     BRepMesh_IncrementalMesh(base.shape.wrapped, chord_mm, False, _ANGLE_RAD)

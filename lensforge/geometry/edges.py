@@ -1,7 +1,7 @@
 """The rims and outlines of the body as B-rep edges, shared between the faces that meet in them.
 
-A rim edge carries two descriptions with the same parameter, the azimuth: a quintic curve in space, and the
-exact unit circle in the parameter plane of its optical face.
+A rim edge has two curves with the same parameter, the azimuth: a quintic spline in space, and the exact unit circle
+in the parameter plane of its optical face.
 """
 
 from typing import Any
@@ -14,7 +14,7 @@ from lensforge.geometry.outline import FULL_TURN, Outline, Piece
 from lensforge.geometry.patch import DEGREE, Patch
 from lensforge.geometry.plan import Arc, rim_directions
 
-# The rim curve lies in z = 0, the face's own boundary within the patch's form error of it.
+# The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
 _RIM_NODES_PER_NODE = 4  # along the whole rim, for each node across the patch: 1.3 times as dense
 
@@ -33,7 +33,7 @@ def geom_surface(patch: Patch) -> Any:
 
 
 def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...]) -> list[Any]:
-    """One edge for each arc of the patch's rim, in a closed chain; on ``face_surface`` each is a piece of circle."""
+    """One edge for each arc of the patch's rim, in a closed chain: arcs of the unit circle on ``face_surface``."""
     from OCP.BRep import BRep_Builder
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
     from OCP.Geom2d import Geom2d_Circle
@@ -54,7 +54,7 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...]) -> list[An
 
 
 def outline_edges(outline: Outline, depth_mm: float, rims: list[Any], arcs: tuple[Arc, ...]) -> list[Any]:
-    """The edges of ``outline`` in z = -depth, one for each piece, or for each part of one between crossings.
+    """The edges of ``outline`` in z = -depth, one for each piece, split at crossings.
 
     Where the rim crosses the outline (more than one arc) they share the vertices of ``rims``.
     """
@@ -125,7 +125,7 @@ def _rim_tolerance(patch: Patch) -> float:
 
 
 def _rim_curve(patch: Patch, arc: Arc) -> Any:
-    """``Geom_BSplineCurve`` over exactly the azimuths of the arc, so that readers find its ends without searching."""
+    """``Geom_BSplineCurve`` over exactly the azimuths of the arc, so that readers need not search for its ends."""
     from OCP.Geom import Geom_BSplineCurve
     from OCP.gp import gp_Pnt
     from OCP.TColgp import TColgp_Array1OfPnt
@@ -147,7 +147,7 @@ def _rim_points(patch: Patch, azimuths: Float[np.ndarray, " n"]) -> Float[np.nda
 
 
 def _knots(knots: Float[np.ndarray, " k"]) -> tuple[Any, Any]:
-    """Distinct knots and their multiplicities, in the arrays of OCC."""
+    """Distinct knots and their multiplicities, as OCC arrays."""
     from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
     distinct, counts = np.unique(knots, return_counts=True)

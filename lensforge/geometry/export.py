@@ -1,4 +1,4 @@
-"""The geometry stage: from a lens record to STEP, STL and 3MF, proven by reading all of them back."""
+"""The geometry stage: STEP, STL and 3MF from a lens record, and their errors, measured by reading them back."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -42,7 +42,7 @@ _ROUND_TRIP_LIMIT = 1e-9
 
 @dataclass(frozen=True)
 class _Body:
-    """The lens as laid out, meshed and built, and how far the mesh's facets are from its faces."""
+    """Plan, mesh and solid of the lens, and the errors of the mesh's facets against its faces."""
 
     plan: Plan
     mesh: BodyMesh
@@ -72,14 +72,14 @@ def build_part(
     schema: Schema = "AP214",
     runout_deg: float | None = None,
 ) -> Part:
-    """Make the part: the bytes of STEP, STL and 3MF, and what reading these very bytes back has proven.
+    """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
     ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
-    ``runout_deg``: also ``lens_surfaces.step``, the optical faces untrimmed and going on by this angle (degrees)
+    ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
     beyond the rim, for the run-out of the tool.
-    Failed criteria do not raise. Raises :class:`InputError` for a lens that is no body: a wall that is not positive,
-    a base too narrow for the cavity, a base's file that does not go under the lens.
+    Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
+    positive, a base too narrow for the cavity, a base's file that does not fit the lens.
     """
     start = time.perf_counter()
     require_schema(schema)
@@ -117,7 +117,7 @@ def build_part(
 
 
 def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTolerance) -> _Body:
-    """Fit the faces, mesh and build the body, and join the base where it comes from a file."""
+    """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
     plan = make_plan(*fit_faces(lens, nodes, nodes), lens.spec.base)
     mesh = build_mesh(plan, rings_for(plan, tolerance) if rings is None else rings)
@@ -163,8 +163,8 @@ def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> 
 def _criteria(proof: _Proof) -> tuple[Criterion, ...]:
     """The criteria that the files must meet before they go to a shop."""
     finer, rings = "raise the number of nodes", "change the number of rings"
-    form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole"
-    wrong_at = f"try another base.diameter_mm, or no base; it is {faults} that is not valid"
+    form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole solid"
+    wrong_at = f"try another base.diameter_mm, or no base; not valid: {faults}"
     stl, threemf = proof.stl, proof.threemf
     more_rings, change, limit = "raise the number of rings", proof.mesh_volume_change, proof.mesh_volume_limit
     return (

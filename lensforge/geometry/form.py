@@ -1,6 +1,6 @@
-"""Form and normal error of a CAD face against the exact surface, never measured on the nodes of its spline.
+"""Form and normal error of a CAD face against the exact surface, never measured at the nodes of its spline.
 
-"Valid and watertight" proves nothing about form: a face that is 12 um off passes every topological check.
+"Valid and watertight" says nothing about form: a face that is 12 um off passes every topological test.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +19,7 @@ from lensforge.surfaces.chart import to_chart
 from lensforge.surfaces.surface import Surface
 
 SAMPLES = 4096
-_RIM_SHARE = 4  # one more sample for each four of these lies exactly on the rim, where splines are worst
+_RIM_SHARE = 4  # for every four samples a further one lies exactly on the rim, where splines are worst
 _SAME_CHART = 1e-3
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
@@ -32,7 +32,7 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class FormError:
-    """Largest and root-mean-square distance along the normal (nm), and angle between normals (mrad); where (mm)."""
+    """Largest and rms distance along the normal (nm) and angle between normals (mrad); points of the largest (mm)."""
 
     form_max_nm: float
     form_rms_nm: float
@@ -43,7 +43,7 @@ class FormError:
 
 
 def worst(errors: list[FormError]) -> FormError:
-    """The largest of each figure, each with its place."""
+    """The largest of each error, with its point."""
     form = max(errors, key=lambda error: error.form_max_nm)
     normal = max(errors, key=lambda error: error.normal_max_mrad)
     return FormError(
@@ -57,7 +57,7 @@ def worst(errors: list[FormError]) -> FormError:
 
 
 def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2"]:
-    """Chart points of ``count`` Sobol directions, even over the hemisphere's area, and of a quarter more on the rim."""
+    """Chart points of ``count`` Sobol directions, uniform over the hemisphere, and of a quarter more on the rim."""
     from scipy.stats import qmc  # a quarter of a second
 
     rim = count // _RIM_SHARE
@@ -77,7 +77,7 @@ def fit_faces(lens: Lens, inner_nodes: int | None = None, outer_nodes: int | Non
 
 
 def fit_to_form(surface: Surface, nodes: int | None = None) -> Patch:
-    """The patch of ``surface`` with ``nodes``, or else with as many as its measured form and normals need."""
+    """The patch of ``surface`` with ``nodes``; by default as many as its measured form and normal errors need."""
     if nodes is not None:
         return fit_patch(surface, nodes)
     chart, count = chart_samples(), default_nodes(surface.detail_rad)
@@ -110,7 +110,7 @@ def face_points(
 
 
 def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
-    """Compare points and normals with ``surface``: distance is radial times the cosine to the normal, first order."""
+    """Compare points and normals with ``surface``; the distance is the radial one times the cosine, to first order."""
     radius = np.linalg.norm(points, axis=1)
     directions = points / radius[:, None]
     rho = surface.radius(directions)
@@ -120,19 +120,19 @@ def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Floa
     sine = np.linalg.norm(np.cross(normals, exact), axis=1)
     cosine = np.abs(np.sum(normals * exact, axis=1))
     angle = np.arctan2(sine, cosine) * 1e3
-    furthest, steepest = int(np.argmax(np.abs(distance))), int(np.argmax(angle))
+    farthest, steepest = int(np.argmax(np.abs(distance))), int(np.argmax(angle))
     return FormError(
-        float(np.abs(distance[furthest])),
+        float(np.abs(distance[farthest])),
         _rms(distance),
         float(angle[steepest]),
         _rms(angle),
-        _place(points[furthest]),
+        _place(points[farthest]),
         _place(points[steepest]),
     )
 
 
 def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
-    """Form error of a face over the whole hemisphere. Raises :class:`InputError` if it has lost the chart."""
+    """Form error of a face over the hemisphere. Raises :class:`InputError` if its parameters are not the chart's."""
     chart = chart_samples(count)
     points, normals = face_points(face, chart)
     if not np.allclose(to_chart(points), chart, atol=_SAME_CHART):

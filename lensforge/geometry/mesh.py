@@ -1,10 +1,10 @@
-"""The closed triangle mesh of the body, straight from the surfaces' own splines: NumPy only.
+"""The closed triangle mesh of the body, directly from the spline patches, without CAD or mesh libraries.
 
 The body is one stack of rings: from the outer apex down the outer dome to its rim, around the base (its outline,
-flange, bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. Every two
-neighbouring rings are zipped into a strip, so the mesh is closed, shares its rims and faces outwards by
-construction. Where the outer rim crosses the base's outline the two rings share that vertex, and the strip
-between them turns over from a ledge (facing up) to an overhang (facing down).
+flange, bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. Neighbouring rings are
+joined by a strip of triangles, so by construction the mesh is closed, its faces share their rims, and its normals
+point outwards. Where the outer rim crosses the base's outline the two rings share that vertex, and the strip between
+them changes from a ledge (facing up) to an overhang (facing down).
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ TOP, SIDE, BOTTOM, BORE = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE"
 RELIEF, FLANGE_TOP, FLANGE_SIDE = "BASE_RELIEF", "FLANGE_TOP", "FLANGE_SIDE"
 POCKET_SIDE, POCKET_TOP = "POCKET_SIDE", "POCKET_TOP"
 
-# Rim and outline closer than this share a vertex: STL holds 1e-6 mm at lens size, so 20 of its steps stay apart.
+# Rim and outline closer than this share a vertex; the others are 20 steps of single precision (STL) apart, or more.
 _SNAP_MM = 2e-5
 _MAX_RINGS = 1000  # 12 million triangles
 
@@ -54,12 +54,12 @@ class BodyMesh:
 
 
 def build_mesh(plan: Plan, rings: int) -> BodyMesh:
-    """Mesh the body with ``rings`` concentric rings on each optical surface, ring k of 6 k vertices.
+    """Mesh the body with ``rings`` concentric rings on each optical surface; ring k has 6 k vertices.
 
     Raises :class:`InputError` for fewer than 3 rings or more than 1000.
     """
     if not 3 <= rings <= _MAX_RINGS:
-        raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to let the tolerance decide")
+        raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to have it set by the tolerance")
     rim = rim_azimuths(6 * rings, plan.breaks)
     dome = dome_rings(plan.outer, rings, rim, OUTER)
     steps = 0 if plan.relief_mm == 0.0 else 1 if plan.ring is None else 2
@@ -78,7 +78,7 @@ def build_mesh(plan: Plan, rings: int) -> BodyMesh:
 
 
 def _base(plan: Plan, outer_rim: Ring) -> Iterator[Ring]:
-    """Rings around the base, outer rim to the foot of the bore, whose top is the inner rim, which comes next."""
+    """Rings around the base, from the outer rim to the foot of the bore; the inner rim follows."""
     if not plan.has_base:
         return
     rim = outer_rim.azimuths
@@ -109,17 +109,18 @@ def _base(plan: Plan, outer_rim: Ring) -> Iterator[Ring]:
 
 
 def _share_crossings(plan: Plan, stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int) -> None:
-    """Let the outline's top use the rim's own vertices where the two meet: the optical vertex stays exact."""
-    height = _rim_height(plan, stack[seat])
+    """Replace vertices of the outline by those of the rim where the two meet, so that the optical face stays exact."""
+    overhang_mm = _overhang_mm(plan, stack[seat])
     overhangs = _overhangs(plan, stack[seat].azimuths)
-    # The far side of a crossing that the plan did not resolve counts as meeting, too: strips never fold over.
-    resolved = np.where(overhangs, height, -height) > _SNAP_MM
+    # Crossings that the plan did not resolve share vertices as well: strips never fold over.
+    resolved = np.where(overhangs, overhang_mm, -overhang_mm) > _SNAP_MM
     ids[seat + 1] = np.where(resolved, ids[seat + 1], ids[seat])
 
 
-def _rim_height(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
-    height: Float[np.ndarray, " n"] = np.hypot(rim.points[:, 0], rim.points[:, 1]) - plan.outline.radius(rim.azimuths)
-    return height
+def _overhang_mm(plan: Plan, rim: Ring) -> Float[np.ndarray, " n"]:
+    distance = np.hypot(rim.points[:, 0], rim.points[:, 1])
+    overhang: Float[np.ndarray, " n"] = distance - plan.outline.radius(rim.azimuths)
+    return overhang
 
 
 def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
@@ -133,14 +134,14 @@ def _overhangs(plan: Plan, azimuths: Float[np.ndarray, " n"]) -> np.ndarray:
 def _ledge_or_overhang(
     plan: Plan, strip: Int[np.ndarray, "t 3"], stack: list[Ring], ids: list[Int[np.ndarray, " _"]], seat: int
 ) -> np.ndarray:
-    """Names of the strip between rim and outline: a triangle overhangs if a corner that is not shared does."""
+    """Face names of the strip between rim and outline: a triangle overhangs if one of its unshared vertices does."""
     rim, top = ids[seat], ids[seat + 1]
     over = _overhangs(plan, stack[seat].azimuths) & (rim != top)
     return np.where(np.isin(strip, np.concatenate([rim[over], top[over]])).any(axis=1), RIM, TOP)
 
 
 def _collect(stack: list[Ring], triangles: Int[np.ndarray, "t 3"], labels: np.ndarray, rings: int) -> BodyMesh:
-    """Drop the vertices that sharing has left unused, and turn labels into indices."""
+    """Drop unused vertices, and turn labels into indices."""
     used, compact = np.unique(triangles, return_inverse=True)
     names, face = np.unique(labels, return_inverse=True)
     vertices = np.concatenate([ring.points for ring in stack])[used]

@@ -1,7 +1,7 @@
-"""The mesh as STL and 3MF in mm: the bytes of a file, and these bytes read back.
+"""STL and 3MF files of the mesh, in mm: written to bytes, and parsed from them.
 
-STL is single precision and writes every vertex once for each of its triangles; 3MF keeps shared vertices, unit and face
-names. The same mesh gives the same bytes: the identifiers that 3MF needs are made from the content.
+STL is in single precision and repeats every vertex in each of its triangles; 3MF keeps shared vertices, unit and face
+names. The same mesh gives the same bytes: the identifiers that 3MF needs are hashes of the content.
 """
 
 import ctypes
@@ -22,7 +22,7 @@ _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at
 
 
 def stl_bytes(mesh: BodyMesh) -> bytes:
-    """An STL file of ``mesh``; rims that share vertices have equal ones in the file, too."""
+    """An STL file of ``mesh``; shared vertices have equal coordinates in it."""
     import trimesh
 
     content = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl")
@@ -33,13 +33,13 @@ def stl_bytes(mesh: BodyMesh) -> bytes:
 def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices (mm), equal ones merged, and triangles of an STL file's bytes.
 
-    Raises :class:`InputError` for what is no mesh; ``origin`` is the name that it calls it by.
+    Raises :class:`InputError` unless they hold a mesh; ``origin`` names the file in the message.
     """
     import trimesh
 
     try:
         body = trimesh.load_mesh(io.BytesIO(content), file_type="stl", process=False)
-    except Exception as error:  # whatever the reader raises, the file is what is wrong
+    except Exception as error:  # the reader raises many kinds; the cause is always the file
         raise InputError(f"{origin}: not readable as STL ({error}); run `lensforge export` again") from None
     if len(getattr(body, "faces", ())) == 0:
         raise InputError(f"{origin}: holds no triangles; run `lensforge export` again")
@@ -82,7 +82,7 @@ def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
 def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     """Vertices (mm) and triangles of the one object in a 3MF file's bytes.
 
-    Raises :class:`InputError` for anything else; ``origin`` is the name that it calls them by.
+    Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
     """
     import lib3mf
 

@@ -1,6 +1,6 @@
-"""Outlines of the base seen along the axis: circle, circle with a clocking flat, square; as a radius over the azimuth.
+"""Outlines of the base seen along the axis (circle, circle with a clocking flat, square) as radius over azimuth.
 
-An outline is a chain of pieces, arcs of a circle about the axis and straight lines, which go once around.
+An outline is a closed chain of pieces: arcs of a circle about the axis, and straight lines.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ FULL_TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class Piece:
-    """Azimuths from ``start`` to ``end`` (rad) at ``distance_mm`` from the axis.
+    """An arc of radius ``distance_mm`` about the axis, over the azimuths from ``start`` to ``end`` (rad).
 
-    An arc of that radius, or, where ``normal`` (rad) is given, a line whose foot from the axis has that azimuth.
+    With ``normal`` (rad): a straight line at that distance from the axis, its normal at that azimuth.
     """
 
     start: float
@@ -34,7 +34,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Outline:
-    """Pieces in ascending azimuth, each beginning where the one before ends."""
+    """Pieces in ascending azimuth, each beginning at the end of the one before."""
 
     pieces: tuple[Piece, ...]
 
@@ -44,7 +44,7 @@ class Outline:
         return np.array([np.mod(piece.start, FULL_TURN) for piece in self.pieces] if len(self.pieces) > 1 else [])
 
     def radius(self, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the axis at any azimuths."""
+        """Distance (mm) from the axis, at azimuths of any turn."""
         turned = self._turned(azimuths)
         radius = np.empty_like(turned)
         for piece in self.pieces:
@@ -53,7 +53,7 @@ class Outline:
         return radius
 
     def piece_at(self, azimuth: float) -> Piece:
-        """The piece that an azimuth lies on."""
+        """The piece at an azimuth."""
         turned = float(self._turned(np.array([azimuth]))[0])
         return next(piece for piece in self.pieces if piece.start <= turned <= piece.end)
 

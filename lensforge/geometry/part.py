@@ -1,4 +1,4 @@
-"""The result of the geometry stage: the part as the bytes of its files, and what reading them back has proven."""
+"""The result of the geometry stage: the bytes of the part's files, and their errors, measured by reading them back."""
 
 import hashlib
 import math
@@ -49,7 +49,7 @@ def stamp_of(content: bytes) -> FileStamp:
 
 
 class Faces(Record):
-    """Faces of the solid as read back: how many, and the names that they carry."""
+    """Count and names of the faces of the solid as read back."""
 
     count: Count
     names: tuple[Text, ...]
@@ -63,7 +63,7 @@ class SplineNodes(Record):
 
 
 class Triangulation(Record):
-    """The mesh, and how far its facets are from the optical surfaces."""
+    """Size of the mesh, and the errors of its facets against the optical surfaces."""
 
     triangles: Count
     vertices: Count
@@ -73,7 +73,7 @@ class Triangulation(Record):
 
 
 class UntrimmedSurfaces(Record):
-    """The optical faces that go on beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back."""
+    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back."""
 
     runout_deg: Positive
     form_error_nm: NotNegative
@@ -84,7 +84,7 @@ class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
     ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh.
-    ``files``: size and hash of each file; bytes that have other ones are refused.
+    ``files``: size and hash of each file; bytes that do not match are refused.
     """
 
     stage: ClassVar[str] = "export"
@@ -140,11 +140,11 @@ class Part(StageResult):
         return trimesh.Trimesh(*parse_stl(self.stl), process=False)
 
     def products(self) -> dict[str, bytes]:
-        """STEP, STL and 3MF: the very bytes that were proven."""
+        """STEP, STL and 3MF by suffix: the bytes whose errors were measured."""
         return {".step": self.step, ".stp": self.step, ".stl": self.stl, ".3mf": self.threemf}
 
     def plot(self, axes: "Axes | None" = None, *, azimuth_deg: float = 0.0) -> "Axes":
-        """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` for no number."""
+        """The section through the axis at ``azimuth_deg``, to scale. Raises :class:`InputError` unless it is finite."""
         from lensforge.figures.plots import plot_outlines
         from lensforge.geometry.section import body_outlines
 
@@ -153,7 +153,7 @@ class Part(StageResult):
         return plot_outlines(body_outlines(self.lens, azimuth_deg), f"across the axis at {azimuth_deg:g}°", axes)
 
     def show(self, *, cut: bool = False, off_screen: bool | None = None) -> "pyvista.Plotter":
-        """The mesh in three dimensions, ``cut`` open at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
+        """The mesh in three dimensions, ``cut`` at y = 0; a ``pyvista.Plotter``, shown unless ``off_screen``."""
         import pyvista
 
         mesh = pyvista.wrap(self.mesh)

@@ -4,12 +4,12 @@ The points ``rho(u) u`` on a square grid of the chart are interpolated by a tens
 B-spline, in two passes of ``scipy.interpolate.make_interp_spline``. The spline's parameters *are* the
 chart's (X, Y), so the rim of the lens is the unit circle of the parameter plane.
 
-The grid is even in the angle ``2 atan X``, of which a step of X makes up ``2/(1 + X^2)``: no step of angle is wider
-than the one at the apex, and a fifth fewer nodes reach it than on an even grid of X. An interpolating spline is worst
-at its ends, so the grid goes on for an apron beyond the chart's square, which is then cut off, exactly. Both together
-make the form error 4 times smaller than an even grid of as many nodes that ends at the square.
+The grid is uniform in the angle ``2 atan X``, not in X, whose angular step ``2/(1 + X^2)`` is widest at the apex: for
+the same step there, that takes a fifth fewer nodes. An interpolating spline is worst at its ends, so the grid extends
+by an apron beyond the chart's square, and the spline is then cut back to the square exactly. Together they make the
+form error 4 times smaller than that of as many nodes uniform in X that end at the square.
 
-Below z = 0 the surface itself goes on: an SRBF sum decays smoothly to the offset h, and the
+The surface continues below z = 0: an SRBF sum decays smoothly to the offset h, and the
 corners of the chart (110 degrees from the axis) lie beyond the trimmed face.
 """
 
@@ -26,14 +26,14 @@ from lensforge.surfaces.chart import HALF_WIDTH, to_chart, to_sphere
 from lensforge.surfaces.surface import Surface
 
 DEGREE = 5
-# The chart's map of a plain sphere has its own poles at R = +-i, which wide functions do not see: 72 nodes follow it.
+# The chart of a sphere itself has complex poles at R = +-i, however wide the basis functions: 72 nodes resolve it.
 MIN_NODES, MAX_NODES = 72, 240
 # Measured: 5 nodes per sigma at the apex leave 0.5 nm and 4 urad on the 14 mm dome of the pi design.
 NODES_PER_SIGMA = 5.0
 _APRON = 8  # nodes beyond each edge: the ends' error decays by 0.43 a node
 _ANGLE_SPAN = 4.0 * np.arctan(HALF_WIDTH)  # rad, from edge to edge of the chart's square along an axis
 _JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-_MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 128 degrees
+_MAX_REACH_DEG = 110.0  # along an axis; the corners are then at 127 degrees
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ class Patch:
         return normals
 
     def jet(self, chart: Float[np.ndarray, "n 2"]) -> Jet:
-        """Points and their first and second derivatives, those of the spline itself."""
+        """Points and the first and second derivatives of the spline."""
         return Jet(*(self._spline(chart, nu=order) for order in _JET_ORDERS))
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Distance (mm) from the origin in unit ``directions``, down to a little below z = 0.
 
-        A point of the spline leaves the ray of its parameters by no more than the form error, so its distance is taken.
+        The spline's point lies off the direction of its parameters by no more than the form error, which is neglected.
         """
         radius: Float[np.ndarray, " n"] = np.linalg.norm(self.points(to_chart(directions)), axis=-1)
         return radius
@@ -77,7 +77,7 @@ class Patch:
 
 
 def default_nodes(detail_rad: float) -> int:
-    """Nodes that resolve the narrowest feature: the grid step at the apex is it over ``NODES_PER_SIGMA``, or less."""
+    """Nodes that resolve the narrowest feature: ``NODES_PER_SIGMA`` across it at the apex, within the limits."""
     apex_step = detail_rad / NODES_PER_SIGMA
     return int(np.clip(np.ceil(1.0 + _ANGLE_SPAN / apex_step), MIN_NODES, MAX_NODES))
 
@@ -96,14 +96,14 @@ def fit_patch(surface: Surface, nodes: int | None = None) -> Patch:
     """
     count = default_nodes(surface.detail_rad) if nodes is None else nodes
     if not 2 * DEGREE <= count <= MAX_NODES:
-        raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to let the lens decide")
+        raise InputError(f"nodes = {count}: from {2 * DEGREE} to {MAX_NODES}; leave it out to have it set by the lens")
     return _interpolate(surface, count, HALF_WIDTH)
 
 
 def fit_extended(surface: Surface, nodes: int, runout_deg: float) -> Patch:
-    """The same surface over a larger square: on its axes it reaches ``runout_deg`` (degrees) beyond the rim.
+    """Interpolate ``surface`` over a larger square, which extends ``runout_deg`` (degrees) beyond the rim on its axes.
 
-    ``nodes`` is the count over the usual square; the larger one gets as many more as it is wider in angle.
+    ``nodes`` is the count over the usual square; it grows in proportion to the angle.
     """
     if not 0.0 < runout_deg <= _MAX_REACH_DEG - 90.0:
         raise InputError(f"run-out = {runout_deg:g} degrees: above 0, up to {_MAX_REACH_DEG - 90.0:g}")
@@ -124,7 +124,7 @@ def _interpolate(surface: Surface, count: int, half_width: float) -> Patch:
 
 
 def _within_square(wide: BSpline, half_width: float) -> BSpline:
-    """The same piecewise polynomial on the square only, its end knots clamped: interpolated, hence exact."""
+    """The same piecewise polynomial on the square only, its end knots clamped; interpolation reproduces it exactly."""
     ends = np.full(DEGREE + 1, half_width)
     interior = wide.t[np.abs(wide.t) < half_width * (1.0 - 1e-12)]
     knots = np.concatenate([-ends, interior, ends])

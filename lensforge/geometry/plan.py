@@ -1,9 +1,8 @@
-"""The plan of the body seen along the axis: where the inner rim, the outer rim and the base's outline lie.
+"""The plan of the body seen along the axis: inner rim, outer rim and the base's outline, all as radius over azimuth.
 
-All are radii over the azimuth. The seat, on which the base begins, is the outer rim or the wall of a step behind it. It
-may lie inside the outline (a *ledge* of the base shows above), outside (the dome *overhangs* the base), on it
-(*flush*), or change over where it *crosses* the outline. Mesh and solid are both built arc by arc from this plan, so
-neither needs a boolean operation.
+The seat, where the base begins, is the outer rim, or the wall of a step that is set back from it. It may lie inside the
+outline (a *ledge* of the base projects), outside (the dome *overhangs* the base), on it (*flush*), or *cross* the
+outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
 """
 
 from collections.abc import Callable
@@ -26,8 +25,8 @@ Radius = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]  # distanc
 
 FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _MIN_BASE_WALL_MM = 0.01
-_SAMPLES = 2048  # azimuths: 20 for each width of the narrowest usual SRBF
-_WALL_NODES = 96  # chart nodes where the wall is looked at
+_SAMPLES = 2048  # azimuths: 20 across the narrowest usual SRBF
+_WALL_NODES = 96  # chart nodes at which the wall is tested
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,7 @@ class Arc:
 class Plan:
     """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
 
-    The seat is what meets the base's outline: ``ring``, the circle of a relief step's wall that is set back from the
-    outer rim, or, without one, the outer rim itself.
+    ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat.
     """
 
     inner: Patch
@@ -55,12 +53,12 @@ class Plan:
 
     @property
     def has_base(self) -> bool:
-        """True where there is anything below z = 0; a base from a STEP file is joined to the body later."""
+        """True where the body extends below z = 0; a base from a STEP file is joined to it later."""
         return self.base.kind in ("cylinder", "square")
 
     @property
     def outline(self) -> Outline:
-        """The base seen along the axis, its flange apart."""
+        """The base seen along the axis, without its flange."""
         return outline_of(self.base)
 
     @property
@@ -70,7 +68,7 @@ class Plan:
 
     @property
     def pocket(self) -> Outline | None:
-        """The wider bore from below."""
+        """The wider bore at the bottom."""
         return None if self.base.pocket_diameter_mm is None else circle(self.base.pocket_diameter_mm / 2.0)
 
     @property
@@ -100,12 +98,12 @@ class Plan:
 
     @property
     def breaks(self) -> Float[np.ndarray, " k"]:
-        """Azimuths (rad) that the mesh must meet: crossings, and corners of the outline."""
+        """Azimuths (rad) at which the mesh must have a vertex: crossings, and corners of the outline."""
         return np.sort(np.concatenate([self.crossings, self.outline.corners])) if self.has_base else self.crossings
 
 
 def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
-    """Unit directions in the plane z = 0, which is exact in the last column."""
+    """Unit directions in the plane z = 0; the last column is exactly 0."""
     return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1)
 
 
@@ -124,7 +122,7 @@ def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
         widths = 2.0 * seat(_samples())
         raise InputError(
             f"base.relief_step_mm = {base.relief_step_mm:g}: the wall of the step, {widths.min():.4g} to "
-            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or the step 0"
+            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
         )
     return Plan(inner, outer, base, arcs, ring)
 
@@ -134,7 +132,7 @@ def _rim_radius(patch: Patch) -> Radius:
 
 
 def relief_ring(inner: Patch | Surface, outer: Patch | Surface, base: BaseSection) -> Outline | None:
-    """The wall of a step that is set back from the outer rim; None where it is drawn down from the rim itself."""
+    """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
     if base.relief_setback_mm == 0.0:
         return None
     opening, rim = (patch.radius(rim_directions(_samples())) for patch in (inner, outer))
@@ -178,32 +176,32 @@ def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -
     if pocket is not None and not 2.0 * opening.max() <= pocket <= room:
         raise InputError(
             f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
-            f"to {room:.4g}, inside of the base"
+            f"to {room:.4g}, inside the base"
         )
 
 
 def _arcs(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
     azimuths = _samples()
-    height = seat(azimuths) - outline.radius(azimuths)
-    if np.abs(height).max() <= FLUSH_MM:
+    overhang = seat(azimuths) - outline.radius(azimuths)
+    if np.abs(overhang).max() <= FLUSH_MM:
         return (Arc(0.0, FULL_TURN, "flush"),)
-    outside = height > 0.0
+    outside = overhang > 0.0
     changes = np.nonzero(outside != np.roll(outside, -1))[0]
     if len(changes) == 0:
         return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
     step = FULL_TURN / len(azimuths)
-    starts = [_root(_seat_above(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
+    starts = [_root(_overhang_at(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
     ends = [*starts[1:], starts[0] + FULL_TURN]
     relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
     return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
 
 
-def _seat_above(seat: Radius, outline: Outline) -> Callable[[float], float]:
-    def above(azimuth: float) -> float:
+def _overhang_at(seat: Radius, outline: Outline) -> Callable[[float], float]:
+    def overhang(azimuth: float) -> float:
         at = np.array([azimuth])
         return float(seat(at)[0] - outline.radius(at)[0])
 
-    return above
+    return overhang
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:

@@ -1,7 +1,7 @@
 """Concentric rings of points over a dome, the strips of triangles between them, and the count that a tolerance needs.
 
 The count is measured, not assumed. The distance from a facet to its surface falls as rings^-2 and the angle between
-their normals as rings^-1, so one trial mesh nearly tells the count, and a second one confirms it.
+their normals as rings^-1, so one trial mesh predicts the count, and a second one confirms it.
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import Plan, rim_directions
 from lensforge.surfaces.chart import to_chart
 
-_CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth takes its place
+_CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth replaces it
 _TRIAL_RINGS = 48
 _TRIALS = 3
 _MARGIN = 1.02
-# 96 rings: the verification's cast then uses less than half of its deviation limit on the roughest shipped lens, a
-# 7 mm one; 128 a quarter. What more rings would gain is facets that stand in for the surface without fitted normals.
+# With 96 rings the verification's cast uses less than half of its deviation limit on the roughest shipped lens, a 7 mm
+# one; with 128 a quarter. More would only help programs that trace flat facets, without fitted normals.
 MIN_RINGS, MAX_RINGS = 96, 128
 
 
@@ -46,7 +46,7 @@ def dome_rings(patch: Patch, rings: int, rim: Float[np.ndarray, " n"], name: str
 
 
 def dome_mesh(patch: Patch, rings: int) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices and outward triangles of one open dome, rim included."""
+    """Vertices and outward-facing triangles of one open dome, rim included."""
     stack = dome_rings(patch, rings, rim_azimuths(6 * rings, np.array([])), "")
     ids = number_rings(stack)
     strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(rings)]
@@ -54,7 +54,7 @@ def dome_mesh(patch: Patch, rings: int) -> tuple[Float[np.ndarray, "v 3"], Int[n
 
 
 def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
-    """``count`` even azimuths and the crossings, ascending over one turn; no two almost equal."""
+    """``count`` equally spaced azimuths and the crossings, ascending over one turn; no two almost equal."""
     step = FULL_TURN / count
     nearest = np.rint(crossings / step).astype(int)
     close = np.abs(crossings - nearest * step) < _CROSSING_REPLACES * step
@@ -66,10 +66,10 @@ def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.nda
 def zip_rings(
     upper: Ring, lower: Ring, upper_ids: Int[np.ndarray, " n"], lower_ids: Int[np.ndarray, " m"]
 ) -> Int[np.ndarray, "t 3"]:
-    """Triangles between two closed rings, seen counter-clockwise from where ``upper`` is the inner one.
+    """Triangles between two closed rings, counter-clockwise when seen with ``upper`` as the inner one.
 
-    Edges of both rings are taken in the order of their middles, which makes the diagonals short whatever the two
-    vertex counts are. Triangles that a shared vertex has made degenerate are left out.
+    Edges of both rings are taken in the order of their midpoints, which keeps the diagonals short whatever the two
+    vertex counts are. Triangles that a shared vertex makes degenerate are left out.
     """
     n, m = len(upper_ids), len(lower_ids)
     if n == 1:
@@ -77,7 +77,7 @@ def zip_rings(
         return np.stack([np.full(m, upper_ids[0]), lower_ids, around], axis=1)
     if m == 1:
         return np.stack([upper_ids, np.full(n, lower_ids[0]), np.roll(upper_ids, -1)], axis=1)
-    order = np.argsort(np.concatenate([_middles(upper.azimuths), _middles(lower.azimuths)]), kind="stable")
+    order = np.argsort(np.concatenate([_midpoints(upper.azimuths), _midpoints(lower.azimuths)]), kind="stable")
     on_upper = order < n
     i = np.concatenate([[0], np.cumsum(on_upper)])[:-1]
     j = np.arange(n + m) - i
@@ -93,9 +93,9 @@ def number_rings(stack: list[Ring]) -> list[Int[np.ndarray, " _"]]:
     return np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
 
 
-def _middles(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    middles: Float[np.ndarray, " n"] = (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
-    return middles
+def _midpoints(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    midpoints: Float[np.ndarray, " n"] = (azimuths + np.append(azimuths[1:], azimuths[0] + FULL_TURN)) / 2.0
+    return midpoints
 
 
 def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
@@ -113,7 +113,7 @@ class MeshTolerance:
 
 
 def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
-    """Rings that keep both optical surfaces and the base's cylinder within ``tolerance``, 96 to 128."""
+    """Rings, 96 to 128, for which both optical surfaces and the base's cylinder are within ``tolerance``."""
     rings = _TRIAL_RINGS
     for _ in range(_TRIALS):
         reached = mesh_error(plan, rings)
@@ -129,7 +129,7 @@ def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
 
 
 def mesh_error(plan: Plan, rings: int) -> MeshTolerance:
-    """Error of a mesh of ``rings``: that of the worse of the two optical surfaces."""
+    """Errors of a mesh of ``rings``: the larger ones of the two optical surfaces."""
     inner, outer = facet_error(plan.inner, rings), facet_error(plan.outer, rings)
     return MeshTolerance(max(inner.chord_mm, outer.chord_mm), max(inner.normal_rad, outer.normal_rad))
 
@@ -147,7 +147,7 @@ def facet_error(patch: Patch, rings: int) -> MeshTolerance:
 
 
 def _rings_of_base(plan: Plan, tolerance: MeshTolerance) -> int:
-    """The widest cylinder's polygon of 6 n corners is R (pi / 6n)^2 / 2 away from it."""
+    """Rings for the widest cylinder, from which a polygon of 6 n corners is R (pi / 6n)^2 / 2 away."""
     if not plan.has_base:
         return MIN_RINGS
     radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0

@@ -1,6 +1,6 @@
-"""The body cut open along its axis: closed outlines of its material, in (distance across the axis, z), mm.
+"""Axial sections of the body: closed outlines of its material, in (position across the axis, z), mm.
 
-Lens and shipped bases are cut in closed form, a base from a STEP file by its mesh.
+Lens and built-in bases are cut in closed form, a base from a STEP file by its mesh.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ from lensforge.surfaces.surface import Surface
 
 Curve = Float[np.ndarray, "n 2"]
 
-_CHORD_MM = 1e-2  # of a base's round faces: finer than the line that draws it
+_CHORD_MM = 1e-2  # of a base's curved faces: finer than a drawn line
 
 
 def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
-    """Outlines that the plane through the axis at ``azimuth_deg`` cuts from the body; positive is on that side.
+    """Outlines of the body in the plane through the axis at ``azimuth_deg``; positions on that side are positive.
 
-    Raises :class:`InputError` where a base's file is missing or is no base.
+    Raises :class:`InputError` where a base's file is missing or does not hold a base.
     """
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
@@ -66,7 +66,7 @@ def _base_corners(lens: Lens, azimuth: float) -> Curve:
 
 
 def _seat(ring: Outline | None, base: BaseSection, rim: float, side: float) -> list[tuple[float, float]]:
-    """Corners down the step from the rim, if there is one, and across to the base's side."""
+    """Corners from the rim down the step, if there is one, and across to the base's side."""
     top = -base.relief_step_mm
     if ring is not None:
         wall = _at(ring, np.zeros(1))

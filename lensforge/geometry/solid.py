@@ -1,7 +1,7 @@
 """The body as a B-rep solid: two optical faces of one patch each, closed by the faces of the base.
 
-Neighbouring faces are built on the same edges, so the shell is closed by construction: nothing has to be sewn
-within a tolerance, and no boolean operation can lose the name of a face.
+Neighbouring faces are built on the same edges, so the shell is closed by construction: no sewing within a
+tolerance, and no boolean operation that could lose the name of a face.
 """
 
 from collections import Counter
@@ -29,14 +29,14 @@ from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import Arc, Plan
 
-# Outward direction of each face at a point of it: along +z or -z, or away from the axis or towards it.
+# Outward direction of each face: along +z or -z, away from the axis or towards it.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
 _OUTWARD = {
     **{OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
     **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
 }
 
-# The default integration is wrong by 1e-4 on planes with spline edges; a tenth of the precision set is reached.
+# Relative. The default integration errs by 1e-4 on planes with spline edges; the error is a tenth of this setting.
 _VOLUME_PRECISION = 1e-10
 
 
@@ -49,12 +49,12 @@ class Solid:
 
     @property
     def valid(self) -> bool:
-        """True where the kernel finds one closed, outward, consistent solid: wires, edges, tolerances and all."""
+        """True where the CAD kernel finds one closed, outward-facing solid with consistent wires, edges, tolerances."""
         return bool(self.shape.isValid()) and len(self.shape.Shells()) == 1 and self.volume_mm3 > 0.0
 
     @property
     def faults(self) -> list[str]:
-        """Names of the faces that the kernel finds inconsistent, each on its own."""
+        """Names of the faces that the CAD kernel finds invalid, each tested on its own."""
         return [name for name, face in self.faces.items() if not face.isValid()]
 
     @cached_property
@@ -79,7 +79,7 @@ class Solid:
 
 
 def build_solid(plan: Plan) -> Solid:
-    """Build the closed solid that the plan lays out."""
+    """Build the closed solid of a plan."""
     inner_surface, outer_surface = geom_surface(plan.inner), geom_surface(plan.outer)
     outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs)
     inner_rim = rim_edges(plan.inner, inner_surface, (Arc(0.0, FULL_TURN, "bare"),))

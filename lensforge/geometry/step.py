@@ -1,6 +1,6 @@
-"""STEP in mm: one part with named faces, or loose surfaces with names, as the bytes of a file and read back.
+"""STEP files in mm, written to bytes and parsed from them: one part with named faces, or loose, named surfaces.
 
-The same shapes give the same bytes: the header carries no time, so that a hash names the geometry.
+The same shapes give the same bytes: the header carries no time, so that a hash identifies the geometry.
 """
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ _NUMBER_SETTINGS = {
     "write.surfacecurve.mode": 1,  # keep the parameter curves: readers trim by them (FreeCAD #32435)
     "write.stepcaf.subshapes.name": 1,
     "read.stepcaf.subshapes.name": 1,
-    "write.precision.mode": 2,  # state the uncertainty below, whatever the widest vertex of a crossing is
+    "write.precision.mode": 2,  # state the uncertainty below, whatever the largest vertex tolerance is
 }
 _UNCERTAINTY_MM = 1e-5
 _NO_TIME = "1970-01-01T00:00:00"
 
-_AGAIN = "run `lensforge export` again"
+_EXPORT_AGAIN = "run `lensforge export` again"
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Product:
 
 
 def require_schema(schema: str) -> None:
-    """Raise :class:`InputError` for a schema that is not written."""
+    """Raise :class:`InputError` for a schema other than AP214 and AP242."""
     if schema not in _KERNEL_SCHEMA:
         raise InputError(f"schema = {schema!r}: one of {', '.join(_KERNEL_SCHEMA)}")
 
@@ -77,12 +77,12 @@ def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: S
 def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
     """The one solid of a STEP file's bytes and its named faces.
 
-    Raises :class:`InputError` for anything else; ``origin`` is the name that it calls them by.
+    Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
     """
     parts = _parse(content, origin)
     solids = [solid for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
-        raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; {_AGAIN}")
+        raise InputError(f"{origin}: holds {len(solids)} solids, a lens is one; {_EXPORT_AGAIN}")
     return Solid(solids[0], parts[0].faces)
 
 
@@ -99,7 +99,7 @@ def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[s
 
 def _parse(content: bytes, origin: str) -> list[Product]:
     with temporary_file(content, "lens.step") as path:
-        return _products(path, origin, _AGAIN)
+        return _products(path, origin, _EXPORT_AGAIN)
 
 
 def read_products(path: Path, missing: str, damaged: str) -> list[Product]:
@@ -123,7 +123,7 @@ def _products(path: Path, origin: str, remedy: str) -> list[Product]:
         raise InputError(f"{origin}: not readable as STEP; {remedy}")
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
     labels = [parts.Value(k + 1) for k in range(parts.Length())]
-    # All at once: a label is nothing without its document, which goes with the last reference to it.
+    # All in one go: labels are valid only as long as the document is referenced.
     return [
         Product(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label))
         for label in labels
@@ -152,7 +152,7 @@ def _name(label: Any) -> str:
 
 
 def _configure(product: str, schema: Schema) -> None:
-    """Set the kernel's options: they are global, and exist only once a reader or writer has been made."""
+    """Set the CAD kernel's options, which are global and exist only after a reader or writer has been made."""
     from OCP.Interface import Interface_Static
 
     texts = {**_TEXT_SETTINGS, "write.step.schema": _KERNEL_SCHEMA[schema], "write.step.product.name": product}
@@ -187,7 +187,7 @@ def _document(parts: dict[str, Any], faces: dict[str, Any]) -> Any:
 
 
 def _sign(model: Any, product: str) -> None:
-    """Fill in the header: what wrote the file, but not when."""
+    """Fill in the header: the program and its version, no time."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.TCollection import TCollection_HAsciiString
 

@@ -1,4 +1,4 @@
-"""Watertightness: a mesh that is the boundary of one body, tested by manifold3d in double precision."""
+"""Watertightness of a mesh, tested by manifold3d in double precision."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 class Closure:
     """Result of manifold3d; ``status`` is ``NoError`` for an oriented 2-manifold without boundary.
 
-    ``genus`` counts handles: 0 for a lens, whose cavity and bore are one dent and not a hole; -1 for two bodies.
-    ``fault_mm`` is the middle of an edge that does not join two triangles of one sense; None where all do.
+    ``genus`` counts handles: 0 for a lens, whose cavity and bore are one blind hole; -1 for two bodies.
+    ``fault_mm`` is the midpoint of an edge that does not join two consistently oriented triangles; None where all do.
     """
 
     status: str
@@ -38,7 +38,7 @@ def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, 
 
 
 def _fault(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> tuple[float, float, float] | None:
-    """Every edge must be walked once in each direction; where the first one is that is not."""
+    """Midpoint (mm) of the first edge that is not traversed once in each direction; None if all are."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     forth, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
     _, first, times = np.unique(forth, return_index=True, return_counts=True)

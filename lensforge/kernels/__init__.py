@@ -1,1 +1,1 @@
-"""Compiled kernels: all that loops over rays, and how it runs on every core. Cached by a digest of this folder."""
+"""Compiled kernels, and how they run on every core; cached under a digest of this folder."""

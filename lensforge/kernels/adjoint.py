@@ -1,7 +1,7 @@
 """Adjoint of ``trace``, ray by ray, without a second search.
 
-Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; what the hit does to the normal behind it needs
-the Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
+Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; the change of the normal with the hit needs the
+Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
 """
 
 from math import sqrt
@@ -53,9 +53,9 @@ def hessian_times(x, y, z, vx, vy, vz, jet):
 def hit_adjoint(
     x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet, gradient, origin, inverse_step
 ):  # fmt: skip
-    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m), to the ray's start.
+    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m) to those to the ray's start.
 
-    Adds those to the table's coefficients to ``gradient``. Returns the sensitivity to the start point; that to the
+    Adds the sensitivities to the table's coefficients to ``gradient``. Returns that to the start point; that to the
     direction is the path length times it.
     """
     hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
@@ -71,10 +71,10 @@ def trace_adjoint(
     origins, directions, emitted, indices, inner, outer, scene, lengths, fates,
     level, by_crossings, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
-    """Add every ray's contribution to the gradients by the tables' coefficients.
+    """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
-    If it left the lens: to where it crosses the plane ``z = level``, to its direction (where ``by_directions`` is not
-    empty) and to its flux; to sin^2 also if the outer surface reflected it totally.
+    Through a ray that left the lens: by its crossing of the plane ``z = level``, its direction (unless
+    ``by_directions`` is empty), its flux and sin^2; through one that the outer surface reflected totally: by sin^2.
     """
     fresnel, table_origin, inverse_step = scene
     for k in range(len(emitted)):
@@ -90,7 +90,7 @@ def trace_adjoint(
         crosses = gx != 0.0 or gy != 0.0
         if not crosses and gw == 0.0 and gs == 0.0 and fx == 0.0 and fy == 0.0 and fz == 0.0:
             continue
-        # the ray again, forwards
+        # the ray again, forward
         ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
         t1, t2 = lengths[k, 0], lengths[k, 1]
         px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
@@ -104,7 +104,7 @@ def trace_adjoint(
         cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
         if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
             continue  # tangent, or at the critical angle, to the last bit: there is no derivative
-        # and backwards: behind the lens, outer surface, inner surface
+        # and backward: behind the lens, outer surface, inner surface
         by_c2 = -2.0 * index * index * c2 * gs
         through2, slope2 = 1.0, 0.0
         if left and fresnel:

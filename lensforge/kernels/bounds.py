@@ -13,7 +13,7 @@ from jaxtyping import Float
 from lensforge.kernels.jit import inline, kernel
 
 # A tile is a block of cells; its bounds hold as far as ``reach`` around it, about 0.15 rad for the usual tables: wide
-# enough that a search seldom stops at its edge, narrow enough that its bounds are those of the place.
+# enough that a search seldom stops at its edge, narrow enough that its bounds are local ones.
 _TILES = 24
 _REACH_CELLS = 16  # of the table's side
 
@@ -35,7 +35,7 @@ class SurfaceBounds(NamedTuple):
 
 @inline
 def spread_of_row(table, i, columns):
-    """Over one row of a block: the least, and the largest |differences| x, y, xx, xy, yy to the rows that follow."""
+    """Least coefficient of one row of a block, its largest |differences| x, y, xx, xy, yy, also to the next rows."""
     j0, j1 = columns
     side = table.shape[0]
     least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -57,7 +57,7 @@ def spread_of_row(table, i, columns):
 
 @inline
 def spread(rows, b, spreads, step):
-    """Over a block of coefficients: the least, and the largest |differences| x, y, xx, xy, yy per step."""
+    """Least coefficient of a block, and its largest |differences| x, y, xx, xy, yy per step."""
     i0, i1 = rows
     least, x, y, xx, xy, yy = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(i0, i1):
@@ -73,7 +73,7 @@ def spread(rows, b, spreads, step):
 
 @kernel
 def extremes(table, origin, step):
-    """Least and most ``rho`` (mm) over the hemisphere."""
+    """Least and largest ``rho`` (mm) over the hemisphere."""
     lowest, highest = np.inf, -np.inf
     for i in range(1, table.shape[0] - 1):
         for j in range(1, table.shape[1] - 1):
@@ -103,9 +103,9 @@ def acting(a, side, cells, reach):
 
 @kernel
 def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
-    """Fill ``tiles`` (t, t, 3), see :class:`SurfaceBounds`; those below the horizon, where no ray asks, are 0.
+    """Fill ``tiles`` (t, t, 3), see :class:`SurfaceBounds`; those below the horizon, which no ray needs, are 0.
 
-    ``spreads`` (side, t, 6) is room for the spread of every row over the columns of each tile.
+    ``spreads`` (side, t, 6): workspace for the spread of every row over the columns of each tile.
     """
     side = table.shape[0]
     for i in range(side):
@@ -133,7 +133,7 @@ def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
 
 
 def surface_bounds(table: Float[np.ndarray, "side side"], origin: float, step: float) -> SurfaceBounds:
-    """The bounds of one table (mm) whose coefficient 0 lies at ``origin`` on the chart."""
+    """Bounds of one table (mm) whose coefficient 0 lies at ``origin`` on the chart."""
     side = table.shape[0]
     cells, reach = ceil(side / _TILES), ceil(side / _REACH_CELLS)
     count = ceil(side / cells)

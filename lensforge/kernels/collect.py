@@ -1,14 +1,14 @@
 """Sums over rays for the merit function, in one pass, and their adjoint.
 
-Besides the image these are two terms for rays that the image cannot see: they have no flux and no derivative in it, so
-plain descent never leads them back. Each is bounded, ``e/(1+e)``, so that a few wild rays cannot outweigh the image,
-and counts the flux that a ray left the source with.
+Besides the image and the flux in the window there are two terms for rays that the image misses: they have no flux and
+no derivative in it, so descent alone never brings them back. Each term is bounded, ``e/(1+e)``, so that a few
+outliers cannot outweigh the image, and counts the flux with which a ray left the source.
 """
 
 from lensforge.kernels.jit import inline, kernel
 from lensforge.kernels.splat import add_to_pixels, pixels_adjoint
 
-# Squared exit sine from which a ray counts as near total reflection, and the excess that counts as one.
+# Squared exit sine above which a ray counts as close to total reflection, and the unit of the excess.
 SAFE_SIN2 = 0.97
 SIN2_SCALE = 0.1
 

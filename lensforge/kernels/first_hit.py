@@ -1,9 +1,9 @@
 """First crossing of a ray with a star-shaped surface, proven and fast.
 
 The search walks from the inside along ``F(t) = rho(u(t)) - |p(t)|`` with steps that cannot jump over a root: where
-``|F''| <= C`` on the way ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
-step. C comes from the bounds on the surface near the ray (``bounds_kernel``), and a step never leaves their reach.
-Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique, and it is closed in on from there.
+``|F''| <= C`` along the ray ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
+step. C comes from the bounds on the surface near the ray (``kernels.bounds``), and a step never leaves their reach.
+Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique, and bracketed Newton steps find it.
 """
 
 from math import inf, sqrt
@@ -18,12 +18,12 @@ LOST = 2  # no convergence
 MAX_STEPS = 200
 MAX_CLOSING = 60
 TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
-ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would move the root for ever
-WORTH_A_LEAP = 0.9  # of the least radius nearby: up to there, to leap costs less than to look
+ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would keep the root moving
+LEAP_SHARE = 0.9  # of the least radius nearby: up to there a step to that radius costs less than an evaluation
 
 
 @inline
-def descent(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step):
+def gap_and_slope(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step):
     """F, F' and the table's slopes at a point of a ray: chart X, Y and 1/(r + z), cosine to the radius, distance r."""
     rho, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
     ahead = cos_radial + dz
@@ -32,7 +32,7 @@ def descent(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_s
 
 @inline
 def tile_of(X, Y, origin, bounds):
-    """The bounds near a direction, from inside of the table also where X or Y is no number."""
+    """Bounds near a direction; indices stay within the table even where X or Y is NaN."""
     last = len(bounds.tiles) - 1
     i = max(min(int((X - origin) * bounds.per_unit), last), 0)
     j = max(min(int((Y - origin) * bounds.per_unit), last), 0)
@@ -40,8 +40,8 @@ def tile_of(X, Y, origin, bounds):
 
 
 @inline
-def bend_ahead(outward, r, sine, cos_radial, slope, hessian, least):
-    """C for the way ahead, and the path (mm) up to which that holds besides the reach of the bounds.
+def bound_ahead(outward, r, sine, cos_radial, slope, hessian, least):
+    """Bound C of ``|F''|`` ahead, and the path (mm) up to which it holds within the reach of the bounds.
 
     With theta between ray and radius, ``|F''| <= sin^2 (1/r + H/r^2) + G |sin 2 theta|/r^2``; theta falls along a ray.
     """
@@ -50,7 +50,7 @@ def bend_ahead(outward, r, sine, cos_radial, slope, hessian, least):
         twist = 2.0 * sine * cos_radial if sine < cos_radial else 1.0
         return (sine * sine * (1.0 + hessian * per_r) + slope * twist * per_r) * per_r, inf
     nearest, path = r * sine, inf
-    if nearest < least:  # up to where the ball begins in which F > 0
+    if nearest < least:  # up to the start of the ball in which F > 0
         nearest = least
         path = -outward - sqrt(outward * outward - r * r + least * least) + 1e-12 * r
     return (1.0 + (hessian + slope) / nearest) / nearest, path
@@ -66,7 +66,7 @@ def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
         x, y, z = px + t * dx, py + t * dy, pz + t * dz
         r = sqrt(x * x + y * y + z * z)
         per_shift, cos_radial = 1.0 / (r + z), (x * dx + y * dy + z * dz) / r
-        F, slope, rho_x, rho_y = descent(
+        F, slope, rho_x, rho_y = gap_and_slope(
             x * per_shift, y * per_shift, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step
         )
         inverse = 1.0 / slope
@@ -110,14 +110,14 @@ def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
         sine = sqrt(max(1.0 - cos_radial * cos_radial, 0.0))
         # after a path s the ray has turned by atan(s sine / (r + s cos_radial)): s turning <= room stays in reach
         turning, room = sine - bounds.tan_reach * cos_radial, r * bounds.tan_reach
-        if r < WORTH_A_LEAP * low:
+        if r < LEAP_SHARE * low:
             leap = sqrt(outward * outward + low * low - r_squared) - outward
             t += leap if leap * turning <= room else room / turning
             continue
-        F, slope, rho_x, rho_y = descent(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step)
+        F, slope, rho_x, rho_y = gap_and_slope(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step)
         if ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
             return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST, rho_x, rho_y
-        bend, path = bend_ahead(outward, r, sine, cos_radial, max_slope, max_hessian, least)
+        bend, path = bound_ahead(outward, r, sine, cos_radial, max_slope, max_hessian, least)
         farthest = -2.0 * F / slope
         if slope < 0.0 and 2.0 * bend * F <= slope * slope and farthest * turning <= room and farthest <= path:
             return close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step)

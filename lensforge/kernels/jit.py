@@ -1,8 +1,8 @@
 """Compiling kernels and running them on every core.
 
 numba keys its cache by the file of the outer function alone, so an edit in a called kernel would go unnoticed. The
-cache folder is therefore named by a digest of every file beside this one and of numba's version: all kernels, and what
-they take their constants from, live in this folder.
+cache folder is therefore named by a digest of every file in this package and of numba's version: all kernels and the
+constants that they use are in this package.
 
 Rays are cut into a fixed number of chunks, whatever the number of threads, and callers add partial sums in the order
 of the chunks: the same bits on any number of threads.
@@ -25,7 +25,7 @@ CHUNKS = 8
 
 
 def cache_folder(kernels: Path) -> Path:
-    """Folder for what is compiled from the sources in ``kernels``; another one as soon as any of them changes."""
+    """Cache folder for the kernels compiled from the sources in ``kernels``; a new one when any of them changes."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(kernels.glob("*.py")):
         digest.update(source.read_bytes())
@@ -68,5 +68,5 @@ def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Kept from call to call: a search makes some ten calls in every step."""
+    """Pool kept from call to call: a search makes some ten calls in every step."""
     return ThreadPoolExecutor(threads)

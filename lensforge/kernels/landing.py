@@ -3,13 +3,13 @@
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.jit import kernel
 
-# A ray that rises less (rad) meets the plane nowhere: its hit and their squares would overflow.
+# Least z component of a direction that reaches the plane: below it the hit, or its square, could overflow.
 LEAST_RISE = 1e-12
 
 
 @kernel
 def land(points, directions, exit_flux, fates, distance, hits, flux, landed, missed_receiver):
-    """Fill, per ray, hit x and y (2), flux, and whether it landed, or left the lens without ever reaching the plane."""
+    """Fill, per ray, hit x and y (2), flux, whether it landed, and whether it left the lens and misses the plane."""
     for k in range(len(exit_flux)):
         hits[k, 0], hits[k, 1], flux[k] = 0.0, 0.0, 0.0
         left = fates[k] == Fate.LEFT_LENS

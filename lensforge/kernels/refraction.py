@@ -9,10 +9,10 @@ from lensforge.kernels.jit import inline
 
 
 @inline
-def transmitted_cosine(c, ratio):
-    """Square of the cosine behind the surface; not positive: total reflection.
+def transmitted_cosine_squared(c, ratio):
+    """Squared cosine behind the surface; 0 and below means total reflection.
 
-    ``1 - ratio^2 (1 - c^2)`` without its cancellations: a body of air passes even grazing rays unbent.
+    ``1 - ratio^2 (1 - c^2)`` without its cancellations: at a ratio of 1 even grazing rays are undeviated.
     """
     return (1.0 - ratio) * (1.0 + ratio) + (ratio * c) * (ratio * c)
 
@@ -45,7 +45,7 @@ def refract(dx, dy, dz, nx, ny, nz, ratio):
     length = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
     c = dx * nx + dy * ny + dz * nz
-    q_squared = transmitted_cosine(c, ratio)
+    q_squared = transmitted_cosine_squared(c, ratio)
     if q_squared <= 0.0:
         return dx, dy, dz, c, q_squared
     along = sqrt(q_squared) - ratio * c
@@ -58,7 +58,7 @@ def refract_adjoint(dx, dy, dz, nx, ny, nz, ratio, ex, ey, ez, by_cosine):
     length = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
     c = dx * nx + dy * ny + dz * nz
-    q_squared = transmitted_cosine(c, ratio)
+    q_squared = transmitted_cosine_squared(c, ratio)
     if q_squared > 0.0:
         q = sqrt(q_squared)
         along = q - ratio * c

@@ -1,9 +1,7 @@
-"""Fused kernel of the search: rows of a sparse matrix times a dense one.
+"""A constant sparse matrix as a differentiable torch operation.
 
-SciPy's product has one core and keeps the interpreter's lock; this one is shared among all, row by row, so that the
-sums do not depend on the number of threads.
-
-A fixed sparse matrix in a differentiable computation.
+SciPy's product runs on one core and holds the interpreter's lock; this one is divided among all cores by rows, so that
+the sums do not depend on the number of threads.
 """
 
 from collections.abc import Callable
@@ -68,7 +66,7 @@ class SparseMatrix:
 
     @cached_property
     def transposed(self) -> csr_matrix:
-        """For wide factors; where two columns are all, the rows themselves serve better."""
+        """The transpose, for wide factors; a factor of two columns is faster with the rows themselves."""
         return self.rows.T.tocsr()
 
 

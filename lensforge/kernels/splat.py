@@ -1,7 +1,7 @@
 """Sharing of a ray's flux among the four nearest pixels, and the adjoint.
 
-The paper's area weights (its Fig. 3) are bilinear weights between pixel centres. What falls beyond the outermost
-centres by more than a pixel reaches no pixel.
+The paper's shares by area (its Fig. 3) are the bilinear ones between pixel centres. A hit more than a pixel outside
+the outermost centres reaches no pixel.
 """
 
 from math import floor

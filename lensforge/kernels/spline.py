@@ -11,9 +11,9 @@ _SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
 
 
 def uniform_cubic(f: Any) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
-    """Uniform cubic B-spline at the fraction ``f`` of a cell, a number or a tensor: four weights, two derivatives.
+    """The four uniform cubic B-splines at the fraction ``f`` of a cell, a number or a tensor, and two derivatives.
 
-    The first and second derivatives are in units of the step.
+    The first and second derivatives are per step.
     """
     g = 1.0 - f
     return (
@@ -28,12 +28,12 @@ def uniform_cubic(f: Any) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, 
     )
 
 
-cubic_weights = inline(uniform_cubic)
+cubic_splines = inline(uniform_cubic)
 
 
 @inline
 def cell_of(position, side):
-    """First of the four coefficients that act at ``position`` (in steps), kept inside of the table."""
+    """First of the four coefficients that act at ``position`` (in steps), kept inside the table."""
     cell = int(position)
     return max(min(cell, side - 3), 1)
 
@@ -46,8 +46,8 @@ def value_and_slope(table, origin, inverse_step, X, Y):
     py = (Y - origin) * inverse_step
     i = cell_of(px, side)
     j = cell_of(py, side)
-    wx, dx, _ = cubic_weights(px - i)
-    wy, dy, _ = cubic_weights(py - j)
+    wx, dx, _ = cubic_splines(px - i)
+    wy, dy, _ = cubic_splines(py - j)
     value = 0.0
     slope_x = 0.0
     slope_y = 0.0
@@ -69,8 +69,8 @@ def slope_and_curvature(table, origin, inverse_step, X, Y):
     py = (Y - origin) * inverse_step
     i = cell_of(px, side)
     j = cell_of(py, side)
-    wx, dx, cx = cubic_weights(px - i)
-    wy, dy, cy = cubic_weights(py - j)
+    wx, dx, cx = cubic_splines(px - i)
+    wy, dy, cy = cubic_splines(py - j)
     x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(4):
         row = table[i - 1 + a]
@@ -93,8 +93,8 @@ def scatter(gradient, origin, inverse_step, X, Y, by_value, by_slope_x, by_slope
     py = (Y - origin) * inverse_step
     i = cell_of(px, side)
     j = cell_of(py, side)
-    wx, dx, _ = cubic_weights(px - i)
-    wy, dy, _ = cubic_weights(py - j)
+    wx, dx, _ = cubic_splines(px - i)
+    wy, dy, _ = cubic_splines(py - j)
     sx = by_slope_x * inverse_step
     sy = by_slope_y * inverse_step
     for a in range(4):

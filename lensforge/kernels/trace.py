@@ -1,8 +1,7 @@
 """Tracing: rays through both surfaces and out of the lens, one loop over rays.
 
 ``scene`` is ``(Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's refractive index for each
-ray, or one for all. The path lengths that the search found are kept, so that the adjoint need not
-search again.
+ray, or one for all. The path lengths that were found are kept, so that the adjoint need not search again.
 """
 
 from math import sqrt
@@ -18,14 +17,14 @@ from lensforge.kernels.spline import value_and_slope
 def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     """Entry of a source ray into the cavity: its fate, and the path (mm) to z = 0 for one that starts below.
 
-    The fate is that of rays that leave the lens where nothing ends them here.
+    The fate is ``LEFT_LENS`` for a ray that enters.
     """
     if dz <= 0.0:
         return Fate.BACKWARD, 0.0
     start = max(0.0, -pz / dz)
     x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
     r = sqrt(x * x + y * y + z * z)
-    if not r <= bounds.most:  # in this form also where x is no number
+    if not r <= bounds.most:  # in this form also where x is NaN
         return Fate.OUTSIDE_CAVITY, start
     X, Y = x / (r + z), y / (r + z)
     if r >= bounds.least and r >= tile_of(X, Y, origin, bounds)[0]:

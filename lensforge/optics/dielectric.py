@@ -14,7 +14,7 @@ Ratio = float | Float[Tensor, " n"]
 def transmitted_cosine_squared(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Tensor, " n"]:
     """Squared cosine behind the surface by Snell's law; 0 and below means total reflection.
 
-    ``1 - ratio^2 (1 - c^2)`` without its cancellations: a body of air passes even grazing rays unbent.
+    ``1 - ratio^2 (1 - c^2)`` without its cancellations: at a ratio of 1 even grazing rays are undeviated.
     """
     return (1.0 - ratio) * (1.0 + ratio) + (ratio * cosine) ** 2
 

@@ -1,6 +1,6 @@
 """Refractive index of lens materials: dispersion formulas with published coefficients; transmittance of a surface.
 
-Wavelengths are in nm at the boundary and in um inside of the formulas, as the coefficients are published. NumPy only.
+Wavelengths are in nm at the boundary and in um inside the formulas, as the coefficients are published. NumPy only.
 """
 
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ class SchottPolynomial:
 
 @dataclass(frozen=True)
 class Material:
-    """A lens material: its formula, the range (nm) in which that was measured, and where it was published."""
+    """A lens material: its formula, the range (nm) in which it was measured, and its publication."""
 
     name: str
     dispersion: Dispersion
@@ -96,7 +96,7 @@ class Material:
 
 
 def by_abbe_number(n_d: float, abbe_number: float, name: str = "custom") -> Material:
-    """The material of these two numbers of a data sheet, by Cauchy's formula with two terms."""
+    """Material with n_d and V_d of a data sheet, by Cauchy's formula with two terms."""
     per_inverse_square = (n_d - 1.0) / abbe_number / ((1e3 / F_LINE_NM) ** 2 - (1e3 / C_LINE_NM) ** 2)
     cauchy = Cauchy((n_d - per_inverse_square * (1e3 / D_LINE_NM) ** 2, per_inverse_square))
     return Material(name, cauchy, (400.0, 1000.0), f"n_d = {n_d:g}, V_d = {abbe_number:g}")

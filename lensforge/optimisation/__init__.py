@@ -1,1 +1,1 @@
-"""The search for the lens."""
+"""Optimisation: parameters, constraints and merit function of a lens, and the search that minimises it."""

@@ -1,7 +1,7 @@
 """Constraints in a search: sequential unconstrained minimisation with multipliers.
 
 The paper takes the minimum over the hemisphere, whose gradient sees one point. Here every point carries its
-own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, a smoother way there.
+own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, reached more smoothly.
 """
 
 from dataclasses import dataclass, field
@@ -18,10 +18,10 @@ from lensforge.surfaces.spline import TableGrid
 
 @dataclass
 class AugmentedLagrangian:
-    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's share."""
+    """Multipliers of ``c`` constraints at ``k`` points; the fields are scaled by each constraint's factor."""
 
     constraints: tuple[Constraint, ...]
-    watch: ChartOperator
+    chart_operator: ChartOperator
     penalty: float = 2e4
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
@@ -34,44 +34,44 @@ class AugmentedLagrangian:
         return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives), penalty)
 
     def __post_init__(self) -> None:
-        area = self.watch.points.scale**2
+        area = self.chart_operator.points.scale**2
         self._area = area / area.sum()
-        self._share, self._margin = (
+        self._factor, self._margin = (
             torch.tensor(values, dtype=torch.float64)[:, None]
             for values in (
-                [constraint.share for constraint in self.constraints],
-                [constraint.share * constraint.margin for constraint in self.constraints],
+                [constraint.factor for constraint in self.constraints],
+                [constraint.factor * constraint.margin for constraint in self.constraints],
             )
         )
         self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
 
     def fresh(self, penalty: float) -> "AugmentedLagrangian":
         """The same constraints with multipliers of 0."""
-        return AugmentedLagrangian(self.constraints, self.watch, penalty)
+        return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
 
     def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
-        """The constraints at the points of two tables, each times its share."""
-        at_inner, at_outer = self.watch.jets(inner, outer)
-        values = [each.field(at_inner, at_outer, self.watch.points) for each in self.constraints]
-        return self._share * torch.stack(values)
+        """Fields of the constraints at the points of two tables, each times its factor."""
+        at_inner, at_outer = self.chart_operator.jets(inner, outer)
+        values = [each.field(at_inner, at_outer, self.chart_operator.points) for each in self.constraints]
+        return self._factor * torch.stack(values)
 
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
-        """The minimum of each constraint over the points, in its unit; the history of a search keeps it."""
-        least = (fields.detach() / self._share).amin(dim=1).tolist()
+        """The minimum of each constraint over the points, in its unit, for the history of a search."""
+        least = (fields.detach() / self._factor).amin(dim=1).tolist()
         return {constraint.key: value for constraint, value in zip(self.constraints, least, strict=True)}
 
     def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
-        push = self._push(fields)
-        return torch.sum(self._area * (push**2 - self.multipliers**2)) / (2.0 * self.penalty)
+        updated = self._updated(fields)
+        return torch.sum(self._area * (updated**2 - self.multipliers**2)) / (2.0 * self.penalty)
 
     def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
-        """Violation at the worst point, in margins of its constraint: 1 at the limit, 0 where all are kept."""
+        """Part of a constraint's margin missing at the worst point: 0 where all margins are kept, 1 at a limit."""
         return float(torch.clamp(1.0 - fields.detach() / self._margin, min=0.0).max())
 
     def update(self, fields: Float[Tensor, "c k"]) -> None:
         """First-order multiplier update; call it between rounds of minimisation."""
-        self.multipliers = self._push(fields.detach())
+        self.multipliers = self._updated(fields.detach())
 
-    def _push(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, "c k"]:
+    def _updated(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, "c k"]:
         return torch.clamp(self.multipliers - self.penalty * (fields - self._margin), min=0.0)

@@ -32,12 +32,12 @@ class ChartPoints:
 
     @staticmethod
     def of(points: Float[np.ndarray, "k 2"]) -> "ChartPoints":
-        """Points from one row each."""
+        """The points in the rows of an array."""
         return ChartPoints(*torch.from_numpy(np.ascontiguousarray(points.T)))
 
     @cached_property
     def scale(self) -> Float[Tensor, " k"]:
-        """Radians of the sphere for a unit of the chart."""
+        """Angle (rad) on the sphere for a unit of the chart."""
         return 2.0 / (1.0 + self.x**2 + self.y**2)
 
     @cached_property
@@ -48,7 +48,7 @@ class ChartPoints:
 
 @dataclass(frozen=True)
 class RadiusJet:
-    """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` was asked."""
+    """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` is needed."""
 
     rho: Float[Tensor, " k"]
     derivatives: Float[Tensor, "d k"]  # by X, Y, XX, XY, YY
@@ -86,11 +86,11 @@ def constraint_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
-    foremost: Float[np.ndarray, "k 2"] = points[_foremost(points, symmetry)]
-    return foremost
+    kept: Float[np.ndarray, "k 2"] = points[_first_images(points, symmetry)]
+    return kept
 
 
-def _foremost(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarray, " k"]:
+def _first_images(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarray, " k"]:
     """True for points that come first among their mirror images, by X, then by Y."""
     first, tie = np.ones(len(points), dtype=bool), 1e-9
     for image in group(symmetry):
@@ -100,12 +100,12 @@ def _foremost(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarra
 
 
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:
-    """One row of weights for each point: the mixed derivative ``order`` of the table there."""
+    """Matrix with one row for each point: the mixed derivative ``order`` of the table there."""
     (at_x, by_x), (at_y, by_y) = (_taps(grid, points[:, axis], order[axis]) for axis in (0, 1))
     columns = at_x[:, :, None] * grid.side + at_y[:, None, :]
-    weights = by_x[:, :, None] * by_y[:, None, :]
+    factors = by_x[:, :, None] * by_y[:, None, :]
     rows = np.broadcast_to(np.arange(len(points))[:, None, None], columns.shape)
-    matrix = csr_matrix((weights.ravel(), (rows.ravel(), columns.ravel())), shape=(len(points), grid.side**2))
+    matrix = csr_matrix((factors.ravel(), (rows.ravel(), columns.ravel())), shape=(len(points), grid.side**2))
     matrix.eliminate_zeros()
     return matrix
 
@@ -113,7 +113,7 @@ def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[
 def _taps(
     grid: TableGrid, at: Float[np.ndarray, " k"], order: int
 ) -> tuple[Int[np.ndarray, "k t"], Float[np.ndarray, "k t"]]:
-    """Coefficients and weights of a derivative along one axis.
+    """Indices of the coefficients, and their factors, of a derivative along one axis.
 
     At nodes and centres an interpolating cubic's slope is of fourth order, its second derivative of second order: it
     lacks ``h^2 (1/12 - f(1 - f)/2)`` times the fourth derivative, which the fourth difference of the table supplies.
@@ -122,12 +122,12 @@ def _taps(
     cell = np.clip(np.floor(position + 1e-9).astype(int), 1, grid.side - 3)
     f = position - cell
     index = cell[:, None] + np.arange(-1, 3)
-    weights = np.stack(cubic_basis(f, order), axis=1) / grid.step**order
+    factors = np.stack(cubic_basis(f, order), axis=1) / grid.step**order
     if order < 2:
-        return index, weights
+        return index, factors
     lack = (1.0 / 12.0 - 0.5 * f * (1.0 - f)) / grid.step**2
     for centre, share in ((cell, 1.0 - f), (cell + 1, f)):
         middle = np.clip(centre, 2, grid.side - 3)
         index = np.concatenate([index, middle[:, None] + np.arange(-2, 3)], axis=1)
-        weights = np.concatenate([weights, (lack * share)[:, None] * _FOURTH_DIFFERENCE], axis=1)
-    return index, weights
+        factors = np.concatenate([factors, (lack * share)[:, None] * _FOURTH_DIFFERENCE], axis=1)
+    return index, factors

@@ -1,4 +1,4 @@
-"""A design interrupted at any step goes on to the same bits: the whole state of the optimiser, on disk."""
+"""Checkpoint of a search: the whole state on disk, so that a resumed design ends with the same bits."""
 
 import hashlib
 import pickle
@@ -18,7 +18,7 @@ _ANEW = "delete it, or start anew without resume"
 
 
 def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device: torch.device | None) -> str:
-    """Digest of what a checkpoint belongs to: another spec, seed, preset, start or device must not resume from it."""
+    """Digest of what a search depends on: another spec, seed, preset, start or device must not resume from it."""
     searched = spec.model_dump_json(exclude={"evaluate", "base", "manufacture"})
     files = input_hashes(spec)
     text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"

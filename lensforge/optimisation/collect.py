@@ -19,9 +19,9 @@ class Collected:
     """Sums over rays, all in W and differentiable in the landings and the exit sines.
 
     ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the efficiency window.
-    ``outside_receiver``: flux outside of it, each ray by ``e^2/(1+e^2)``, e its distance from the receiver in half
-    widths. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient leads
-    totally reflected rays back and keeps others away. The last two count the flux with which a ray left the source,
+    ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
+    widths. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient brings
+    totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the source,
     as a constant.
     """
 
@@ -76,7 +76,7 @@ def collected(
 def collected_on_device(
     landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
 ) -> Collected:
-    """Collect rays that left the source with ``emitted`` (W); all on one device, and so the result."""
+    """Collect rays that left the source with ``emitted`` (W); all tensors on one device."""
     landed = landings.landed
     hits, flux = landings.hits[landed], landings.flux[landed]
     distance, half = hits.abs(), 0.5 * grid.side_mm
@@ -92,12 +92,12 @@ def collected_on_device(
 
 
 def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
-    """``e/(1+e)``: a few wild rays cannot outvote the image."""
+    """Bounded excess ``e/(1+e)``: a few outliers cannot outweigh the image."""
     return excess / (1.0 + excess)
 
 
 def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "p p"]:
-    """Share each ray's flux among the four nearest pixels; a frame takes what falls outside the outermost ones."""
+    """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
     pixels = grid.pixels
     position = (hits / grid.side_mm + 0.5) * pixels - 0.5
     near = ((position > -1.0) & (position < pixels)).all(dim=1)

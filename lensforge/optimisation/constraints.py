@@ -1,8 +1,8 @@
-"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and those of the shop on request.
+"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones for manufacture.
 
-The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. On request no hollow is tighter than the
-ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that a mould
-opens along the axis. A constraint that the spec does not ask for is not computed.
+The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. Optionally no concave region is tighter
+than the ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that
+a mould opens along the axis. A constraint that the spec leaves out is not computed.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
-from lensforge.optimisation.surface_shape import least_curvature, pull_cosine
+from lensforge.optimisation.surface_shape import draft_sine, least_curvature
 from lensforge.spec import Spec
 
-# The search aims this far inside of the limits, relative to the largest radius, to the cutter's curvature, and in
-# degrees: its last steps still move by that much, and no set of points sees the very peak.
+# The search aims this far inside the limits, relative to the largest radius, to the cutter's curvature, and in
+# degrees: its last steps still move by that much, and a peak lies between the points.
 _LENGTH_MARGIN = 3e-4
 _CURVATURE_MARGIN = 0.01
 _DRAFT_MARGIN_DEG = 0.1
 # What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
 _CURVATURE_TOLERANCE = 1e-3
 _DRAFT_TOLERANCE_DEG = 0.01
-_STEEP = 0.5  # sine of the draft from which more draft is worth nothing: the arcsine's slope is endless at the apex
+_STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 
@@ -35,15 +35,15 @@ Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 class Constraint:
     """A field over both surfaces that is at least 0 where the lens is feasible.
 
-    ``key`` ends with the unit of field, ``margin`` (how far inside the search aims) and ``tolerance``. ``share`` of
-    the field is a number of order 1 for all constraints alike: lengths count relative to the largest radius, angles
-    and curvatures by the height that they make over the narrowest function.
+    ``key`` ends with the unit of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The
+    field times ``factor`` is of order 1 for every constraint: lengths relative to the largest radius; angles and
+    curvatures by the sag that they make over the narrowest function, relative to that radius.
     """
 
     key: str
     unit: str
     field: Field
-    share: float
+    factor: float
     margin: float
     tolerance: float
     remedy: str
@@ -56,7 +56,7 @@ class Constraint:
 
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
-    """The paper's three, and what the spec asks for besides."""
+    """The paper's three, and the optional ones that the spec has."""
     return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec))
 
 
@@ -77,7 +77,7 @@ def _of_paper(spec: Spec) -> list[Constraint]:
     length = partial(
         Constraint,
         unit="mm",
-        share=1.0 / limits.max_radius_mm,
+        factor=1.0 / limits.max_radius_mm,
         margin=_LENGTH_MARGIN * limits.max_radius_mm,
         tolerance=limits.tolerance_mm,
     )
@@ -97,14 +97,14 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
     ):
         if limit_mm is None:
             continue
-        # the cutter touches the lens from the air; a mould's insert it touches where the lens will be
+        # the cutter touches a lens from the air side, a mould insert from the side of the lens body
         air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
         found.append(
             Constraint(
                 f"{surface}_curvature_margin_per_mm",
                 "1/mm",
                 partial(_curvature_margin, surface, air, 1.0 / limit_mm),
-                share=0.5 * sigma**2 * spec.constraints.max_radius_mm,
+                factor=0.5 * sigma**2 * spec.constraints.max_radius_mm,
                 margin=_CURVATURE_MARGIN / limit_mm,
                 tolerance=_CURVATURE_TOLERANCE / limit_mm,
                 remedy=f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm",
@@ -121,7 +121,7 @@ def _of_mould(spec: Spec) -> list[Constraint]:
             f"{surface}_draft_margin_deg",
             "deg",
             partial(_draft_margin, surface, limit_deg),
-            share=radians(sigma),
+            factor=radians(sigma),
             margin=_DRAFT_MARGIN_DEG,
             tolerance=_DRAFT_TOLERANCE_DEG,
             remedy=f"lower constraints.{surface}_draft_deg or take more steps",
@@ -138,7 +138,7 @@ def _of_mould(spec: Spec) -> list[Constraint]:
 def _curvature_margin(
     surface: str, air: int, curvature: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
-    """Concave curvature (1/mm) left until the ball of the given curvature touches twice."""
+    """Curvature (1/mm) left before a concave region is as tight as the ball."""
     return curvature + least_curvature(inner if surface == "inner" else outer, points, air)
 
 
@@ -146,5 +146,5 @@ def _draft_margin(
     surface: str, limit_deg: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
 ) -> Float[Tensor, " k"]:
     """Draft (deg) beyond the limit."""
-    sine = torch.clamp(pull_cosine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
+    sine = torch.clamp(draft_sine(inner if surface == "inner" else outer, points), -1.0 + 1e-6, _STEEP)
     return torch.rad2deg(torch.asin(sine)) - limit_deg

@@ -1,7 +1,4 @@
-"""The result of the design stage: the lens, how it was found, and by how much it keeps its constraints.
-
-What a search tells of itself after every gradient step, and how it is told to stop.
-"""
+"""The result of the design stage: the lens, the history of its search, and its constraints; progress of a search."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,11 +20,11 @@ Quantity = Literal["nmse", "loss", "efficiency"]
 
 
 class Margins(Record):
-    """Margins by which a lens keeps its constraints, Eqs. (10) to (14), at the worst place; negative where it does not.
+    """Margins by which a lens keeps its constraints, Eqs. (10) to (14), at the worst point; negative where it does not.
 
-    ``cavity_clearance_mm``: what the paraboloid of the cavity leaves free. ``wall_margin_mm``: wall beyond the least
-    one. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec asks for it: curvature that
-    a hollow may still gain before the ball no longer fits, and draft beyond the least one.
+    ``cavity_clearance_mm``: height of the inner surface above the cavity's paraboloid. ``wall_margin_mm``: wall
+    thickness above the minimum. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec
+    limits them: curvature left before a concave region is as tight as the ball, and draft above the minimum.
     """
 
     cavity_clearance_mm: Number
@@ -40,7 +37,7 @@ class Margins(Record):
 
 
 class Level(Record):
-    """One level's turn in the search: a value for each step; ``constraints`` by name as in :class:`Margins`."""
+    """History of one level of the search: a value for each step; ``constraints`` by name as in :class:`Margins`."""
 
     level: Count
     functions: Count
@@ -60,7 +57,7 @@ class Level(Record):
 class Design(StageResult):
     """A finished search.
 
-    ``forward_evaluations``: gradient steps and what else traced rays. ``source_outline_mm``: a polygon around the
+    ``forward_evaluations``: traces of a ray sample, one for each step. ``source_outline_mm``: a polygon around the
     emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
     """
 
@@ -106,9 +103,9 @@ class Design(StageResult):
 
 @dataclass(frozen=True)
 class Progress:
-    """The state of a search; ``lens()`` makes the lens as it is now, for those who ask.
+    """The state of a search; ``lens()`` builds the lens of the current parameters.
 
-    ``level`` counts from 0; ``functions``: how many of each surface move in it. ``level_done``: this was its last step.
+    ``level`` counts from 0; ``functions``: number per surface that move in it. ``level_done``: this was its last step.
     """
 
     level: int
@@ -123,5 +120,5 @@ class Progress:
     lens: Callable[[], Lens]
 
 
-# Called after every gradient step; a search whose observer returns False stops, all else goes on.
+# Called after every gradient step; a search stops where its observer returns False, and at no other value.
 Observer = Callable[[Progress], object]

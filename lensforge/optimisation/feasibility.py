@@ -1,8 +1,8 @@
 """Feasibility: constraints of a finished lens by the exact sum, and the projection of a search's end onto them.
 
-A search of a few hundred noisy steps ends close to its limits, on either side of them: its multipliers still swing by
-some micrometres. Where a limit is missed, the parameters are projected to the feasible set, which the light does not
-notice. A search that ended inside of its limits is left as it is, to the bit.
+A search of a few hundred noisy steps ends some micrometres to either side of its limits. Where a limit is missed, the
+parameters are projected to the feasible set, a change too small to affect the light. A search that ended inside its
+limits is left as it is, to the bit.
 """
 
 import numpy as np
@@ -26,10 +26,13 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 # narrowest function its curvature is off by less than 1e-4, and a window of 21 x 21 points looks between the nodes.
 _NODES_PER_SIGMA = 8.0
 _ZOOM_POINTS = 21
+_ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
+_ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
+_STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
 
 
 def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
-    """The least value of each constraint.
+    """Measure the least value of each constraint.
 
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim.
     """
@@ -65,21 +68,16 @@ def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, R
 def _least(
     constraint: Constraint, grid: TableGrid, points: Float[np.ndarray, "k 2"], tables: list[Float[Tensor, "s s"]]
 ) -> float:
-    """The minimum over ``points``, then over finer ones around where it is."""
+    """Minimum over ``points``, then over finer ones around it."""
     least, step = np.inf, grid.step
     for _ in range(2):
-        watch = ChartOperator.of(grid, points, derivatives=True)
-        inner, outer = watch.jets(*tables)
-        field = constraint.field(inner, outer, watch.points)
+        operator = ChartOperator.of(grid, points, derivatives=True)
+        inner, outer = operator.jets(*tables)
+        field = constraint.field(inner, outer, operator.points)
         least, at = min(least, float(field.min())), points[int(field.argmin())]
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
     return least
-
-
-_ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
-_INSIDE = 0.7  # of the margin may be missing: the peak between the watched points is a little higher than they are
-_PROGRESS = 0.8  # a round that leaves more of the shortfall than this leads nowhere
 
 
 def project_to_feasible(
@@ -88,9 +86,9 @@ def project_to_feasible(
     weights: Float[Tensor, "m 2"],
     offsets: Float[Tensor, "2"],
 ) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
-    """``weights`` and ``offsets`` moved by as little as makes the watched points feasible, with some of the margin.
+    """Move ``weights`` and ``offsets`` by as little as makes all constraint points feasible, with part of the margin.
 
-    Least squares in the relative parameters, by augmented Lagrangian. What is too far off for that is left as it is.
+    Least squares in the relative parameters, by augmented Lagrangian. Returned unchanged where that does not succeed.
     """
     constraints = constraints.fresh(_PENALTY)
     moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
@@ -98,9 +96,9 @@ def project_to_feasible(
     def fields() -> Float[Tensor, "c k"]:
         return constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0]))
 
-    lacking = constraints.shortfall(fields())
+    shortfall = constraints.shortfall(fields())
     for _ in range(_ROUNDS):
-        if lacking <= _INSIDE:
+        if shortfall <= _ACCEPTED:
             break
         optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
 
@@ -114,9 +112,9 @@ def project_to_feasible(
         with torch.no_grad():
             now = fields()
         constraints.update(now)
-        before, lacking = lacking, constraints.shortfall(now)
-        if lacking > _PROGRESS * before:
+        before, shortfall = shortfall, constraints.shortfall(now)
+        if shortfall > _STALLED * before:
             break
-    if lacking > 1.0:
+    if shortfall > 1.0:
         return weights, offsets
     return weights + moved[1:].detach(), offsets + moved[0].detach()

@@ -1,9 +1,9 @@
 """Light of one gradient step: from two tables and fresh rays, through the lens, to the sums of the merit function.
 
-On the CPU the compiled kernels trace, and the whole path is one torch operation: the way back finds each exit ray anew
-from its path lengths, a few last bits away from the ray that landed, and lens and receiver have to be differentiated
-at the same one. On another device torch does all, in chunks of rays whose graph is built again in the backward pass:
-what is kept of every ray are its start and its two path lengths, 84 bytes.
+On the CPU the compiled kernels trace, and the whole path is one torch operation: the backward pass recomputes each
+exit ray from its path lengths, a few last bits away from the ray that landed, and lens and receiver have to be
+differentiated at the same one. On another device torch does all, in chunks of rays whose graph is built again in the
+backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
 """
 
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ _CHUNK = 2**19  # rays; their graph takes 2.5 GiB
 
 @dataclass
 class TableSurface:
-    """A table as :func:`trace_sequence` sees it, for one set of rays.
+    """A table as a surface for :func:`trace_sequence`, for one set of rays.
 
-    Their crossings are searched once: not again when the graph is built again for the backward pass.
+    Crossings are searched once, not again when the graph is rebuilt for the backward pass.
     """
 
     table: DeviceTable
@@ -52,7 +52,7 @@ class TableSurface:
 
 @dataclass(frozen=True)
 class LightPath:
-    """Lens and receiver on the way of the rays; the efficiency window is a centred square."""
+    """Path of the light through lens and receiver; the efficiency window is a centred square."""
 
     scene: Scene
     receiver: Receiver

@@ -1,4 +1,4 @@
-"""Merit function: from parameters and rays to the number that a search descends, and its parts for the history.
+"""Merit function: from parameters and rays to the loss that a search minimises, and its parts for the history.
 
 The terms of the image are differentiable on torch images [row y, column x].
 """
@@ -22,8 +22,8 @@ from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.tracing.tables import Scene
 
-# Factors of the terms beside an NMSE of order 0.01 to 1. A scene that is evaluated by uniformity and efficiency wants
-# its efficiency in every stage; where the image counts, that is part of the NMSE.
+# Factors of the terms added to an NMSE of order 0.01 to 1. A scene that is evaluated by uniformity and efficiency has
+# a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.
 _OUTSIDE_RECEIVER = 0.3
 _IMAGE_FACTORS = {"total_reflection": 0.3, "efficiency": 0.15}
 _UNIFORM_FACTORS = {"total_reflection": 0.1, "efficiency": 1.2}
@@ -36,7 +36,7 @@ _UNIFORM_IMAGE = 0.2
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One evaluation: the loss to descend, constraints included, and its parts for the history."""
+    """One evaluation: the loss to minimise, constraints included, and its parts for the history."""
 
     loss: Float[Tensor, ""]
     nmse: float
@@ -46,7 +46,7 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class MeritFunction:
-    """The scene of a design: its light path, and the flux (W) wanted on each pixel of the receiver."""
+    """The scene of a design: its light path, and the target flux (W) on each pixel of the receiver."""
 
     spec: Spec
     parametrisation: Parametrisation
@@ -58,7 +58,7 @@ class MeritFunction:
     def of(
         spec: Spec, source: Source, parametrisation: Parametrisation, device: torch.device | None = None
     ) -> "MeritFunction":
-        """The wanted image carries the flux of the theoretical limit, so that efficiency is part of the NMSE.
+        """Merit function whose target carries the flux of the theoretical limit, so that the NMSE includes efficiency.
 
         Rays are traced on ``device``, or by the compiled kernels for None; all else stays on the CPU.
         """
@@ -70,7 +70,7 @@ class MeritFunction:
         light = LightPath(scene, receiver, spec.evaluate.window_mm or spec.target.receiver_mm, device)
         mask = None
         if spec.target.uniform_mm is not None:
-            # half a pixel more: the outermost strip of the region belongs to pixels whose centres are beside it
+            # half a pixel more: the outermost strip of the region belongs to pixels whose centres are outside it
             mask = torch.from_numpy(receiver.grid.square_mask(spec.target.uniform_mm + receiver.grid.pitch_mm))
         return MeritFunction(spec, parametrisation, light, wanted * limit, mask)
 
@@ -108,7 +108,7 @@ def _flux_terms(light: Collected, total_reflection: float, efficiency: float) ->
 
 
 def nmse_loss(flux: Float[Tensor, "p p"], wanted: Float[Tensor, "p p"]) -> Float[Tensor, ""]:
-    """Normalised mean-square error, Eq. (7); ``wanted`` carries all flux that is possible: a dim image has an error."""
+    """Normalised mean-square error, Eq. (7); ``wanted`` is not scaled: a dim image has an error."""
     return torch.sum((flux - wanted) ** 2) / torch.sum(wanted**2)
 
 
@@ -119,15 +119,15 @@ def uniformity_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Fl
 
 
 def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
-    """The mean; 1 where all is dark, so that a mask without a ray is bad, not undefined."""
+    """The mean; 1 where all is dark, so that the loss of a mask without rays is large, not undefined."""
     mean = inside.mean()
     return torch.where(mean > 0.0, mean, 1.0)
 
 
 def shortfall_loss(flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"], margin: float) -> Float[Tensor, ""]:
-    """Mean square of what pixels inside ``mask`` lack to ``1 - margin`` of the mask's mean.
+    """Mean square of the shortfall of pixels inside ``mask`` from ``1 - margin`` of the mask's mean.
 
-    Uniformity is least over mean: a variance hardly sees the one corner that decides it. The image is smoothed by
+    Uniformity is least over mean: a variance is insensitive to the one corner that decides it. The image is smoothed by
     the 3 x 3 Gaussian of the evaluation first, so that ray noise does not count as a shortfall.
     """
     taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)

@@ -31,12 +31,12 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
-_SIZE_DIRECTIONS = 20_000  # over the hemisphere, where radius and height are read off
+_SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
 
 
 @dataclass(frozen=True)
 class _State:
-    """Everything that a resumed run needs to go on to the same bits; never changed in place.
+    """Everything that a resumed run needs to end with the same bits; never changed in place.
 
     An interrupt may come between any two instructions: it finds either the old state or the new one.
     """
@@ -110,7 +110,7 @@ def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> De
 
 
 def _level(history: dict[str, Any]) -> Level:
-    """A level's turn as its record: what is neither a count nor a figure of the light is a constraint."""
+    """A level's history as its record: all other names are constraints."""
     own = ("level", "functions", "loss", "nmse", "efficiency")
     margins = {name: tuple(values) for name, values in history.items() if name not in own}
     return Level.model_validate({name: history[name] for name in own} | {"constraints": margins})
@@ -149,7 +149,7 @@ class _Search:
                 save_checkpoint(checkpoint, key, vars(self.state))
 
     def _stage_steps(self, stage: Stage) -> Iterator[None]:
-        """Take the stage's remaining steps, one for each item; the state is renewed before every yield."""
+        """Take the stage's remaining steps, one for each item; the state is replaced before every yield."""
         weights = self.state.weights[: stage.functions].clone().requires_grad_()
         offsets = self.state.offsets.clone().requires_grad_()
         optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99))
@@ -179,7 +179,7 @@ class _Search:
                 multipliers=self.constraints.multipliers,
                 step=step + 1,
                 optimiser=deepcopy(optimiser.state_dict()),
-                history=_grown(self.state.history, stage, step, self._values(result)),
+                history=_extended(self.state.history, stage, step, self._values(result)),
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
             if self.observer(self._progress(stage, earlier, result)) is False:
@@ -213,8 +213,8 @@ class _Search:
         return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
 
 
-def _grown(history: list[dict[str, Any]], stage: Stage, step: int, values: dict[str, float]) -> list[dict[str, Any]]:
-    """``history`` with one step more, in lists of its own: the state before it must not change."""
+def _extended(history: list[dict[str, Any]], stage: Stage, step: int, values: dict[str, float]) -> list[dict[str, Any]]:
+    """``history`` with one more step, in new lists: the state before it must not change."""
     if step == 0:
         history = [*history, {"level": stage.level, "functions": stage.functions, **{name: [] for name in values}}]
     last = history[-1]

@@ -51,10 +51,10 @@ class LevelMap:
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """Both surfaces share one basis, so the same maps make both tables.
+    """Parameters of both surfaces, which share one basis: the same maps make both tables.
 
     Parameters are relative to the starting offsets: a unit step means the same for a lens of any size. Column 0 is
-    the inner surface, column 1 the outer. A ``fixed`` surface has its columns, too: they change nothing.
+    the inner surface, column 1 the outer. The column of a ``fixed`` surface has no effect.
     """
 
     basis: SrbfBasis
@@ -65,7 +65,7 @@ class Parametrisation:
 
     @staticmethod
     def of(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
-        """For the spec's lens, on a grid that resolves its narrowest feature."""
+        """Parametrisation of the spec's lens, on a grid that resolves its narrowest feature."""
         lens, basis = spec.lens, spec.lens.basis
         details = [basis.detail_rad, *(surface.detail_rad for surface in lens.fixed if surface is not None)]
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
@@ -84,14 +84,14 @@ class Parametrisation:
             first += level.functions
         free = ((total + offsets) * self.scale_mm).unbind(dim=-1)
         inner, outer = (
-            mirror_mean(free[i].T, self.basis.symmetry, x_axis=0) if still is None else still
-            for i, still in enumerate(self._fixed_tables)
+            mirror_mean(free[i].T, self.basis.symmetry, x_axis=0) if fixed is None else fixed
+            for i, fixed in enumerate(self._fixed_tables)
         )
         return inner.contiguous(), outer.contiguous()
 
     @cached_property
     def _fixed_tables(self) -> list[Float[Tensor, "side side"] | None]:
-        return [None if still is None else torch.from_numpy(tabulate(self.grid, still)) for still in self.fixed]
+        return [None if fixed is None else torch.from_numpy(tabulate(self.grid, fixed)) for fixed in self.fixed]
 
     def parameters_of(self, lens: Lens) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "2"]]:
         """Relative weights and offsets that give the free surfaces of ``lens``.
@@ -100,11 +100,11 @@ class Parametrisation:
         """
         weights = torch.zeros(self.basis.size, 2, dtype=torch.float64)
         offsets = torch.ones(2, dtype=torch.float64)
-        for side, (surface, still) in enumerate(zip((lens.inner, lens.outer), self.fixed, strict=True)):
-            if still is None:
+        for side, (surface, fixed) in enumerate(zip((lens.inner, lens.outer), self.fixed, strict=True)):
+            if fixed is None:
                 fitted = _in_basis(self.basis, surface)
                 scale = self.scale_mm[side]
-                weights[:, side] = torch.from_numpy(fitted.weights) / scale
+                weights[:, side] = torch.from_numpy(fitted.weights_mm) / scale
                 offsets[side] = fitted.offset_mm / scale
         return weights, offsets
 
@@ -114,8 +114,8 @@ class Parametrisation:
         """The frozen record of these parameters."""
         millimetres, radii = (weights * self.scale_mm).numpy(), (offsets * self.scale_mm).tolist()
         inner, outer = (
-            SrbfSurface(self.basis, millimetres[:, i].copy(), radii[i]) if still is None else still
-            for i, still in enumerate(self.fixed)
+            SrbfSurface(self.basis, millimetres[:, i].copy(), radii[i]) if fixed is None else fixed
+            for i, fixed in enumerate(self.fixed)
         )
         return Lens(inner, outer, spec, seed, accuracy)
 
@@ -127,9 +127,9 @@ def _in_basis(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
 
 
 def fit_surface(basis: SrbfBasis, surface: Surface) -> SrbfSurface:
-    """The sum of ``basis`` that is nearest to ``surface``: least squares of the radius over the hemisphere.
+    """Fit ``surface`` by a sum over ``basis``: least squares of the radius over the hemisphere.
 
-    Its offset is the mean radius; a trace of damping keeps functions that the directions hardly tell apart small.
+    Its offset is the mean radius; slight damping keeps the weights of nearly dependent functions small.
     """
     directions = fibonacci_hemisphere(_FIT_DIRECTIONS * basis.size)
     radius = surface.radius(directions)

@@ -16,9 +16,9 @@ _UMBILIC = 1e-24  # below the rounding of a squared eigenvalue: keeps the deriva
 
 
 def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tensor, " k"]:
-    """The smaller principal curvature (1/mm) as the air sees it: a hollow is negative.
+    """The smaller principal curvature (1/mm) seen from the air: negative where concave.
 
-    ``air`` is 1 where the air, and with it the cutter, is outside of the surface, and -1 where it is inside.
+    ``air`` is 1 where the air, and with it the cutter, is outside the surface, and -1 where it is inside.
     """
     g_x, g_y = _gradient(jet, points)
     w_xx, w_xy, w_yy = _hessian(jet, points)
@@ -33,17 +33,17 @@ def least_curvature(jet: RadiusJet, points: ChartPoints, air: int) -> Float[Tens
     return (air * (1.0 - 0.5 * (s_xx + s_yy)) - deviator) / (jet.rho * v)
 
 
-def pull_cosine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
-    """``n . z`` of the outward normal: the sine of the draft angle, negative in an undercut.
+def draft_sine(jet: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Sine of the draft angle, ``n . z`` of the outward normal; negative in an undercut.
 
-    It serves both faces: the outer one is pulled along +z, the core of the cavity along -z, and their normals too are
-    opposite.
+    The same for both faces: the mould half of the outer one opens along +z, the core of the cavity along -z, and their
+    normals are opposite too.
     """
     g_x, g_y = _gradient(jet, points)
     rho_x, rho_y = jet.derivatives[:2]
     radial = (points.x * rho_x + points.y * rho_y) / jet.rho
-    cosine: Tensor = (points.cosine + radial) / torch.sqrt(1.0 + g_x**2 + g_y**2)
-    return cosine
+    sine: Tensor = (points.cosine + radial) / torch.sqrt(1.0 + g_x**2 + g_y**2)
+    return sine
 
 
 def _gradient(jet: RadiusJet, points: ChartPoints) -> tuple[Float[Tensor, " k"], Float[Tensor, " k"]]:

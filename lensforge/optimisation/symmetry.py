@@ -15,7 +15,7 @@ from lensforge.surfaces.symmetry import NAMES, contains
 def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """``spec`` with ``lens.symmetry`` as one of ``surfaces.symmetry``: for "auto" the largest that the scene has.
 
-    Raises :class:`InputError` for a symmetry that source or target have not: it would be a lie.
+    Raises :class:`InputError` for a symmetry that source or target lacks.
     """
     name = spec.lens.symmetry
     if name == "auto":
@@ -36,7 +36,7 @@ def _in_target(spec: Spec, name: str) -> bool:
 def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str, x_axis: int = 1) -> Float[Tensor, "p p"]:
     """Mean over the mirror images of values on a square grid about the axis, x along ``x_axis``.
 
-    On an image (row y, column x) of a scene that has this symmetry: the same light from up to 8 times the rays.
+    For an image (row y, column x) of a scene with this symmetry it is the same light with up to 8 times the rays.
     """
     if symmetry in ("mirror_x", "rectangle", "square"):
         grid = 0.5 * (grid + grid.flip(x_axis))

@@ -1,1 +1,1 @@
-"""Receivers: exit rays become irradiance on pixels; and the irradiance that is wanted there."""
+"""Receivers, on which exit rays become irradiance, and target patterns."""

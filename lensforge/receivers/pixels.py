@@ -1,4 +1,4 @@
-"""Pixels of a square image, and rays on them: bins to evaluate, a splat to compare, the paper's filter."""
+"""Pixels of a square image, and the flux of rays on them: hard bins, the paper's splat, the paper's filter."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ def flux_in_square(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]
 def splat_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
 ) -> Float[np.ndarray, "p p"]:
-    """Flux (W) in each pixel by the paper's area weights, Fig. 3; ``optimisation.collect`` has the gradient."""
+    """Flux (W) in each pixel by the splat of the paper's Fig. 3; ``optimisation.collect`` has the gradient."""
     images = np.zeros((CHUNKS, grid.pixels, grid.pixels))
     in_chunks(lambda chunk, part: splat(hits[part], flux[part], grid.side_mm, images[chunk]), len(flux))
     image: Float[np.ndarray, "p p"] = images.sum(axis=0)

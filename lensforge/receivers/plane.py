@@ -16,14 +16,14 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 @dataclass(frozen=True)
 class PlaneReceiver:
-    """Shows irradiance; every ray that rises reaches its plane."""
+    """A plane receiver of irradiance; every ray with a component along +z reaches its plane."""
 
     distance_mm: float
     grid: PixelGrid
 
     @staticmethod
     def of(target: Target, pixels: int) -> "PlaneReceiver":
-        """The receiver on which ``target`` is wanted."""
+        """The receiver of ``target``."""
         return PlaneReceiver(target.distance_mm, PixelGrid(target.receiver_mm, pixels))
 
     @property

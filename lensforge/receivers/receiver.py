@@ -1,4 +1,4 @@
-"""Protocol of every receiver: it knows where exit rays land, and no lens; and its landings, as arrays too."""
+"""Protocol of every receiver, which maps exit rays to hits without knowing the lens; landings, as arrays too."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -15,7 +15,7 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 class Landings:
     """Exit rays on a receiver, in their order.
 
-    ``hits``: position on the pixel grid (mm), also beside it; ``flux``: W; both 0 where a ray did not land. ``landed``:
+    ``hits``: coordinates on the pixel grid (mm), or off it; ``flux``: W; both 0 where a ray did not land. ``landed``:
     rays that reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     """
 
@@ -27,11 +27,11 @@ class Landings:
 
 @runtime_checkable
 class Receiver(Protocol):
-    """A pixel grid on some surface. ``pixel_measure``: the flux of a pixel over it is what the receiver shows."""
+    """A pixel grid on some surface; its picture is the flux of each pixel over ``pixel_measure``."""
 
     @property
     def grid(self) -> PixelGrid:
-        """The pixels; positions of landings refer to them."""
+        """The pixels, in whose coordinates hits are given."""
         ...
 
     @property
@@ -66,7 +66,7 @@ class Hits:
 
     @property
     def arrived(self) -> Bool[np.ndarray, " n"]:
-        """Rays that brought flux."""
+        """Rays that arrived with flux."""
         return self.flux > 0.0
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Hits":

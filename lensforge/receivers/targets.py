@@ -1,4 +1,4 @@
-"""The wanted light patterns, as relative irradiance on the receiver's pixels."""
+"""Target patterns as relative irradiance on the receiver's pixels."""
 
 from pathlib import Path
 
@@ -12,14 +12,14 @@ from lensforge.receivers.pixels import PixelGrid
 from lensforge.spec import ArrayTarget, CrossTarget, FlatTopTarget, ImageTarget, Target, TextTarget
 
 _OVERSAMPLING = 8  # sub-pixels per side: the area average of a hard edge is right to 1/64 of a pixel
-_LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: few pixels see small patterns, many fit the memory
+_LEAST_SUBPIXELS, _MOST_SUBPIXELS = 512, 4096  # across the receiver: to resolve small patterns, and to bound the memory
 _GLYPH_PIXELS = 1024  # font size at which text is drawn before it is scaled
 
 
 def target_irradiance(target: Target, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
-    """Mean of the wanted relative irradiance over each pixel [row y, column x], with sum 1 over the receiver.
+    """Mean of the target irradiance over each pixel [row y, column x], with sum 1 over the receiver.
 
-    Raises :class:`InputError` when no light is wanted anywhere on the receiver.
+    Raises :class:`InputError` when the target is dark everywhere on the receiver.
     """
     n = grid.pixels
     k = max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // n), _MOST_SUBPIXELS // n))
@@ -43,12 +43,12 @@ def target_irradiance(target: Target, grid: PixelGrid) -> Float[np.ndarray, "p p
     coarse: Float[np.ndarray, "p p"] = image.reshape(n, k, n, k).mean(axis=(1, 3))
     total = float(coarse.sum())
     if not total > 0.0:
-        raise InputError("target: no light is wanted anywhere on the receiver; check the image, width_mm, receiver_mm")
+        raise InputError("target: it is dark everywhere on the receiver; check the image, width_mm, receiver_mm")
     return coarse / total
 
 
 def _flat_top(target: FlatTopTarget, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
-    with np.errstate(over="ignore"):  # far outside of a narrow pattern: exp(-inf) is the 0 that is meant
+    with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
         profile = np.exp(-(np.abs(grid.axis_mm() / target.half_width_mm) ** target.exponent))
     return profile[:, None] * profile[None, :]
 
@@ -86,7 +86,7 @@ def _place(picture: Float[np.ndarray, "h w"], width_mm: float, grid: PixelGrid) 
             f"it must fit into receiver_mm = {grid.side_mm:g}"
         )
     scale = width / width_mm
-    # clipped to just outside of the picture: a narrow picture's neighbourhood overflows integers
+    # clipped to just outside the picture: far from a narrow one the index would overflow
     column = np.clip(np.floor(grid.axis_mm() * scale + width / 2.0), -1, width).astype(int)
     row = np.clip(np.floor(-grid.axis_mm() * scale + height / 2.0), -1, height).astype(int)
     inside = ((row >= 0) & (row < height))[:, None] & ((column >= 0) & (column < width))[None, :]

@@ -73,7 +73,7 @@ class StageResult(Record):
 
     @cached_property
     def sha256(self) -> str:
-        """The hash of what was found: not of the time that it took, nor of the program's version."""
+        """The hash of all that was found, without the time that it took and the program's version."""
         digest = hashlib.sha256()
         skipped = set()
         for field, info in type(self).model_fields.items():
@@ -106,7 +106,7 @@ class StageResult(Record):
         return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
-        """Every file of the result by name: JSON, npz, and what stands in files of its own."""
+        """Every file of the result by name: JSON, npz, and the files of marked fields."""
         name, elsewhere, arrays, files = stem or self.stage, set(), {}, {}
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
@@ -131,7 +131,7 @@ class StageResult(Record):
         return files
 
     def write(self, folder: Path, stem: str | None = None) -> None:
-        """Write all files into a result folder, the JSON file last: it vouches for the others."""
+        """Write all files into a result folder, the JSON file last: it holds the hash of the arrays."""
         files = self.contents(stem)
         self._write(folder, files)
         for info in type(self).model_fields.values():

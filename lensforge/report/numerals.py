@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lensforge.figures.light_unit import LightUnit, light_unit
+from lensforge.records import Metric
 from lensforge.spec import Spec
 
 _THIN_SPACE = "\u2009"
@@ -59,6 +60,13 @@ def number(value: float | None, digits: int = 6) -> str:
     if not exponent:
         return mantissa
     return f"{mantissa}{_THIN_SPACE}×{_THIN_SPACE}10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+
+
+def number_with_error(metric: Metric | None, digits: int) -> str:
+    """Value to ``digits`` significant digits and, where it is known and not 0, its standard error to one."""
+    if metric is None:
+        return NOTHING
+    return number(metric.value, digits) + (f" ± {number(metric.standard_error, 1)}" if metric.standard_error else "")
 
 
 def percent(share: float | None, decimals: int = 1) -> str:

@@ -1,4 +1,4 @@
-"""Section on verification: the STEP as read back, rays through the exported part, and its light against the design's."""
+"""Section on verification: the STEP as read back, rays through the exported part, its light against the design's."""
 
 from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part

@@ -66,7 +66,7 @@ def _positive(levels: Sequence[Level], quantity: str) -> bool:
 
 @in_report_style
 def constraint_history(levels: Sequence[Level]) -> Figure:
-    """The least value (mm) of each constraint over the steps; what lies below 0 is not allowed."""
+    """The least value (mm) of each constraint over the steps; below 0 it is violated."""
     figure, axes = new_figure(NARROW, _CURVE_HEIGHT)
     for start, level in _draw_levels(axes, levels):
         for name, (label, colour) in _CONSTRAINT_CURVES.items():

@@ -123,7 +123,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
                 part, color=colour, smooth_shading=True, split_sharp_edges=True, feature_angle=35.0, specular=0.35,
                 specular_power=25.0, ambient=0.12, lighting=colour != _CUT,
             )  # fmt: skip
-        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # the standard lights leave the underside dark
+        plotter.add_light(pv.Light(light_type="headlight", intensity=0.15))  # else the underside is dark
         _aim(plotter, mesh, view, optics_radius_mm)
         plotter.screenshot(folder / f"{name}.png", transparent_background=True, return_img=False)
         plotter.close()
@@ -133,7 +133,7 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
 
 
 def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
-    """The mesh, or its half behind y = 0, with the cut in a flat colour of its own."""
+    """The mesh, or its half behind y = 0, with the cut face in its own flat colour."""
     if not cut:
         return [(mesh, _GLASS)]
     half = mesh.clip_closed_surface(normal="y", origin=(0.0, 0.0, 0.0))

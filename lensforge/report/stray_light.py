@@ -34,7 +34,7 @@ def stray_pictures(results: Results) -> list[PagePicture]:
     spread, caption = stray.spread, "No stray light lands on the receiver."
     if spread.rms_radius_mm is not None and spread.peak_of_mean is not None:
         caption = (
-            f"A scale of its own: its peak is {percent(spread.peak_of_mean)} of the mean light on the receiver. "
+            f"On its own scale: its peak is {percent(spread.peak_of_mean)} of the mean light on the receiver. "
             f"Rms distance from its centroid: {number(spread.rms_radius_mm, 3)} mm."
         )
     difference = irradiance_figures.difference_map(stray.direct + stray.stray - stray.sequential, side, unit)

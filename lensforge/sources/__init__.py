@@ -1,1 +1,1 @@
-"""Emitters: where light starts. NumPy only."""
+"""Light sources: emitters, ray files and photometric files; NumPy and SciPy, without torch."""

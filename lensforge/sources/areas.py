@@ -1,6 +1,5 @@
 """Emitting areas in the plane z = 0, which map points of the unit square to start points of equal flux."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -9,7 +8,7 @@ from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
 from lensforge.sources.inverse_cdf import choose
-from lensforge.surfaces.symmetry import NAMES, group
+from lensforge.surfaces.symmetry import largest_symmetry
 
 _SAME_MM = 1e-9
 
@@ -73,7 +72,7 @@ class Rectangles:
         return table[np.lexsort(np.round(table / _SAME_MM).T)]
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Choose the rectangle by the first number; the rest of it and the second number give the place in it."""
+        """Choose the rectangle by the first number; its remainder and the second number give the position in it."""
         index, rest = choose(np.cumsum(self.shares), points[:, 0])
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
         placed: Float[np.ndarray, "n 2"] = self.centres[index] + inside * self.sides[index]
@@ -85,8 +84,3 @@ class Rectangles:
         points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
         hull: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
         return hull
-
-
-def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
-    """Find the largest mirror group all of whose mirrors leave something ``unchanged``."""
-    return next(name for name in reversed(NAMES) if all(unchanged(mirror) for mirror in group(name)))

@@ -58,7 +58,7 @@ class Source(Protocol):
 
     @property
     def ray_count(self) -> int | None:
-        """Number of distinct rays of a measured source; None for one that can be sampled without end."""
+        """Number of distinct rays of a measured source; None where a sample may be of any size."""
         ...
 
     def sample(self, count: int, seed: int) -> RayBundle:

@@ -10,10 +10,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.areas import largest_symmetry
 from lensforge.sources.inverse_cdf import choose, linear_inverse
+from lensforge.surfaces.symmetry import largest_symmetry
 
-_FINE = np.deg2rad(0.25)  # cells of gamma in which the intensity is taken as constant for drawing; fluxes are exact
+_FINE = np.deg2rad(0.25)  # cells of gamma in which rays are drawn at constant intensity; the flux of each cell is exact
 
 
 @runtime_checkable
@@ -115,7 +115,7 @@ class TabulatedIntensity:
         return gamma, flux_up_to(gamma, fine)
 
     def _plane(self, numbers: Float[np.ndarray, " n"]) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-        """Find the sector of each number and the place in it; the flux is linear in the azimuth."""
+        """Find the sector of each number and the position in it; the flux is linear in the azimuth."""
         fluxes = self.plane_fluxes
         sectors = 0.5 * (fluxes[1:] + fluxes[:-1]) * np.diff(np.deg2rad(self.c_deg))
         low, rest = choose(np.cumsum(sectors), numbers)
@@ -135,7 +135,7 @@ def flux_up_to(gamma: Float[np.ndarray, " g"], values: Float[np.ndarray, "c g"])
 def _invert(
     cumulative: Float[np.ndarray, "c f"], low: np.ndarray, between: Float[np.ndarray, " n"], numbers: np.ndarray
 ) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
-    """Find the cell of gamma, and the place in it, where the blend of two half-planes' fluxes reaches each number."""
+    """Find the cell of gamma, and the point in it, where the blend of two half-planes' fluxes reaches each number."""
 
     def blend(index: np.ndarray) -> np.ndarray:
         mixed: np.ndarray = (1.0 - between) * cumulative[low, index] + between * cumulative[low + 1, index]

@@ -1,4 +1,4 @@
-"""Inverse of a cumulative distribution: a uniform number to a cell, and to a place within it."""
+"""Inverse of a cumulative distribution: a uniform number to a cell, and to a position within it."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -9,7 +9,7 @@ def choose(
 ) -> tuple[np.ndarray, Float[np.ndarray, " n"]]:
     """Invert a distribution of ``k`` cells, ``cumulative`` up to the end of each, for ``numbers`` in [0, 1).
 
-    Returns the cell of each number and its place in that cell, in [0, 1].
+    Returns the cell of each number and its position in that cell, in [0, 1].
     """
     wanted = numbers * cumulative[-1]
     index = np.minimum(np.searchsorted(cumulative, wanted, side="right"), len(cumulative) - 1)
@@ -22,7 +22,7 @@ def choose(
 def choose_each(
     cumulative: Float[np.ndarray, "n k"], numbers: Float[np.ndarray, " n"]
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Invert for each number a distribution of its own, as :func:`choose` does."""
+    """Invert a distribution of its own for each number, as :func:`choose` does."""
     wanted, each = numbers * cumulative[:, -1], np.arange(len(numbers))
     index = np.minimum(np.sum(cumulative <= wanted[:, None], axis=1), cumulative.shape[1] - 1)
     before = np.where(index > 0, cumulative[each, index - 1], 0.0)
@@ -34,7 +34,7 @@ def choose_each(
 def linear_inverse(
     first: Float[np.ndarray, " n"], second: Float[np.ndarray, " n"], rest: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Find the place in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
+    """Find the position in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
     target = rest * (first + second)
     denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
     place: Float[np.ndarray, " n"] = np.clip(

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from PIL import Image, UnidentifiedImageError
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import largest_symmetry
 from lensforge.sources.inverse_cdf import choose
+from lensforge.surfaces.symmetry import largest_symmetry
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ PlanarSource = RectangleSource | DiscSource | ChipsSource | ChipArraySource | Lu
 
 @dataclass(frozen=True)
 class PlanarEmitter:
-    """Area every point of which has the intensity ``profile``; total flux ``flux_w``, rays of equal flux."""
+    """Area each point of which emits with the intensity ``profile``; total flux ``flux_w``, rays of equal flux."""
 
     area: Area
     profile: IntensityProfile

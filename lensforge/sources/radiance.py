@@ -1,4 +1,4 @@
-"""An emitter whose radiance depends on place and direction together: near-field data of a real LED."""
+"""An emitter whose radiance depends on position and direction together: near-field data of a real LED."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of
 
 @dataclass(frozen=True, eq=False)
 class RadianceEmitter:
-    """Rays of equal flux, as dense in place and direction as ``table`` is bright; total flux ``flux_w``."""
+    """Rays of equal flux, their density in position and direction in proportion to ``table``; total flux ``flux_w``."""
 
     table: RadianceTable
     flux_w: float
@@ -60,7 +60,7 @@ class RadianceEmitter:
     def _place(
         self, down: Float[np.ndarray, " n"], across: Float[np.ndarray, " n"]
     ) -> tuple[Cells, Float[np.ndarray, "n 3"]]:
-        """Choose the row by the first number, the column by the second given the row; uniform inside of the cell."""
+        """Choose the row by the first number, the column by the second given the row; uniform inside the cell."""
         rows, y = choose(self._rows, down)
         columns, x = choose_each(self._columns[rows], across)
         origins = np.zeros((len(rows), 3))
@@ -71,7 +71,7 @@ class RadianceEmitter:
     def _turn(
         self, cells: Cells, numbers: Float[np.ndarray, " n"]
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Choose the sector of azimuth, and the place in it, by each number given the cell."""
+        """Choose the sector of azimuth, and the position in it, by each number given the cell."""
         if len(self.table.c_deg) == 1:
             return np.zeros(len(numbers), dtype=np.int64), numbers
         low, rest = choose_each(self._azimuths[cells], numbers)

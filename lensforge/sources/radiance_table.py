@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import largest_symmetry
+from lensforge.surfaces.symmetry import largest_symmetry
 
 _M2_PER_MM2 = 1e-6
 _SAME = 1e-6  # of the largest radiance, and of the width: what differs less is symmetric
@@ -107,7 +107,7 @@ class RadianceTable:
 
 
 def read_radiance(path: Path) -> RadianceTable:
-    """Read ``path``. Raises :class:`InputError`, one line, if it is missing, damaged, or no table of radiances."""
+    """Read ``path``. Raises :class:`InputError`, one line, if it is missing, damaged, or not a radiance table."""
     arrays = _arrays(path)
     problem = _problem(arrays)
     if problem:

@@ -11,7 +11,7 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.ray_source import Placement
 
-_OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest starts far out, as from the edge of a window
+_OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest starts far out, such as at the edge of a window
 # Proper rotations that take the named direction of the file to +z.
 _TO_LENS_AXIS = {
     "+x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -42,8 +42,8 @@ class RaySetEmitter:
     """Usable rays of a ray set in lens coordinates; their flux adds up to ``flux_w``.
 
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer counts them as lost, by
-    cause. Only rows that are no rays are left out; ``summary`` says how many, and what else was done to each file. It
-    is None for rays made by a program.
+    cause. Only unusable rays are dropped; ``summary`` holds their number, and what else was done to a file: None for
+    rays made by a program.
     """
 
     rays: RayBundle
@@ -56,7 +56,7 @@ class RaySetEmitter:
 
     @property
     def ray_count(self) -> int:
-        """Number of distinct rays: more than these say nothing new."""
+        """Number of distinct rays: drawing more adds no information."""
         return len(self)
 
     def sample(self, count: int, seed: int) -> RayBundle:
@@ -65,7 +65,7 @@ class RaySetEmitter:
         Fewer than the file holds: a random choice without replacement, never the first ones, because files are not
         always shuffled. As many: all, in the order of the file. More: every ray is split into equal parts, some into
         one part more than others. Splitting leaves each ray's flux as it is, so a result is exactly that of the whole
-        file, and its noise too: a file of n rays never says more than n rays do. Jitter would only hide that, and blur
+        file, and its noise too: a file of n rays never gives more than n rays do. Jitter would only hide that, and blur
         the source.
         """
         if count < 1:

@@ -24,7 +24,7 @@ from lensforge.spec.ray_source import Placement, RayfilePart, RayfileSource, Ray
 
 @dataclass(frozen=True, eq=False)
 class _Loaded:
-    """Usable rays of one file or array in its coordinates (mm), flux in W; ``count``: the unusable ones included."""
+    """Usable rays of one file or array in its coordinates (mm), flux in W; ``count`` includes unusable ones."""
 
     rays: RayBundle
     flux_w: float
@@ -41,7 +41,7 @@ class _Loaded:
 def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySetEmitter:
     """Load the emitter that ``spec`` describes; with ``material`` each ray carries its refractive index there.
 
-    Several files keep their powers, or with ``spec.flux_w`` the ratio of them. Raises :class:`InputError`, one line,
+    Several files keep their powers, or with ``spec.flux_w`` their ratio. Raises :class:`InputError`, one line,
     for files or arrays that cannot be used.
     """
     match spec:

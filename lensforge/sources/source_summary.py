@@ -19,7 +19,7 @@ class RaysDropped(Record):
 
 
 class LoadedRayFile(Record):
-    """Ray file as loaded: rays in the file, rows left out, and the power ``flux_w`` that its rays carry.
+    """Ray file as loaded: rays in the file, rays dropped, and the power ``flux_w`` that its rays carry.
 
     ``wavelengths_nm``: the least and the largest, ``refractive_indices``: of the lens there; None where one index is
     taken for all light.
@@ -59,7 +59,7 @@ class AppliedPlacement(Record):
 class SourceSummary(Record):
     """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
 
-    ``rays``: of all files, what was left out included; None for a source that can be sampled without end.
+    ``rays``: of all files, dropped ones included; None where a sample may be of any size.
     ``wavelengths_nm`` and ``refractive_indices`` as in :class:`LoadedRayFile`, of all light.
     """
 

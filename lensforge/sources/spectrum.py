@@ -50,8 +50,8 @@ class Spectrum:
     def draw(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
         """Draw ``count`` wavelengths (nm), one from each of as many equal shares of the power, in random order.
 
-        So they pad the Sobol points of place and direction (Owen, Latin supercube sampling, 1998) and are independent
-        of both.
+        So they pad the Sobol points of position and direction (Owen, Latin supercube sampling, 1998) and are
+        independent of both.
         """
         random = np.random.default_rng([seed, 5])
         return self.at((random.permutation(count) + random.random(count)) / count)
@@ -99,7 +99,7 @@ class IndexRange:
 
 @dataclass(frozen=True, eq=False)
 class DispersedSource:
-    """Source whose every point shines with ``spectrum`` in each direction, each ray with its index in ``material``."""
+    """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``."""
 
     source: Source
     spectrum: Spectrum

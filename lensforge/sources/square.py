@@ -27,7 +27,7 @@ class SquareEmitter:
         origins = np.zeros((count, 3))
         for axis in (0, 1):
             origins[:, axis] = (points[:, axis] - 0.5) * self.side_mm
-        # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray skims the chip.
+        # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray grazes the chip.
         sine, azimuth = np.sqrt(points[:, 2]), 2.0 * np.pi * points[:, 3]
         directions = np.empty((count, 3))
         np.multiply(sine, np.cos(azimuth), out=directions[:, 0])

@@ -1,4 +1,4 @@
-"""Arrays in a spec: given as arrays or nested lists, written as text that keeps every bit."""
+"""Arrays in a spec: given as arrays or nested lists, written as text without loss."""
 
 import base64
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class Numbers:
 def numbers_of(value: Any) -> np.ndarray:
     """Convert an array, nested lists, or what :func:`packed` makes to a new float64 array of any shape.
 
-    Raises :class:`ValueError` for what is none.
+    Raises :class:`ValueError` for anything else.
     """
     return real_numbers(value, _unpacked if isinstance(value, Mapping) else np.array)
 
@@ -55,7 +55,7 @@ def packed(array: np.ndarray) -> dict[str, Any]:
 
 def _unpacked(table: Mapping[str, Any]) -> np.ndarray:
     if set(table) != {"shape", "float64"}:
-        raise ValueError("a table of shape and float64 is wanted")
+        raise ValueError("must be a table of shape and float64")
     shape = tuple(int(size) for size in table["shape"])
     if any(size < 0 for size in shape) or np.prod(shape, dtype=float) > _MOST_NUMBERS:
         raise ValueError(f"shape = {shape}")

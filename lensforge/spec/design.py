@@ -1,6 +1,6 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm.
 
-A field that is wrong is reported in one line: its name, its value, what is allowed.
+A wrong field is reported in one line: its name, its value, what is allowed.
 """
 
 import tomllib
@@ -24,7 +24,7 @@ from lensforge.spec.target import Target
 
 
 class Spec(Section):
-    """One design: what goes in, what is wanted, what is allowed."""
+    """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     source: SourceSpec
@@ -37,10 +37,10 @@ class Spec(Section):
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
-        """Another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
+        """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
 
-        A section is replaced by an object of its kind, or changed by a table of fields; what is not named stays as it
-        was given. Raises :class:`InputError` for what a spec cannot have.
+        A section is replaced by an object of its kind, or changed by a table of fields; all others stay as they
+        were given. Raises :class:`InputError` for an invalid change.
         """
         if changes is not None and not isinstance(changes, Mapping):
             raise InputError(

@@ -69,7 +69,7 @@ class TableSpectrum(Section):
 
 
 class FileSpectrum(Section):
-    """Spectral table as a text file of two columns, nm and weight, as LED makers ship it."""
+    """Spectral table as a text file of two columns, wavelength (nm) and relative power density."""
 
     kind: Literal["file"] = "file"
     file: FilePath
@@ -81,8 +81,8 @@ SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(disc
 class EmitterSection(Section):
     """Fields of every source.
 
-    ``luminous_efficacy_lm_per_w`` of its light: with it, reports speak in lux, without it in W/m^2. ``spectrum``:
-    counts where the lens is of a dispersive material; of a ray file it takes the place of the file's own.
+    ``luminous_efficacy_lm_per_w`` of its light: with it, reports show lux, without it W/m^2. ``spectrum``: used where
+    the lens material is dispersive; for a ray file it replaces the file's own.
     """
 
     luminous_efficacy_lm_per_w: Annotated[float, Field(gt=0.0, le=683.0)] | None = None

@@ -30,7 +30,7 @@ def input_hashes(section: Section) -> dict[str, str]:
 
 
 def section_sha256(section: Section) -> str:
-    """The hash of what a section says and of the files that it names, not of where these lie."""
+    """SHA-256 of the fields of a section and of the files that it names, whatever their folders."""
     digest = hashlib.sha256(section.model_dump_json().encode())
     for name, found in input_hashes(section).items():
         digest.update(f"{name}={found}".encode())

@@ -1,4 +1,4 @@
-"""The ``[lens]`` of a spec: material, starting shape, and surfaces that the search leaves alone."""
+"""The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
 from typing import Annotated, Literal
 
@@ -91,14 +91,14 @@ FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")
 class LensSection(Section):
     """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
 
-    ``fixed_inner`` or ``fixed_outer`` takes the place of one hemisphere, and the search leaves that surface alone.
-    ``symmetry`` "auto" is the largest mirror symmetry that source and target share; a lens's record has its name.
+    ``fixed_inner`` or ``fixed_outer`` replaces one hemisphere, and the search does not change that surface.
+    ``symmetry`` "auto" is the largest mirror symmetry that source and target share; the record of a lens names it.
 
-    The index comes from one of two: ``refractive_index`` is that of all light, and ``material`` then only a label; or
-    ``material`` names a dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` counts where a
-    single number is needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d
-    of a dispersive material of one's own. ``absorption_per_mm`` (Beer-Lambert) counts in the stray-light pass of
-    ``verify``; the design leaves it out.
+    Either ``refractive_index`` holds for all wavelengths, and ``material`` is only a label; or ``material`` names a
+    dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` is used where a single number is
+    needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d of a dispersive
+    material of one's own. ``absorption_per_mm`` (Beer-Lambert) enters the stray-light pass of ``verify``, not the
+    design.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
@@ -144,7 +144,7 @@ class LensSection(Section):
 
     @property
     def dispersion(self) -> Material | None:
-        """The index against wavelength; None for a lens of one index."""
+        """Index against wavelength; None for a lens of one index."""
         if self.abbe_number is not None:
             return by_abbe_number(self.refractive_index, self.abbe_number, self.material)
         return MATERIALS.get(self.material)

@@ -10,9 +10,9 @@ from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Sec
 class BaseSection(Section):
     """The clamping base: the paper's one-inch cylinder, a square, a STEP ``file`` of one's own, or none.
 
-    ``height_mm`` is all of it. ``relief_step_mm``: how far the base's top lies below the rim, so that a cutter reaches
-    the rim; ``relief_setback_mm`` makes the step's wall a circle that stands back from the rim at least that far,
-    without it the wall is drawn down from the rim. ``flat_mm``: distance of a clocking flat, across +x, from the axis.
+    ``height_mm``: total height. ``relief_step_mm``: depth of the base's top below the rim, so that a cutter reaches the
+    rim; with ``relief_setback_mm`` the step's wall is a circle at least that far inside the rim, without it the wall
+    follows the rim straight down. ``flat_mm``: distance of a clocking flat, across +x, from the axis.
     ``pocket_*``: a wider bore from below for the LED. ``flange_*``: a wider ring at the bottom. A STEP file has all of
     these itself: one solid in the lens's coordinates, its top in z = 0.
     """
@@ -60,12 +60,12 @@ class BaseSection(Section):
 
     @property
     def widest_mm(self) -> float:
-        """Diameter of the smallest cylinder about the axis that holds the base, its flange apart."""
+        """Diameter of the smallest cylinder about the axis that holds the base without its flange."""
         return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm
 
 
 class Tool(Section):
-    """A ball mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
+    """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
     name: Annotated[str, Field(min_length=1)]
     radius_mm: Millimetres
@@ -77,8 +77,8 @@ class Tool(Section):
 class ManufactureSection(Section):
     """Equipment of the shop: the paper's ball cutter by default, and any further ``tools`` with shank and holder.
 
-    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``max_tilt_deg``: how far a tool's axis
-    may lean from the lens axis. ``stepover_mm`` and ``slope_limit_mrad``: passes, and the slope of their cusps.
+    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``max_tilt_deg``: largest angle between
+    a tool's axis and the lens axis. ``stepover_mm``: between passes. ``slope_limit_mrad``: of the cusps they leave.
     ``required``: a part that cannot be cut counts as a failure of the run.
     """
 

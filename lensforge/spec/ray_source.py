@@ -18,7 +18,7 @@ class Placement(EmitterSection):
 
     ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
     factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
-    to -x. ``rotate_z_deg``: turn about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
+    to -x. ``rotate_z_deg``: about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
     of the file.
     """
 
@@ -45,7 +45,7 @@ class RayfileSource(Placement):
 class RayfilePart(Section):
     """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts.
 
-    ``spectrum`` takes the place of the file's own.
+    ``spectrum`` replaces the file's own.
     """
 
     file: FilePath
@@ -69,7 +69,7 @@ class RaySource(Placement):
     """Ray set given as arrays, such as that of another program: start points (mm), directions, and the flux of each.
 
     Directions need not have length 1. ``ray_flux``: W, or relative where ``flux_w`` says how much all of them carry;
-    without it all rays are alike. ``wavelengths_nm``: counts where the lens is of a dispersive material.
+    without it all rays have the same. ``wavelengths_nm``: used where the lens material is dispersive.
     """
 
     positional: ClassVar[str] = "rays"
@@ -80,7 +80,7 @@ class RaySource(Placement):
     ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
     wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
 
-    if TYPE_CHECKING:  # what the class takes; the fields themselves are validated as everywhere
+    if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
         def __init__(
             self,

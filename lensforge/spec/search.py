@@ -11,10 +11,10 @@ DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 
 
 class ConstraintsSection(Section):
-    """Feasible lenses, Eqs. (10) to (14): a paraboloid of height r_a and radius r_b stays inside the cavity.
+    """Feasible lenses, Eqs. (10) to (14): a paraboloid of ``cavity_*`` stays inside the cavity.
 
-    On request, what the shop needs: no hollow of a face is tighter than ``*_concave_radius_mm``, the ball that mills
-    it, and each face leans at least ``*_draft_deg`` away from the axis, along which its mould opens.
+    Optional, for manufacture: no concave region of a face is tighter than ``*_concave_radius_mm``, the ball that mills
+    it, and each face has a draft of at least ``*_draft_deg`` along the axis, the direction in which its mould opens.
     """
 
     cavity_height_mm: Millimetres
@@ -28,14 +28,14 @@ class ConstraintsSection(Section):
 
     @property
     def tolerance_mm(self) -> float:
-        """A length that is this much outside of its limit counts as feasible: a micrometre for a lens of 14 mm."""
+        """Excess over a limit that still counts as feasible: a micrometre for a lens of 14 mm."""
         return 7e-5 * self.max_radius_mm
 
 
 class OptimiseSection(Section):
-    """Settings of the search; what is left out comes from the accuracy preset.
+    """Settings of the search; omitted ones come from the accuracy preset.
 
-    Without ``fresnel`` the search leaves out what both surfaces reflect; the evaluation never does.
+    Without ``fresnel`` the search neglects Fresnel losses at both surfaces; the evaluation never does.
     """
 
     steps_per_level: tuple[PositiveInt, ...] | None = None

@@ -65,7 +65,7 @@ def spec_error(error: ValidationError, origin: str) -> InputError:
     return input_error(error, origin, unions=_UNIONS)
 
 
-# From a nanometre to a kilometre, with room: squares and ratios of lengths stay within floating point.
+# From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]  # mm

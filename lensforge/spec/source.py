@@ -66,7 +66,7 @@ class Chip(Section):
 
 
 class ChipsSource(_PlanarSource):
-    """Several chips, each where it is and as strong as it is; ``flux_w``: of all of them together."""
+    """Several chips, each with its position, size and power; ``flux_w``: of all of them together."""
 
     kind: Literal["chips"] = "chips"
     chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
@@ -96,7 +96,7 @@ class ChipArraySource(_PlanarSource):
 
 
 class LuminanceSource(_PlanarSource):
-    """A picture of the lit source, ``width_mm`` wide and centred on the axis: each pixel emits as its value says."""
+    """A picture of the lit source, ``width_mm`` wide and centred on the axis: a pixel's flux follows its value."""
 
     kind: Literal["luminance"] = "luminance"
     file: FilePath
@@ -110,7 +110,7 @@ class LuminanceSource(_PlanarSource):
 
 
 class RadianceSource(EmitterSection):
-    """Radiance by place and direction, from a NumPy archive (docs/rayfiles.md); ``flux_w``: if not the table's own."""
+    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); ``flux_w`` replaces the table's."""
 
     kind: Literal["radiance"] = "radiance"
     file: FilePath

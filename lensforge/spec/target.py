@@ -1,4 +1,4 @@
-"""The wanted light: a pattern on a receiver."""
+"""The ``[target]`` of a spec: an irradiance pattern on a receiver."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -74,7 +74,7 @@ class ArrayTarget(_SoftTarget):
     values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
     width_mm: Millimetres
 
-    if TYPE_CHECKING:  # what the class takes; the fields themselves are validated as everywhere
+    if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
         def __init__(
             self,

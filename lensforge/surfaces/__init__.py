@@ -1,1 +1,1 @@
-"""Shapes of light-bending surfaces: NumPy only, so that the geometry stage never needs torch."""
+"""Shapes of refracting surfaces: NumPy and SciPy, so that the geometry stage never needs torch."""

@@ -17,8 +17,8 @@ from lensforge.errors import InputError
 from lensforge.surfaces.surface import Surface
 
 # The profile is known down to this height of the direction, 30 degrees below the horizon. Directions further down
-# get the radius of a direction that stays above: the same surface for z >= 0, and a smooth one (7 derivatives) below,
-# where splines need something to lean on.
+# get the radius of one above that height: the same surface for z >= 0, and a smooth continuation (7 derivatives) below,
+# which splines need.
 _LEAST_HEIGHT = -0.5
 _SOFTNESS = 7
 _PROFILE = 301  # directions, 0.4 degrees apart
@@ -41,7 +41,10 @@ class Asphere(Surface):
 
     def __post_init__(self) -> None:
         if not self.vertex_mm > 0.0 or self.radius_mm == 0.0:
-            raise InputError(f"vertex at {self.vertex_mm:g} mm, radius {self.radius_mm:g} mm: above 0, and not 0")
+            raise InputError(
+                f"vertex at {self.vertex_mm:g} mm, radius {self.radius_mm:g} mm: the vertex must lie above 0, "
+                "the radius must not be 0"
+            )
         _ = self._profile
 
     @property
@@ -82,7 +85,7 @@ class Asphere(Surface):
     def _implicit(
         self, rho: Float[np.ndarray, "*n"], height: Float[np.ndarray, "*n"]
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """``F`` at distance ``rho`` in directions of the given ``height`` (their z), and its derivatives by the two."""
+        """``F`` at distance ``rho`` in directions of the given ``height`` (their z), and its two derivatives."""
         squared = rho**2 * (1.0 - height**2)
         s = rho * height - self.vertex_mm - polynomial.polyval(squared, self._series)
         value = ((1.0 + self.conic) * s**2 + squared) / self.radius_mm - 2.0 * s
@@ -93,7 +96,7 @@ class Asphere(Surface):
         return value, by_radius, by_height
 
     def _at(self, height: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Newton's steps from the profile, whose error is about 1e-5 of the radius: the second reaches rounding."""
+        """``rho`` by Newton steps from the profile, whose error is about 1e-5: the second reaches rounding."""
         heights, radii = self._profile
         rho: Float[np.ndarray, " n"] = np.interp(height, heights[::-1], radii[::-1])
         for _ in range(3):
@@ -103,7 +106,7 @@ class Asphere(Surface):
 
     @cached_property
     def _profile(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-        """Heights of directions, from the axis down, and the radius there: followed from the vertex, root by root."""
+        """Heights of directions, from the axis down, and the radius there: roots followed from the vertex."""
         heights = np.cos(np.linspace(0.0, np.arccos(_LEAST_HEIGHT), _PROFILE))
         radii = np.empty(_PROFILE)
         rho = self.vertex_mm
@@ -115,7 +118,7 @@ class Asphere(Surface):
         """The root at ``height`` that continues ``rho``, the root at the height before."""
         root, at = np.array([rho]), np.array([height])
         for _ in range(_MOST_NEWTON_STEPS):
-            with np.errstate(over="ignore", invalid="ignore"):  # a polynomial that runs away: the cosine is then NaN
+            with np.errstate(over="ignore", invalid="ignore"):  # a polynomial that overflows: the cosine is then NaN
                 value, by_radius, by_height = self._implicit(root, at)
                 cosine = -by_radius / np.hypot(by_radius, np.sqrt(1.0 - at**2) * by_height / root)
             if not (cosine > _LEAST_COSINE and root > 0.0):

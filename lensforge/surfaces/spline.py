@@ -1,7 +1,7 @@
-"""The same surface, tabulated: a uniform bicubic B-spline of ``rho`` over the stereographic chart.
+"""Table of a surface: a uniform bicubic B-spline of ``rho`` over the stereographic chart.
 
-The coefficients are linear in the SRBF weights (``weight_maps`` turns one into the other), and the cost of tracing
-a ray no longer depends on the number of functions. The table's error against the exact sum falls as the fourth power
+The coefficients are linear in the SRBF weights (``weight_maps`` holds the matrices), and the cost of tracing a
+ray does not depend on the number of functions. The table's error against the exact sum falls as the fourth power
 of the node spacing (:func:`table_error` measures it).
 """
 
@@ -72,7 +72,7 @@ def grid_for(sigma_min_rad: float, nodes_per_sigma: float) -> TableGrid:
 
 
 def tabulate(grid: TableGrid, surface: Surface) -> Float[np.ndarray, "side side"]:
-    """The table of one surface, from its exact sum."""
+    """The table of one surface, from its exact radius."""
     count = grid.nodes + 2 * APRON
     samples = surface.radius_on_grid(grid.sample_directions().reshape(count, count, 3))
     return grid.coefficients(samples.reshape(-1, 1)).reshape(grid.side, grid.side)
@@ -101,7 +101,7 @@ def cubic_basis(f: Float[np.ndarray, " k"], order: int = 0) -> list[Float[np.nda
 def table_error(
     grid: TableGrid, table: Float[np.ndarray, "side side"], surface: Surface, samples: int = 4096, seed: int = 0
 ) -> float:
-    """Largest |table - exact sum| (mm) over random directions of the hemisphere, off the nodes."""
+    """Largest |table - exact radius| (mm) over random directions of the hemisphere, off the nodes."""
     rng = np.random.default_rng(seed)
     z, azimuth = rng.random(samples), 2.0 * np.pi * rng.random(samples)
     sine = np.sqrt(1.0 - z * z)

@@ -4,7 +4,7 @@
 ``u`` and the centre ``c_j``. This module is the definition; tables and NURBS approximate it.
 
 Where the paper is silent: the centres are a Fibonacci grid on the *hemisphere*, so that
-``arccos(1 - 1/m)`` of Eq. (3) is the half-angle of the cap that each centre owns; and a surface may be given a
+``arccos(1 - 1/m)`` of Eq. (3) is the half-angle of the cap of each centre; and a surface may be given a
 mirror symmetry, in which case each basis function is averaged over its mirror images.
 """
 
@@ -87,9 +87,9 @@ class SrbfBasis:
         total = np.zeros_like(directions)
         for image in images:
             turned = directions @ image
-            pull = _slopes(turned, self.centres, self.sigmas) * weights
-            # d g / d u points from the centre away; its component along u is removed.
-            towards = pull @ self.centres - np.sum(pull * (turned @ self.centres.T), axis=1)[:, None] * turned
+            slopes = _slopes(turned, self.centres, self.sigmas) * weights
+            # d g / d u points away from the centre; its component along u is removed.
+            towards = slopes @ self.centres - np.sum(slopes * (turned @ self.centres.T), axis=1)[:, None] * turned
             total += towards @ image.T
         return total / len(images)
 
@@ -107,8 +107,8 @@ def gaussians(
 ) -> Float[np.ndarray, "n m"]:
     """``exp(-g^2/sigma^2)`` of unit directions and centres.
 
-    The angle comes from the chord, ``g = 2 asin(|u - c|/2)``: arccos of a dot product loses half of the digits at
-    the centre, where rays along the axis of a function live.
+    The angle comes from the chord, ``g = 2 asin(|u - c|/2)``: arccos of a dot product loses half of the digits
+    near the centre.
     """
     angle = 2.0 * np.arcsin(0.5 * np.sqrt(_chord_squared(directions, centres)))
     values: Float[np.ndarray, "n m"] = np.exp(-((angle / sigmas) ** 2))
@@ -133,13 +133,13 @@ class SrbfSurface(Surface):
     """A star-shaped surface: offset ``h`` (mm) and one weight (mm) for each function of the basis."""
 
     basis: SrbfBasis
-    weights: Float[np.ndarray, " m"]
+    weights_mm: Float[np.ndarray, " m"]
     offset_mm: float
 
     def __post_init__(self) -> None:
-        if self.weights.shape != (self.basis.size,):
-            raise InputError(f"weights: {self.weights.shape[0]} given, the basis has {self.basis.size} functions")
-        if not (np.isfinite(self.weights).all() and np.isfinite(self.offset_mm)):
+        if self.weights_mm.shape != (self.basis.size,):
+            raise InputError(f"weights: {self.weights_mm.shape[0]} given, the basis has {self.basis.size} functions")
+        if not (np.isfinite(self.weights_mm).all() and np.isfinite(self.offset_mm)):
             raise InputError("weights: some are not finite; the design has diverged, lower the learning rate")
 
     @property
@@ -150,18 +150,18 @@ class SrbfSurface(Surface):
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
         return np.concatenate(
-            [self.offset_mm + self.basis.evaluate(part) @ self.weights for part in self._parts(directions)]
+            [self.offset_mm + self.basis.evaluate(part) @ self.weights_mm for part in self._parts(directions)]
         )
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
-        """``rho`` (mm) on a square chart grid centred on the axis: mirror images permute one evaluation."""
+        """``rho`` (mm) on a square chart grid centred on the axis: its mirror images come from one evaluation."""
         plain = replace(self, basis=replace(self.basis, symmetry="none"))
         block = plain.radius(directions.reshape(-1, 3)).reshape(directions.shape[:2])
         return grid_images(block, self.basis.symmetry)
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
-        return np.concatenate([self.basis.gradient(part, self.weights) for part in self._parts(directions)])
+        return np.concatenate([self.basis.gradient(part, self.weights_mm) for part in self._parts(directions)])
 
     def _parts(self, directions: Float[np.ndarray, "n 3"]) -> Sequence[Float[np.ndarray, "k 3"]]:
         rows = max(1, min(_CHUNK, _CHUNK_VALUES // self.basis.size))

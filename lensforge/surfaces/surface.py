@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 @runtime_checkable
 class Surface(Protocol):
-    """A star-shaped surface; ``directions`` are unit vectors, also a little below z = 0, where it goes on smoothly."""
+    """A star-shaped surface; ``directions`` are unit vectors, also a little below z = 0, continued smoothly."""
 
     @property
     def detail_rad(self) -> float:

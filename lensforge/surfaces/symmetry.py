@@ -1,5 +1,6 @@
 """Mirror groups about the optical axis, by name: the 3x3 matrices under which a scene looks the same."""
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -35,6 +36,11 @@ def group(name: str) -> list[np.ndarray]:
 def contains(larger: str, smaller: str) -> bool:
     """True where every mirror image of group ``smaller`` belongs to group ``larger``."""
     return all(any(np.array_equal(a, b) for b in group(larger)) for a in group(smaller))
+
+
+def largest_symmetry(unchanged: Callable[[Float[np.ndarray, "3 3"]], bool]) -> str:
+    """Find the largest mirror group all of whose mirrors leave something ``unchanged``."""
+    return next(name for name in reversed(NAMES) if all(unchanged(mirror) for mirror in group(name)))
 
 
 def grid_images(block: Float[np.ndarray, "n n *c"], name: str) -> Float[np.ndarray, "n n *c"]:

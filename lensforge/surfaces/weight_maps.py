@@ -1,4 +1,4 @@
-"""Maps from weights to table coefficients, level by level: the cost follows what each function covers.
+"""Maps from weights to table coefficients, level by level: the cost grows with the area that each function covers.
 
 A function is sampled where it is not negligible, on a grid as fine as its own level needs; the level's spline is then
 carried over to the table's grid, which is one banded matrix along each axis. So a step of the search costs hardly more
@@ -19,7 +19,7 @@ from lensforge.surfaces.spline import APRON, TableGrid, grid_for
 from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere, level_sigma
 
 _NEGLIGIBLE = 1e-10  # of a function's peak
-_FAR = 1e-14  # a spline's coefficient forgets a sample by 2 - sqrt(3) a node: what is left after some 24 nodes
+_FAR = 1e-14  # a spline's coefficient depends on a sample by 2 - sqrt(3) less a node: nothing is left after some 24
 _FINER = 1.3  # a coarse level's nodes per sigma over the finest's: its error is then a third of the table's
 _SURVEYED = 128  # functions whose samples are counted, to know how many there will be
 _MOST_BYTES = 8 * 2**30
@@ -52,7 +52,7 @@ def weight_maps(grid: TableGrid, basis: SrbfBasis) -> list[WeightMap]:
 
 
 def _level_grid(grid: TableGrid, sigma: float, finest: float) -> TableGrid:
-    """A grid of the level's own where that is coarser than the table's, by enough that its spline covers the apron."""
+    """The level's own grid where that is coarser than the table's, by enough that its spline covers the apron."""
     if sigma <= _FINER * finest:
         return grid
     own = grid_for(sigma, _FINER * finest / (2.0 * grid.step))
@@ -68,7 +68,7 @@ def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
     if needed > _MOST_BYTES:
         raise InputError(
             f"{count} functions on {grid.nodes} x {grid.nodes} nodes would take {needed / 2**30:.0f} GiB, "
-            f"allowed are {_MOST_BYTES // 2**30}"
+            f"at most {_MOST_BYTES // 2**30}"
         )
     near = nodes.sparse_distance_matrix(centres, chord, output_type="coo_matrix")
     angles = 2.0 * np.arcsin(np.minimum(0.5 * near.data, 1.0))
@@ -77,7 +77,7 @@ def _samples(grid: TableGrid, count: int, sigma: float) -> csr_matrix:
 
 
 def _refinement(own: TableGrid, grid: TableGrid) -> csr_matrix:
-    """Samples on ``own`` to its spline, to that spline's values at the nodes of ``grid``, to coefficients there."""
+    """Matrix from samples on ``own``, by its spline's values at the nodes of ``grid``, to coefficients on ``grid``."""
     matrix = np.eye(own.nodes + 2 * APRON)
     if own != grid:
         coefficients = spline_filter1d(matrix, order=3, axis=0, mode="mirror")

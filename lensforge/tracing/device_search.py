@@ -1,7 +1,7 @@
-"""The first crossing of many rays at once with a table's surface: the proof of ``intersect_kernel``, in plain torch.
+"""First crossings of many rays at once with a table's surface: the search of ``kernels.first_hit`` in plain torch.
 
-The same safe steps, bounds and limits, step by step for all rays that are still under way; see there for why no root
-is jumped over. Rays lie along the last axis. No gradient.
+The same safe steps, bounds and limits, step by step for all rays without a result yet; see there for why no root is
+stepped over. Rays lie along the last axis. No gradient.
 """
 
 from typing import NamedTuple
@@ -13,19 +13,19 @@ from torch import Tensor
 from lensforge.kernels.first_hit import (
     BELOW,
     FOUND,
+    LEAP_SHARE,
     LOST,
     MAX_CLOSING,
     MAX_STEPS,
     ROUNDING,
     TOLERANCE,
-    WORTH_A_LEAP,
 )
 from lensforge.tracing.device_table import DeviceTable
 from lensforge.tracing.sequence import Crossing
 
 # States of a search besides the kernel's three.
 _GOING = 3
-_BRACKETED = 4  # the next root is the only one ahead: it may be closed in on
+_BRACKETED = 4  # the next root is the only one ahead, and bracketed
 
 
 class _Place(NamedTuple):
@@ -47,7 +47,7 @@ class _Place(NamedTuple):
         per_shift = 1.0 / (r + points[2])
         return _Place(points[0] * per_shift, points[1] * per_shift, per_shift, r, outward / r, outward, *directions)
 
-    def descent(self, table: DeviceTable) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+    def gap_and_slope(self, table: DeviceTable) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
         """F and F'."""
         rho, rho_x, rho_y = table.value_and_slope(self.X, self.Y)
         ahead = self.cos_radial + self.dz
@@ -80,7 +80,7 @@ class _Ahead(NamedTuple):
         return torch.where(path * self.turning <= self.room, path, self.room / self.turning)
 
     def bend(self, place: _Place, least: float) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
-        """``intersect_kernel.bend_ahead``: the bound C of F'', and the path up to which it holds besides the reach."""
+        """Bound C of ``|F''|`` and the path up to which it holds within the reach: as ``first_hit.bound_ahead``."""
         per_r = 1.0 / place.r
         twist = torch.where(self.sine < place.cos_radial, 2.0 * self.sine * place.cos_radial, 1.0)
         outwards = (self.sine * self.sine * (1.0 + self.max_hessian * per_r) + self.max_slope * twist * per_r) * per_r
@@ -120,13 +120,13 @@ def first_crossing(table: DeviceTable, origins: Float[Tensor, "n 3"], directions
 def _stride(
     table: DeviceTable, starts: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """One safe step of each ray: its path, its state, and F and F' where it has looked at the surface."""
+    """One safe step of each ray: its path, its state, and F and F' where it has evaluated the surface."""
     points, least = starts + t * along, table.bounds.least
     place = _Place.of(points, along)
     ahead = _Ahead.of(table, place)
     below = (points[2] < 0.0) & (along[2] <= 0.0)
     in_ball = place.r < least  # F > 0 in the whole ball: go to its far side, whatever the reach
-    deep = place.r < WORTH_A_LEAP * ahead.low
+    deep = place.r < LEAP_SHARE * ahead.low
     radius = torch.where(in_ball, least, ahead.low)
     leap = torch.sqrt(place.outward**2 + (radius - place.r) * (radius + place.r)) - place.outward
     leap = torch.where(in_ball, leap * (1.0 + 1e-15) + 1e-15 * least, ahead.within(leap))
@@ -140,10 +140,10 @@ def _stride(
 def _look(
     table: DeviceTable, points: Float[Tensor, "3 n"], along: Float[Tensor, "3 n"], t: Float[Tensor, " n"]
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """At the root, before the only one, or a step by the parabola that bounds F from below; as ``_stride``."""
+    """Result of ``_stride`` where F is evaluated: at a root, before the only one, or a step of the parabola."""
     place = _Place.of(points, along)
     ahead = _Ahead.of(table, place)
-    gap, slope = place.descent(table)
+    gap, slope = place.gap_and_slope(table)
     bend, path = ahead.bend(place, table.bounds.least)
     farthest = -2.0 * gap / slope
     only = (slope < 0.0) & (2.0 * bend * gap <= slope * slope)
@@ -186,7 +186,7 @@ def _close_in(
         if len(going) == 0:
             break
         place = _Place.of(starts[:, going] + bracket.t * along[:, going], along[:, going])
-        F, slope = place.descent(table)
+        F, slope = place.gap_and_slope(table)
         newton = -F / slope
         done = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
         roots[going] = bracket.t + torch.where(done, newton, 0.0)
@@ -197,7 +197,7 @@ def _close_in(
 
 
 def _narrowed(bracket: _Bracket, F: Float[Tensor, " n"], inverse: Float[Tensor, " n"]) -> _Bracket:
-    """The bracket after a look at its guess, and a better guess: safeguarded, as ``intersect_kernel.close_in``."""
+    """Bracket after an evaluation at its guess, and a better guess: safeguarded, as in ``first_hit.close_in``."""
     t, before = bracket.t, bracket.before
     low, high = torch.where(F > 0.0, t, bracket.low), torch.where(F > 0.0, bracket.high, t)
     # divided differences of t as a function of F, each point counted twice

@@ -1,6 +1,6 @@
 """Bicubic tables of ``rho`` in plain torch, on any device: the same coefficients and bounds as those of the kernels.
 
-Rays lie along the last axis of every tensor inside of a table, so that neighbours in memory are neighbours in the work.
+Rays lie along the last axis of every tensor inside a table, so that neighbouring rays are neighbours in memory.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from lensforge.tracing.tables import Scene, checked_bounds
 
 @dataclass(frozen=True)
 class DeviceTable:
-    """``coefficients`` (mm), and the bounds that a search goes by; ``tiles`` are those of ``bounds``, on the device."""
+    """``coefficients`` (mm), and the bounds for the search; ``tiles`` are those of ``bounds``, on the device."""
 
     coefficients: Float[Tensor, "side side"]
     grid: TableGrid
@@ -48,11 +48,11 @@ class DeviceTable:
         return (wx * along).sum(dim=0), (dx * along).sum(dim=0) * per_step, (wx * across).sum(dim=0) * per_step
 
     def _cell(self, position: Float[Tensor, " n"]) -> Int[Tensor, " n"]:
-        """The second of the four coefficients that act at ``position`` (in steps), kept inside of the table."""
+        """The second of the four coefficients that act at ``position`` (in steps), kept inside the table."""
         return position.detach().to(torch.int64).clamp(1, self.grid.side - 3)
 
     def bounds_near(self, X: Float[Tensor, " n"], Y: Float[Tensor, " n"]) -> Float[Tensor, "3 n"]:
-        """Least rho, largest gradient and Hessian near a direction, from inside of the table also for no number."""
+        """Least rho, largest gradient and Hessian near a direction; indices stay within the table even for NaN."""
         i, j = (
             ((at - self.grid.origin) * self.bounds.per_unit).to(torch.int64).clamp(0, self.tiles.shape[1] - 1)
             for at in (X, Y)

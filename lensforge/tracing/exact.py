@@ -1,7 +1,7 @@
 """The exact tracer: rays through the surfaces themselves, not through their tables; in plain torch, on any device.
 
 It shares no surface or intersection code with the compiled kernels. Crossings are bracketed by a scan, of the exact
-surface (``DenseScan``, the oracle of the kernels) or of its table (``TableScan``, 50 times faster), and closed in on
+surface (``DenseScan``, the reference for the kernels) or of its table (``TableScan``, 50 times faster), and refined
 by bisection; the Newton step of :func:`~lensforge.tracing.sequence.trace_sequence` then ends on the exact surface.
 """
 
@@ -24,15 +24,15 @@ from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.sequence import Crossing, TensorRays, TracedSurface, trace_sequence
 
 _CHUNK_VALUES = 2**22  # rays times basis functions at a time: some 300 MB
-_SIZE_DIRECTIONS = 1000  # over the hemisphere, where the reach of a fixed surface is read off
+_SIZE_DIRECTIONS = 1000  # over the hemisphere, at which the reach of a fixed surface is sampled
 _DOUBLE = torch.empty(0, dtype=torch.float64)
 
 
 @dataclass(frozen=True)
 class DenseScan:
-    """``steps`` over the reach of a surface bracket a crossing of it, ``bisections`` close in on it.
+    """Scan of the exact surface: ``steps`` over its reach bracket a crossing, ``bisections`` refine it.
 
-    What is left is ``reach_mm / steps / 2^bisections``; the Newton step that follows squares it.
+    The error is ``reach_mm / steps / 2^bisections``; the Newton step that follows squares it.
     """
 
     steps: int = 256
@@ -54,9 +54,9 @@ class DenseScan:
 
 @dataclass(frozen=True)
 class TableScan:
-    """A table of the surface (mm) says where its crossings are, to the table's error of some nm.
+    """Scan of a table (mm) of the surface, which has its crossings to the table's error of some nm.
 
-    ``newton_steps`` go on from there on the exact surface, where the table is farther off than that.
+    For a coarser table ``newton_steps`` on the exact surface follow.
     """
 
     grid: TableGrid
@@ -113,19 +113,19 @@ def _bracketed(
 
 @dataclass(frozen=True)
 class ExactSurface:
-    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights`` and ``offset`` (mm).
+    """``rho(u) = h + sum_j w_j exp(-g^2/sigma_j^2)``, Eq. (2), differentiable in ``weights_mm`` and ``offset_mm``.
 
-    The precision and the device are those of ``weights``.
+    The precision and the device are those of ``weights_mm``.
     """
 
     basis: SrbfBasis
-    weights: Float[Tensor, " m"]
-    offset: Float[Tensor, ""]
+    weights_mm: Float[Tensor, " m"]
+    offset_mm: Float[Tensor, ""]
     scan: DenseScan | TableScan = DenseScan()
 
     @cached_property
     def _constants(self) -> tuple[Tensor, Tensor, list[Tensor]]:
-        like = self.weights
+        like = self.weights_mm
         centres = torch.as_tensor(self.basis.centres, dtype=like.dtype, device=like.device)
         sigmas = torch.as_tensor(self.basis.sigmas, dtype=like.dtype, device=like.device)
         images = [torch.as_tensor(m, dtype=like.dtype, device=like.device) for m in group(self.basis.symmetry)]
@@ -145,11 +145,11 @@ class ExactSurface:
 
     def _radius(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         centres, sigmas, images = self._constants
-        total = self.offset.expand(len(directions))
+        total = self.offset_mm.expand(len(directions))
         for image in images:
             chord = torch.cdist(directions @ image, centres, compute_mode="donot_use_mm_for_euclid_dist")
             angle = 2.0 * torch.asin(torch.clamp(0.5 * chord, max=1.0))
-            total = total + torch.exp(-((angle / sigmas) ** 2)) @ self.weights / len(images)
+            total = total + torch.exp(-((angle / sigmas) ** 2)) @ self.weights_mm / len(images)
         return total
 
     def _gradient(self, directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
@@ -162,7 +162,7 @@ class ExactSurface:
             sine = torch.linalg.norm(tangent, dim=-1)
             angle = torch.atan2(sine, cosine)
             ratio = torch.where(sine > 1e-9, angle / torch.where(sine > 1e-9, sine, 1.0), 1.0)
-            slope = self.weights * 2.0 * ratio / sigmas**2 * torch.exp(-((angle / sigmas) ** 2))
+            slope = self.weights_mm * 2.0 * ratio / sigmas**2 * torch.exp(-((angle / sigmas) ** 2))
             total = total + torch.einsum("nm,nmk->nk", slope, tangent) @ image.T / len(images)
         return total
 
@@ -186,12 +186,12 @@ class ExactSurface:
     @property
     def reach_mm(self) -> float:
         """Twice the largest radius that the sum can have: a ray from inside has left the surface by then."""
-        return 2.0 * float(self.offset + self.weights.abs().sum())
+        return 2.0 * float(self.offset_mm + self.weights_mm.abs().sum())
 
 
 @dataclass(frozen=True)
 class FixedSurface:
-    """A surface that is no sum of basis functions, such as an asphere: float64 on the CPU, its shape a constant."""
+    """A surface other than a sum of basis functions, such as an asphere: float64 on the CPU, its shape constant."""
 
     surface: Surface
     scan: DenseScan | TableScan
@@ -229,7 +229,7 @@ def exact_surfaces(
         if not isinstance(surface, SrbfSurface):
             return FixedSurface(surface, scan)
         offset = torch.tensor(surface.offset_mm, dtype=torch.float64)
-        return ExactSurface(surface.basis, torch.from_numpy(surface.weights), offset, scan)
+        return ExactSurface(surface.basis, torch.from_numpy(surface.weights_mm), offset, scan)
 
     return exact(lens.inner, scans[0]), exact(lens.outer, scans[1])
 
@@ -237,8 +237,8 @@ def exact_surfaces(
 def trace_exact(inner: TracedSurface, outer: TracedSurface, refractive_index: float, rays: RayBundle) -> ExitRays:
     """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
 
-    Slow by design: with a dense scan every ray sees every function about 600 times. Rays with an index of their own
-    keep it.
+    Slow by design: a dense scan evaluates every basis function about 300 times for each ray. Rays with an index of
+    their own keep it.
     """
-    like = next((each.weights for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
+    like = next((each.weights_mm for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
     return trace_sequence(inner, outer, TensorRays.of(rays, refractive_index, like.dtype, like.device))

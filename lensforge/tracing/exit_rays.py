@@ -12,7 +12,7 @@ from lensforge.kernels.fates import Fate
 
 @dataclass(frozen=True)
 class ExitRays:
-    """Rays as they leave the outer surface; what they do next is the business of a receiver.
+    """Rays as they leave the outer surface; receivers take them on from there.
 
     ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
     lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses. ``sin2_exit``: squared sine of
@@ -35,9 +35,9 @@ class ExitRays:
 class Sensitivities(NamedTuple):
     """Derivatives of a number with respect to exit rays, which are lines in space: four for each.
 
-    ``by_crossings``: with respect to where (mm) a ray crosses the plane ``z = level_mm``, its direction kept; 0 for
-    rays that do not rise. ``by_directions``: with respect to its direction, that crossing kept; an empty array stands
-    for 0. A plane near the place where the light is caught keeps all digits.
+    ``by_crossings``: with respect to a ray's crossing (mm) of the plane ``z = level_mm`` at constant direction; 0 for
+    rays that do not rise. ``by_directions``: with respect to its direction at constant crossing; an empty array stands
+    for 0. A plane near the receiver keeps all digits.
     """
 
     level_mm: float

@@ -1,8 +1,8 @@
 """Rays through both surfaces and out of the lens, one event after the other: in torch, for any surface.
 
-The surfaces say where a ray crosses them and which way they face there; what happens then is written here, once for
-the exact sum (``reference``) and for tables on any device (``on_device``). A crossing is made differentiable by one
-undamped Newton step, the implicit formula, Eq. (9).
+The surfaces give crossings and normals; refraction, fates and flux are written here, once for the exact surfaces
+(``exact``) and for tables on any device (``device_table``). A crossing is made differentiable by one undamped Newton
+step, the implicit formula, Eq. (9).
 """
 
 from dataclasses import dataclass
@@ -98,7 +98,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:
     """Fates; the rays in the cavity, with their points and directions: those from below z = 0 start at its opening."""
     rise, height = rays.directions[:, 2], rays.origins[:, 2]
-    rising = ~(rise <= 0.0)  # in this form also where rise is no number: such a ray is outside
+    rising = ~(rise <= 0.0)  # in this form also where rise is NaN: such a ray is outside
     start = torch.clamp(-height / torch.where(rising, rise, 1.0), min=0.0)
     points = rays.origins + start[:, None] * rays.directions
     points[:, 2] = torch.clamp(height, min=0.0)
@@ -116,7 +116,7 @@ def _without_crossing(
     """Fates of rays that do not cross a surface; ``LEFT_LENS`` for those that do."""
     below = (origins[:, 2] + crossing.lengths * directions[:, 2]).detach() < 0.0
     given_up = torch.full_like(crossing.lengths, int(Fate.NOT_CONVERGED), dtype=torch.int8)
-    if is_outer:  # a ray that is not inside at its start has met the inner surface outside of the outer one
+    if is_outer:  # a ray that is not inside at its start has met the inner surface outside the outer one
         given_up[crossing.lengths == 0.0] = int(Fate.SURFACES_INTERSECT)
     unmet = torch.where(crossing.lost & ~below, given_up, int(Fate.BASE))
     return torch.where(crossing.found, int(Fate.LEFT_LENS), unmet).to(torch.int8)

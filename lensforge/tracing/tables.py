@@ -18,7 +18,7 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 @dataclass(frozen=True)
 class Scene:
-    """The body between two tables: its refractive index, and the tables' grid.
+    """The lens body between two tables: its refractive index, and the tables' grid.
 
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
@@ -43,7 +43,7 @@ def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " 
 
 @dataclass(frozen=True)
 class TracedBundle:
-    """Exit rays of a bundle, and what the way back needs: the tables, and the path lengths to both surfaces (mm)."""
+    """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to both surfaces (mm)."""
 
     inner: Float[np.ndarray, "side side"]
     outer: Float[np.ndarray, "side side"]
@@ -76,7 +76,7 @@ class TracedBundle:
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
     ) -> tuple[Float[torch.Tensor, "side side"], Float[torch.Tensor, "side side"]]:
-        """With respect to both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
+        """Gradients by both tables, from sensitivities to the exit rays, their flux and their ``sin2_exit``.
 
         The flux that a lost ray carried counts as a constant.
         """

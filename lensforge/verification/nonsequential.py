@@ -215,7 +215,7 @@ def _causes(
 
 
 def _escape(light: ActiveRays, distance_mm: float, budget: FluxBudget) -> None:
-    """Add light that meets nothing more to the budget: it lands on the receiver's plane or goes backward."""
+    """Add light that hits nothing more to the budget: it lands on the receiver's plane or goes backward."""
     directions, height = light.leg.directions, distance_mm - light.leg.origins[:, 2]
     rises = ~light.inside & (directions[:, 2] > 0.0) & (height > 0.0)
     budget.leaked += float(light.flux[light.inside].sum())

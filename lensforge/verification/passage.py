@@ -91,7 +91,7 @@ def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "
     """Points (mm) and unit normals at which rays, all of which hit a facet, meet the curved surface over it."""
     facets = part.mesh.triangles[hits.triangles]
     points, barycentric = leg.origins + hits.distances[:, None] * leg.directions, hits.barycentric
-    # A slanted ray does not meet the curved surface over its flat hit but near it: the second round goes there.
+    # An oblique ray meets the curved surface not over its flat hit but near it: the second round corrects this.
     for _ in range(2):
         curved, normals = part.curved(hits.triangles, barycentric)
         points = points + _ahead(leg.directions, curved - points, normals)[:, None] * leg.directions
@@ -167,7 +167,7 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, 
 
 
 def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:
-    """Fates of rays that hit something coming from the source; LANDED: goes on."""
+    """Fates of rays from the source that hit something; LANDED: goes on."""
     leaving = np.sum(leg.directions * part.mesh.face_normals[hits.triangles], axis=1) > 0.0
     return np.select([leaving, at_base(part, hits)], [CastFate.STARTS_INSIDE, CastFate.BASE], CastFate.LANDED)
 

@@ -59,7 +59,7 @@ def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, 
     rays = source.sample(512, 3)
     exits = _near_tables(lens, GRID, rays)
     surfaces = [
-        ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
+        ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (lens.inner, lens.outer)
     ]
     reference = trace_exact(*surfaces, lens.refractive_index, rays)

@@ -43,7 +43,7 @@ def _matrix(grid: TableGrid, basis: SrbfBasis) -> np.ndarray:
 
 def quick_table_of(surface: SrbfSurface, grid: TableGrid) -> torch.Tensor:
     """The table of one of many lenses of the same basis: a product with a matrix that is made once."""
-    table = surface.offset_mm + _matrix(grid, surface.basis) @ surface.weights
+    table = surface.offset_mm + _matrix(grid, surface.basis) @ surface.weights_mm
     return torch.from_numpy(table.reshape(grid.side, grid.side))
 
 

@@ -21,7 +21,7 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
     surfaces = [
         ExactSurface(
             s.basis,
-            torch.tensor(s.weights, dtype=torch.float32, requires_grad=True),
+            torch.tensor(s.weights_mm, dtype=torch.float32, requires_grad=True),
             torch.tensor(s.offset_mm, dtype=torch.float32, requires_grad=True),
             DenseScan(64, 30),
         )
@@ -30,7 +30,7 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
     arrivals = in_torch(trace_exact(*surfaces, index, rays), far)
     assert arrivals.hits.dtype == torch.float32
     is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.flux * (1.0 + 1e-6)), [
-        parameter for s in surfaces for parameter in (s.weights, s.offset)
+        parameter for s in surfaces for parameter in (s.weights_mm, s.offset_mm)
     ])  # fmt: skip
     return arrivals
 

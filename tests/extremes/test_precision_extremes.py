@@ -20,7 +20,7 @@ DTYPE = st.sampled_from([torch.float32, torch.float64])
 
 
 def _exact(surface: SrbfSurface, dtype: torch.dtype) -> ExactSurface:
-    weights, offset = (torch.tensor(v, dtype=dtype) for v in (surface.weights, surface.offset_mm))
+    weights, offset = (torch.tensor(v, dtype=dtype) for v in (surface.weights_mm, surface.offset_mm))
     return ExactSurface(surface.basis, weights.requires_grad_(), offset.requires_grad_())
 
 
@@ -42,7 +42,7 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
     rays = SquareEmitter(side * size).sample(32, seed)
     arrivals = in_torch(trace_exact(*surfaces, index, rays), 20.0 * size)
     assert arrivals.hits.dtype == dtype
-    is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights, s.offset)])
+    is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights_mm, s.offset_mm)])
 
 
 @fuzzed(10)
@@ -79,7 +79,7 @@ def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
     outputs = (arrivals.hits, arrivals.carried, arrivals.sin2_exit)
     assert all(torch.isfinite(output).all() for output in outputs)
     mixed = arrivals.hits.sum() / 1e3 + arrivals.carried.sum() + arrivals.sin2_exit.sum()
-    parameters = [p for s in surfaces for p in (s.weights, s.offset)]
+    parameters = [p for s in surfaces for p in (s.weights_mm, s.offset_mm)]
     assert all(torch.isfinite(g).all() for g in torch.autograd.grad(mixed, parameters))
 
 

@@ -10,7 +10,7 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
-from lensforge.kernels.refraction import transmittance, transmitted_cosine
+from lensforge.kernels.refraction import transmittance, transmitted_cosine_squared
 from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
@@ -120,7 +120,7 @@ def test_on_the_border_of_two_fates_all_is_finite(index: float, depth: float) ->
 
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 1e-3, 1e-8, 1e-15, 1e-150])
 def test_a_body_of_air_passes_rays_at_any_angle(cosine: float) -> None:
-    squared = transmitted_cosine(cosine, 1.0)
+    squared = transmitted_cosine_squared(cosine, 1.0)
     assert squared == cosine**2
     value, slope = transmittance(cosine, np.sqrt(squared), 1.0)
     assert value == pytest.approx(1.0, abs=1e-15) and abs(slope) <= 1e-15
@@ -132,7 +132,7 @@ def test_fresnel_at_the_critical_angle_to_the_last_bit(index: float, bits: int) 
     """Either totally reflected, or a transmittance that falls to 0 as sqrt does, with a finite slope."""
     critical = np.sqrt((index - 1.0) * (index + 1.0)) / index
     cosine = min(1.0, critical + bits * np.spacing(critical))
-    squared = transmitted_cosine(cosine, index)
+    squared = transmitted_cosine_squared(cosine, index)
     if squared > 0.0:
         value, slope = transmittance(cosine, np.sqrt(squared), index)
         assert np.isfinite(slope) and 0.0 <= value <= 1.0
@@ -145,7 +145,7 @@ def test_fresnel_at_the_critical_angle_to_the_last_bit(index: float, bits: int) 
 def test_grazing_light_is_reflected(index: float, exponent: float) -> None:
     """Into the body no angle is critical; T -> 4c (n^2+1)/(2 n^2) n / sqrt(n^2-1) ... -> 0 with c; energy is kept."""
     cosine = 10.0**exponent
-    squared = transmitted_cosine(cosine, 1.0 / index)
+    squared = transmitted_cosine_squared(cosine, 1.0 / index)
     behind = np.sqrt(squared)
     value, slope = transmittance(cosine, behind, 1.0 / index)
     # textbook: t^2 (n2 cos2)/(n1 cos1), mean of both polarisations

@@ -215,7 +215,7 @@ def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
     ],
 )
 def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
-    with pytest.raises(InputError, match="no light is wanted"):
+    with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_irradiance(target, PixelGrid(300.0, pixels))
 
 

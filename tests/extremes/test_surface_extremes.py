@@ -46,7 +46,7 @@ def test_value_gradient_and_normal_are_finite_and_in_bounds(levels, sigma, expon
     # |d exp(-g^2/s^2)/dg| has its maximum sqrt(2/e)/s at g = s/sqrt(2)
     assert (
         np.linalg.norm(gradient, axis=1).max()
-        <= np.abs(surface.weights).sum() * np.sqrt(2.0 / np.e) / sigma * 1.001 + noise
+        <= np.abs(surface.weights_mm).sum() * np.sqrt(2.0 / np.e) / sigma * 1.001 + noise
     )
 
 

@@ -58,7 +58,7 @@ def test_a_turned_normal_is_reported_as_its_angle():
 
 
 def test_one_wrong_weight_is_found_on_the_cad_face():
-    weights = SURFACE.weights.copy()
+    weights = SURFACE.weights_mm.copy()
     weights[4] += 50e-6
     error = face_error(SrbfSurface(SURFACE.basis, weights, 2.45), face_of(fit_patch(SURFACE)))
     assert 30.0 < error.form_max_nm <= 51.0

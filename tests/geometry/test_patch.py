@@ -39,8 +39,8 @@ def test_nodes_resolve_the_narrowest_function():
 
 def test_patch_is_linear_in_the_weights():
     one, two = (random_surface(2.45, 0.01, seed) for seed in (1, 2))
-    both = SrbfSurface(one.basis, one.weights + two.weights, 2.45)
-    sphere = SrbfSurface(one.basis, 0.0 * one.weights, 2.45)
+    both = SrbfSurface(one.basis, one.weights_mm + two.weights_mm, 2.45)
+    sphere = SrbfSurface(one.basis, 0.0 * one.weights_mm, 2.45)
     total = fit_patch(one).control + fit_patch(two).control - fit_patch(sphere).control
     np.testing.assert_allclose(fit_patch(both).control, total, atol=1e-12)
 
@@ -54,7 +54,7 @@ def test_rim_of_the_patch_is_the_unit_circle():
 
 def test_a_surface_through_the_origin_is_refused_with_its_place():
     surface = random_surface(2.45, 0.0, seed=0)
-    weights = surface.weights.copy()
+    weights = surface.weights_mm.copy()
     weights[0] = -3.0
     with pytest.raises(InputError, match=r"radius = -\d.*degrees from the axis"):
         fit_patch(SrbfSurface(surface.basis, weights, 2.45))

@@ -50,7 +50,7 @@ def test_a_base_that_does_not_hold_the_cavity_is_refused_with_its_size():
 
 def test_surfaces_that_cross_are_refused_with_the_place():
     outer = sphere(2.45)
-    weights = outer.weights.copy()
+    weights = outer.weights_mm.copy()
     weights[0] = -1.8  # the first centre is the nearest to the axis
     with pytest.raises(InputError, match=r"wall = -0\.\d+ mm in the direction \(0\.\d+"):
         plan_of(sphere(0.8), SrbfSurface(outer.basis, weights, 2.45))

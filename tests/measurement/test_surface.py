@@ -119,7 +119,7 @@ def deformed_part(height):
     motions = np.concatenate([np.cross(u * outer.radius(u)[:, None], normals), normals], axis=1)
     share = np.linalg.lstsq(motions, cosine * (values @ weights), rcond=None)[0]
     weights -= np.linalg.lstsq(values, motions @ share / cosine, rcond=None)[0]
-    return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights + weights, outer.offset_mm))
+    return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm))
 
 
 @pytest.mark.parametrize("registration", ["rigid", "shift", "none"])

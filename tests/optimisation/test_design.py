@@ -76,8 +76,8 @@ def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
         with pytest.raises(Stop):
             search(spec, source, accuracy="draft", seed=3, checkpoint=path, progress=interrupt)
         resumed = search(spec, source, accuracy="draft", seed=3, checkpoint=path, resume=True)
-        assert np.array_equal(resumed.lens.inner.weights, whole.lens.inner.weights)
-        assert np.array_equal(resumed.lens.outer.weights, whole.lens.outer.weights)
+        assert np.array_equal(resumed.lens.inner.weights_mm, whole.lens.inner.weights_mm)
+        assert np.array_equal(resumed.lens.outer.weights_mm, whole.lens.outer.weights_mm)
         assert resumed.lens.outer.offset_mm == whole.lens.outer.offset_mm
         assert resumed.history == whole.history
 
@@ -127,7 +127,7 @@ def test_any_number_of_threads_gives_the_same_lens() -> None:
         torch.set_num_threads(count)
         lenses.append(search(spec, build_source(spec.source), accuracy="draft").lens)
     torch.set_num_threads(threads)
-    assert np.allclose(lenses[0].outer.weights, lenses[1].outer.weights, rtol=1e-9, atol=1e-12)
+    assert np.allclose(lenses[0].outer.weights_mm, lenses[1].outer.weights_mm, rtol=1e-9, atol=1e-12)
 
 
 def test_a_search_stops_when_told_so_and_goes_on_to_the_same_bits(tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_a_search_from_a_lens_begins_with_that_lens() -> None:
     assert [level.level for level in further.history] == [1], "all functions move from the first step on"
     for side in ("inner", "outer"):
         before, after = getattr(first.lens, side), getattr(begun[0], side)
-        assert np.allclose(after.weights, before.weights, rtol=0.0, atol=1e-9)
+        assert np.allclose(after.weights_mm, before.weights_mm, rtol=0.0, atol=1e-9)
     assert further.history[0].nmse[0] == pytest.approx(first.history[-1].nmse[-1], rel=0.2)
 
 

@@ -87,7 +87,7 @@ def test_a_design_ends_where_the_kernels_end(device: str) -> None:
     kernels, found = (search(spec, source, accuracy="draft", device=d) for d in (None, torch.device(device)))
     for one, other in zip(found.history, kernels.history, strict=True):
         assert one.loss == pytest.approx(other.loss, rel=1e-8)
-    assert np.allclose(found.lens.outer.weights, kernels.lens.outer.weights, rtol=1e-6, atol=1e-9)
+    assert np.allclose(found.lens.outer.weights_mm, kernels.lens.outer.weights_mm, rtol=1e-6, atol=1e-9)
 
 
 def test_a_checkpoint_is_not_resumed_on_another_device(tmp_path: Path) -> None:

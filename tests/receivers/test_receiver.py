@@ -119,5 +119,5 @@ def test_impossible_targets_are_named(target, message: str) -> None:
 def test_a_black_image_is_refused(tmp_path) -> None:
     Image.new("L", (8, 8)).save(tmp_path / "black.png")
     target = ImageTarget(kind="image", file=tmp_path / "black.png", width_mm=100.0, **PLACE)
-    with pytest.raises(InputError, match="no light is wanted"):
+    with pytest.raises(InputError, match="dark everywhere on the receiver"):
         target_irradiance(target, GRID)

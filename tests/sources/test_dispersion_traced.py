@@ -47,7 +47,7 @@ def bouguer(rays, index):
 
 def exact(rays, index):
     surfaces = (
-        ExactSurface(s.basis, torch.from_numpy(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64))
+        ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (sphere(INNER), sphere(OUTER))
     )
     return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, index, rays)))

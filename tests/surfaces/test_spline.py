@@ -10,7 +10,7 @@ from lensforge.surfaces.symmetry import NAMES
 def test_the_weight_matrix_makes_the_table_of_the_exact_sum(symmetry: str) -> None:
     surface = random_surface(1, 6.0, symmetry=symmetry)
     grid = TableGrid(40)
-    table = surface.offset_mm + weight_matrix(grid, surface.basis) @ surface.weights
+    table = surface.offset_mm + weight_matrix(grid, surface.basis) @ surface.weights_mm
     assert np.allclose(table.reshape(grid.side, -1), tabulate(grid, surface), atol=1e-12)
 
 

@@ -98,7 +98,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     else:
         exact = [
             ExactSurface(
-                s.basis, torch.tensor(s.weights), torch.tensor(s.offset_mm, dtype=torch.float64), DenseScan(64, 50)
+                s.basis, torch.tensor(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64), DenseScan(64, 50)
             )
             for s in LENS
         ]

@@ -20,7 +20,7 @@ N, Z = 1.4936, 1000.0
 
 
 def _exact(surface) -> ExactSurface:
-    weights = torch.tensor(surface.weights, requires_grad=True)
+    weights = torch.tensor(surface.weights_mm, requires_grad=True)
     offset = torch.tensor(surface.offset_mm, dtype=torch.float64, requires_grad=True)
     return ExactSurface(surface.basis, weights, offset)
 
@@ -136,11 +136,11 @@ def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     surfaces = random_surface(6, 0.8, 0.01), random_surface(7, 2.45, 0.008)
     rays = SquareEmitter(0.6).sample(256, 2)
     exact = [_exact(s) for s in surfaces]
-    parameters = [p for e in exact for p in (e.weights, e.offset)]
+    parameters = [p for e in exact for p in (e.weights_mm, e.offset_mm)]
     expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, N, rays), Z)), parameters)
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
-    tables = [(matrix @ e.weights + e.offset).reshape(grid.side, -1) for e in exact]
+    tables = [(matrix @ e.weights_mm + e.offset_mm).reshape(grid.side, -1) for e in exact]
     found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(N, grid), rays, Z)), parameters)
     for a, b in zip(found, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3

@@ -3,7 +3,7 @@
 The stream: lamps, lumens of each (-1: absolute photometry), multiplier, counts of gamma and C angles, photometric
 type, unit (1 ft, 2 m), three sizes, ballast factor, a number for later use, watts; gamma angles, C angles, candela by
 half-plane. Only type C is read: B and A turn about other axes. Tilt factors are for lamps that dim when tilted; the
-far field is that of the luminaire as it hangs, so they are passed over.
+far field is that of the luminaire as installed, so they are skipped.
 """
 
 import re
@@ -30,7 +30,7 @@ def decode(text: str, name: str) -> PhotometricFile:
     """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
     tilt = _TILT.search(text)
     if tilt is None:
-        raise InputError(f"{name}: no line TILT=; this is no LM-63 file")
+        raise InputError(f"{name}: no line TILT=; not an LM-63 file")
     stream = _numbers(text[tilt.end() :], name)
     if tilt.group(1).upper() == "INCLUDE":
         pairs = _count(stream[1] if len(stream) > 1 else np.nan, name)
@@ -81,7 +81,7 @@ def encode(photometric: PhotometricFile) -> str:
 def _numbers(text: str, name: str) -> np.ndarray:
     words = text.replace(",", " ").split()
     if len(words) > 2 * MOST_NUMBERS:
-        raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; this is no far field")
+        raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
     try:
         numbers = np.array([float(word) for word in words])
     except ValueError:

@@ -19,7 +19,7 @@ def read_photometric(path: Path) -> PhotometricFile:
         raise InputError(f"{path}: no such file; give an IES LM-63 or EULUMDAT file")
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; this is no far field")
+            raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; not a photometric file")
         text = path.read_bytes().removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     except OSError as error:
         raise InputError(f"{path}: not readable ({error.strerror})") from None

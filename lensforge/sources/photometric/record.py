@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
-HUGE = 1e12  # no candela, no lumen; squares of sums of them stay finite
+HUGE = 1e12  # above any real candela or lumen; squares of sums stay finite
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ HeaderValue: TypeAlias = (
 )
 HeaderRole = Literal["total", "scale", "ignored"]
 _SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
-_NO_DIRECTION = 1e-12  # |k| below which a direction is no direction
+_NO_DIRECTION = 1e-12  # |k| below which a direction counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class RayFile:
     (SPEOS), or a number that is ``ignored`` by the program whose format it is (Zemax).
 
     ``header`` holds the fields of the header as JSON can hold them; ``path`` and ``verbatim`` are the file it was read
-    from, and its bytes. ``verbatim`` is no argument of the constructor, so ``dataclasses.replace`` drops it: changed
+    from, and its bytes. ``verbatim`` is not a constructor argument, so ``dataclasses.replace`` drops it: changed
     rays never meet old bytes.
     """
 

@@ -48,7 +48,7 @@ def decode(image: FileImage) -> RayFile:
 
 
 def write_rayfile(path: Path, rayfile: RayFile, format: str | None = None) -> Format:
-    """Write ``rayfile`` as ``format``, or as the format that the suffix of ``path`` stands for; return which.
+    """Write ``rayfile`` as ``format``, or as the format of the suffix of ``path``; return the format used.
 
     A file that was read and not changed is written to its own format byte for byte. Elsewhere lengths become mm, and
     fluxes absolute: they are scaled so that the file written means the same total as the file read.
@@ -70,7 +70,7 @@ def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
 
 
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
-    """Read ``path_in``, write ``path_out``; say from what to what, how many rays, and what was lost."""
+    """Convert ``path_in`` to ``path_out``; report the formats, the number of rays, and any lost data."""
     rayfile = read_rayfile(path_in)
     chosen = write_rayfile(path_out, rayfile, format)
     back = read_rayfile(path_out)
@@ -117,11 +117,11 @@ def _format_for(path: Path) -> Format:
             f"{path}: {path.suffix} may be {' or '.join(entry.name for entry in fitting)}; say which format"
         )
     suffixes = sorted({suffix for entry in FORMATS.values() for suffix in entry.suffixes})
-    raise InputError(f"{path}: its suffix stands for no ray-file format; one of {', '.join(suffixes)}")
+    raise InputError(f"{path}: not the suffix of a ray-file format; one of {', '.join(suffixes)}")
 
 
 def _in_nanometres(rayfile: RayFile) -> RayFile:
-    """Wavelengths that can only be µm, whatever their format says, become nm, with a warning."""
+    """Convert wavelengths that can only be µm, whatever their format says, to nm, with a warning."""
     if rayfile.wavelengths_nm is None:
         return rayfile
     with np.errstate(invalid="ignore"):

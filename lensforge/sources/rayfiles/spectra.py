@@ -26,7 +26,7 @@ def wavelengths_of(rayfile: RayFile, rays: UsableRays) -> Float[np.ndarray, " n"
     """Wavelengths (nm) of ``rays``, the usable ones of ``rayfile``; None where the file states none.
 
     They are the rays' own, or drawn from the file's spectral table, evenly over its power. Raises :class:`InputError`
-    for a table that is no spectrum, and for several tables without a valid spectrum number for each ray.
+    for an invalid spectral table, and for several tables without a valid spectrum number for each ray.
     """
     if rays.wavelengths_nm is not None:
         return rays.wavelengths_nm

@@ -1,4 +1,4 @@
-"""Statistics of a ray file: the numbers that an engineer checks before trusting it."""
+"""Statistics of a ray file: the numbers that an engineer checks before using it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field

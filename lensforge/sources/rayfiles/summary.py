@@ -41,7 +41,7 @@ class FileFlux(HeaderFlux):
 
 
 class WavelengthRange(Record):
-    """Wavelengths (nm); ``mean``: by flux, None where several spectral tables say nothing of their shares."""
+    """Wavelengths (nm); ``mean``: by flux, None where the shares of several spectral tables are unknown."""
 
     min: Number
     max: Number
@@ -118,7 +118,7 @@ class RayFileSummary(StageResult):
 
 
 class Conversion(Record):
-    """Conversion of a ray file: formats, size, and what the new format could not hold."""
+    """Conversion of a ray file: formats, size, and the data that the new format could not hold."""
 
     from_format: Text
     to_format: Text

@@ -1,4 +1,4 @@
-"""Rows of numbers as text: parsed by NumPy, and written with digits enough to come back as the same numbers."""
+"""Rows of numbers as text: parsed by NumPy, and written with enough digits to read back the same."""
 
 import io
 from collections.abc import Iterable, Iterator, Sequence
@@ -101,7 +101,7 @@ def print_rows(*columns: Float[np.ndarray, "n ..."] | None, delimiter: str = " "
 
 
 def numbers(line: str) -> list[float] | None:
-    """The numbers of one line separated by blanks, or None if any word is no number."""
+    """The numbers of one line separated by blanks, or None if any word is not a number."""
     try:
         return [float(word) for word in line.split()]
     except ValueError:

@@ -1,1 +1,1 @@
-"""One design for each of several values of a field: what a smaller lens, or another distance, does to the light."""
+"""One design for each of several values of a field, such as the maximum radius, and its effect on the light."""

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lensforge.records import Metric
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.figure_style import BLUE, GREEN, GREY, ORANGE, WIDE, in_report_style, new_figure, to_png
-from lensforge.report.numerals import number
+from lensforge.report.numerals import number, number_with_error
 from lensforge.report.page import template
 from lensforge.report.pictures import picture
 from lensforge.results import Results
@@ -17,7 +16,7 @@ from lensforge.studies.sweep.table import Curve, Sweep, SweepRow, SweptMetric
 _HEIGHT = 3.2
 _AXES = {
     "constraints.max_radius_mm": "largest radius allowed, r_c (mm)",
-    "constraints.min_thickness_mm": "thickness demanded, Δr (mm)",
+    "constraints.min_thickness_mm": "minimum thickness, Δr (mm)",
     "target.distance_mm": "distance of the target (mm)",
     "source.side_mm": "side of the source (mm)",
 }
@@ -26,7 +25,7 @@ _HEAD = ("largest radius (mm)", "height (mm)", "steps", "criteria")
 
 
 def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
-    """The page; ``results`` of each design, in their order."""
+    """The page; ``results`` of each design, in the order of the sweep."""
     metrics: list[SweptMetric] = [
         name for name in _METRICS if any(getattr(row, name) is not None for row in sweep.designs)
     ]
@@ -56,18 +55,12 @@ def _cells(row: SweepRow, metrics: Sequence[SweptMetric]) -> list[str]:
     missed = [criterion.name for criterion in row.criteria if not criterion.passed]
     return [
         *(number(value, 4) for value in row.changes.values()),
-        *(_measured(getattr(row, name)) for name in metrics),
+        *(number_with_error(getattr(row, name), 4) for name in metrics),
         f"{row.max_radius_mm:.3f}",
         f"{row.height_mm:.3f}",
         number(row.steps),
         f"missed: {', '.join(missed)}" if missed else "all met",
     ]
-
-
-def _measured(found: Metric | None) -> str:
-    if found is None:
-        return number(None)
-    return number(found.value, 4) + (f" ± {number(found.standard_error, 1)}" if found.standard_error else "")
 
 
 def _label(sweep: Sweep) -> str:
@@ -83,16 +76,16 @@ def sweep_figure(sweep: Sweep) -> Figure:
     _draw(left, Curve.of(sweep, "nmse"), "NMSE", BLUE, "o")
     _draw(right, Curve.of(sweep, "efficiency"), "efficiency", ORANGE, "s")
     even = Curve.of(sweep, "uniformity")
-    if even.up:
+    if even.y:
         _draw(right, even, "uniformity", GREEN, "^")
     left.set(xlabel=_label(sweep), ylabel="NMSE")
     left.set_ylim(bottom=0.0)
-    right.set_ylabel("efficiency, uniformity" if even.up else "efficiency")
+    right.set_ylabel("efficiency, uniformity" if even.y else "efficiency")
     left.grid(True)
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 
 def _draw(axes: Axes, curve: Curve, label: str, colour: str, marker: str) -> None:
-    x, y, noise = curve.across, curve.up, curve.errors
+    x, y, noise = curve.x, curve.y, curve.errors
     axes.errorbar(x, y, noise, color=colour, ecolor=GREY, elinewidth=0.8, marker=marker, markersize=4.0, label=label)

@@ -1,4 +1,4 @@
-"""``lensforge sweep``: the designs of a variation, each in a folder of its own, and ``sweep.json`` with their results.
+"""``lensforge sweep``: the designs of a variation, each in its own folder, and ``sweep.json`` with their results.
 
 ``sweep.json`` is written after every design, so that an interrupted sweep continues after the last finished one, and
 within a design from its checkpoint.
@@ -25,7 +25,7 @@ class RunDesign(Protocol):
     """A run of every stage for one design, with the accuracy and the seed of the sweep."""
 
     def __call__(self, spec: Spec, folder: Path, resume: bool) -> object:
-        """Leave a finished result folder; with ``resume`` go on from the checkpoint there."""
+        """Write a finished result folder; with ``resume`` continue from the checkpoint there."""
         ...
 
 
@@ -43,7 +43,7 @@ def run_sweep(
     """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
 
     ``accuracy`` and ``seed``: those that ``run_design`` uses. With ``resume`` designs that sweep.json lists are kept,
-    whatever the values are now. A design that misses a criterion is listed with it, and the sweep goes on. Raises
+    whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues. Raises
     :class:`InputError` before the first design for a value that the spec cannot have, and for a sweep.json of another
     sweep.
     """
@@ -59,11 +59,11 @@ def run_sweep(
         sweep = made if sweep is None else sweep.joined(made)
         sweep.write(directory)
     assert sweep is not None, "a variation has values"
-    _show(sweep, directory)
+    _write_page(sweep, directory)
     return sweep
 
 
-def _show(sweep: Sweep, directory: Path) -> None:
+def _write_page(sweep: Sweep, directory: Path) -> None:
     results = [load_results(directory / row.folder) for row in sweep.designs]
     for name, content in ((PAGE, sweep_page(sweep, results).encode()), (PLOT, sweep_png(sweep))):
         with replacing(directory / name) as temporary:
@@ -71,7 +71,10 @@ def _show(sweep: Sweep, directory: Path) -> None:
 
 
 def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
-    """The designs that an earlier call finished, None without any. Its values may differ, nothing else."""
+    """The designs that an earlier call finished, None without any. Only its values may differ from this call's.
+
+    Raises :class:`InputError` where anything else differs.
+    """
     if not (directory / f"{Sweep.stage}.json").exists():
         return None
     sweep = Sweep.read(directory)
@@ -85,5 +88,5 @@ def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accur
     }
     for name, value in wanted.items():
         if getattr(sweep, name) != value:
-            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; start anew without resume")
+            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; start again without resume")
     return sweep

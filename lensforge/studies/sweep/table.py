@@ -1,4 +1,4 @@
-"""Result of a sweep: the figures of each design, and the field that was varied."""
+"""Result of a sweep: the metrics of each design, and the field that was varied."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_targe
 
 
 class SweepRow(Record):
-    """One design: the value of the varied field, all fields that were ``changes``, its figures as in its own results.
+    """One design: the value of the varied field, all changed fields, and the metrics of its own results.
 
-    ``folder``: the design's name, and that of its folder beside ``sweep.json``.
+    ``changes``: value of each changed field. ``folder``: the design's name, and its folder next to ``sweep.json``.
     """
 
     value: Number
@@ -40,7 +40,7 @@ class SweepRow(Record):
 
 
 class Sweep(StageResult):
-    """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` kept their ratio to it.
+    """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` keep their ratio to it.
 
     ``spec``: the one that was varied. ``inputs``: the lenses, by folder.
     """
@@ -70,11 +70,11 @@ class Sweep(StageResult):
         )
 
     def rows(self) -> list[dict[str, float | int | bool | str | None]]:
-        """One row for a table of each design."""
+        """Table rows, one for each design."""
         return [row.row() for row in self.designs]
 
     def joined(self, other: "Sweep") -> "Sweep":
-        """This sweep and the designs of ``other``, which has the same head; where both have a value, those of this."""
+        """This sweep with the designs of ``other``, else the same sweep; at equal values the designs of this one."""
         rows = {row.value: row for row in (*other.designs, *self.designs)}
         content = {name: getattr(self, name) for name in type(self).model_fields}
         designs, lenses = tuple(rows[value] for value in sorted(rows)), other.inputs | self.inputs
@@ -82,22 +82,25 @@ class Sweep(StageResult):
         return type(self).model_validate(content)
 
     def plot(self, axes: "Axes | None" = None, *, metric: SweptMetric = "nmse") -> "Axes":
-        """``metric`` over the varied field, with its standard error. Raises :class:`InputError` for an unknown one."""
+        """Plot ``metric`` over the varied field, with standard errors.
+
+        Raises :class:`InputError` for an unknown metric.
+        """
         from lensforge.figures.plots import new_axes, require_choice
 
         require_choice("metric", metric, get_args(SweptMetric))
         axes, curve = new_axes(axes), Curve.of(self, metric)
-        axes.errorbar(curve.across, curve.up, curve.errors, marker="o")
+        axes.errorbar(curve.x, curve.y, curve.errors, marker="o")
         axes.set(xlabel=self.vary, ylabel=metric)
         return axes
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A metric of the designs that have it: values of the varied field, the metric's, and their standard errors."""
+    """A metric of the designs that have it: ``x``, values of the varied field; ``y``, the metric; standard errors."""
 
-    across: list[float]
-    up: list[float]
+    x: list[float]
+    y: list[float]
     errors: list[float]
 
     @staticmethod

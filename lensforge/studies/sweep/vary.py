@@ -24,7 +24,7 @@ class Variant:
 class Variation:
     """``field`` takes each of ``values``, in order; every field of ``scaled`` keeps its ratio to it.
 
-    Fields are dotted paths as in the spec, ``constraints.max_radius_mm``.
+    Fields are dotted paths in the spec, such as ``constraints.max_radius_mm``.
     """
 
     field: str
@@ -63,7 +63,7 @@ def variation_of(field: str, values: Sequence[float], scaled: Sequence[str] = ()
 
 
 def parse_variation(text: str, scaled: Sequence[str] = ()) -> Variation:
-    """``section.field=v1,v2,...`` as the command line takes it. Raises :class:`InputError` for anything else."""
+    """Parse ``section.field=v1,v2,...``. Raises :class:`InputError` for anything else."""
     field, _, listed = text.partition("=")
     try:
         values = [float(part) for part in listed.split(",")]

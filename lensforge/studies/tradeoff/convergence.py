@@ -35,9 +35,9 @@ class RefinementLevel(Record):
 
 
 class ConvergenceStudy(Record):
-    """The refinement levels of one setting, whose field or option is ``knob``.
+    """The refinement levels of one setting; ``knob``: its field or option.
 
-    ``order``: by series, the power of the setting with which an error changes. ``plotted``: the errors that are drawn,
+    ``order``: by series, the power of the setting with which an error changes. ``plotted``: the errors to plot,
     ``against`` time or the setting.
     """
 
@@ -59,7 +59,7 @@ class ConvergenceStudy(Record):
 class Meter:
     """Seconds and peak memory (MB, as NumPy allocates it) of a ``with`` block.
 
-    The lesser of wall time and processor time counts: on one thread, time taken by other programs is left out.
+    Seconds are the lesser of wall and processor time: on one thread, that excludes the load of other programs.
     """
 
     seconds = 0.0

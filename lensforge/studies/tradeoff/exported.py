@@ -33,8 +33,8 @@ Patches = dict[str, Patch]
 def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True) -> tuple[ConvergenceStudy, Plan]:
     """Form and normal error of the spline faces over the hemisphere and on its rim, and the size of the STEP file.
 
-    With ``cad`` the solid of each level is built and written: that loads the CAD kernel. Also returns the plan of the
-    body with as many nodes as the export takes.
+    With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
+    body with the export's number of nodes.
     """
     chosen: Patches = {name: fit_to_form(getattr(lens, name)) for name in ("inner", "outer")}
     chart = chart_samples(_SAMPLES)
@@ -68,13 +68,13 @@ def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
 
 
 def _step_kb(patches: Patches, lens: Lens) -> float:
-    """Size of the whole part's STEP file."""
+    """Size (kB) of the whole part's STEP file."""
     solid = build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base))
     return len(step_bytes(solid, lens.spec.name)) / 1e3
 
 
 def mesh_study(plan: Plan, settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
-    """Distance and angle between the facets of the optical faces and the faces themselves, above their centres."""
+    """Distance and angle between the facets of the optical faces and the spline faces, at the facets' centres."""
     used = rings_for(plan, MeshTolerance())
     levels = []
     for rings in sorted({*settings, used}):
@@ -115,7 +115,7 @@ class FlatPart(PartMesh):
 def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int] = CAST_RINGS) -> ConvergenceStudy:
     """Rays through meshes of several sizes, with curved facets as in ``verify`` and with flat ones.
 
-    The reference are the exact surfaces; seconds are those of the cast.
+    The reference is the exact surfaces; seconds are those of the cast.
     """
     used = rings_for(plan, MeshTolerance())
     lens = reference.lens

@@ -26,13 +26,13 @@ from lensforge.studies.tradeoff.runs import trace_run
 from lensforge.tracing.tables import Scene
 
 PAGE = "tradeoff.html"
-_THINNED = 4  # of the rays that tables are measured with: the slower studies take every fourth
-_WARM_UP_RAYS = 512  # compiles the kernels, so that no level pays for it
+_THINNED = 4  # slower studies use every fourth of the rays of the table study
+_WARM_UP_RAYS = 512  # compile the kernels, so that no level includes it
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The settings of each study; without ``cad`` no STEP file is weighed and the CAD kernel stays out."""
+    """The settings of each study; without ``cad`` no STEP file is written and the CAD kernel is not loaded."""
 
     nodes_per_sigma: tuple[float, ...] = tables.SETTINGS
     rays: tuple[int, ...] = rays.SETTINGS
@@ -44,7 +44,7 @@ class Effort:
 
     @staticmethod
     def up_to(most_rays: int) -> "Effort":
-        """Every study as it is, the rays in steps of four up to ``most_rays``."""
+        """Default settings of every study, but rays in factors of four up to ``most_rays``."""
         return Effort(rays=tuple(2**power for power in range(12, 25, 2) if 2**power <= most_rays))
 
 
@@ -57,7 +57,7 @@ def run_tradeoff(
 ) -> Tradeoff:
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
-    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` hears what is measured next. Raises
+    Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next. Raises
     :class:`InputError` if the lens is that of another scene.
     """
     path, source = directory / "lens.json", build_source(spec.source, spec.lens.dispersion)
@@ -75,7 +75,7 @@ def run_tradeoff(
 
 
 def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str], None]) -> Tradeoff:
-    """Measure all convergence studies of ``lens`` under ``source``; ``announce`` hears what is measured next."""
+    """Measure all convergence studies of ``lens`` with ``source``; ``announce`` is called with the next one's name."""
     started = time.perf_counter()
     coarse = TracedLens.of(lens, min(effort.nodes_per_sigma))
     receiver = PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
@@ -106,7 +106,7 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
 
 
 def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:
-    """Raise :class:`InputError` where ``lens`` is one for another scene than ``spec`` with its ``source``."""
+    """Raise :class:`InputError` where ``lens`` was designed for another scene than ``spec`` with its ``source``."""
     wanted = settled_symmetry(spec, source)
     for section in ("source", "lens", "target"):
         if getattr(lens.spec, section) != getattr(wanted, section):

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lensforge.records import Metric
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_report_style, new_figure
-from lensforge.report.numerals import NOTHING, number
+from lensforge.report.numerals import NOTHING, number, number_with_error
 from lensforge.report.page import template
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.spec import Accuracy
@@ -28,15 +28,15 @@ _NAMES = {
     "rho": "radius",
     "normal": "normal",
     "hit": "hit, largest",
-    "hit_99_percent": "hit, 99 of 100",
+    "hit_99_percent": "hit, 99th percentile",
     "splat_nmse": "splat, NMSE",
     "nmse_shift": "NMSE shifted by",
-    "noise_nmse": "noise left, NMSE",
+    "noise_nmse": "remaining noise, NMSE",
     "form": "form",
     "chord": "form",
 }
 _OTHER = {
-    "nodes": "nodes a side",
+    "nodes": "nodes per side",
     "nmse": "NMSE",
     "step_kb": "STEP (kB)",
     "triangles": "triangles",
@@ -69,7 +69,7 @@ class StudySection:
 
 
 def tradeoff_page(tradeoff: Tradeoff) -> str:
-    """The page: one HTML file that needs nothing else."""
+    """The page: one self-contained HTML file."""
     return template("tradeoff.html").render(
         name=tradeoff.name,
         lens=tradeoff.lens,
@@ -96,7 +96,7 @@ def _plain(value: Metric | float | None) -> str:
 
 
 def study_section(study: ConvergenceStudy) -> StudySection:
-    """The study in words, its levels as a table, and its plots."""
+    """The study's description, its levels as a table, and its plots."""
     other = list(dict.fromkeys(key for level in study.levels for key in level.other))
     head = [_headed(error, study.units) for error in study.units]
     return StudySection(
@@ -122,19 +122,14 @@ def _named(error: str) -> str:
 
 
 def _order(series: str, found: Errors) -> str:
-    return f"{series}: " + ", ".join(f"{_named(error)} {_measured(order)}" for error, order in found.items())
-
-
-def _measured(found: Metric) -> str:
-    noise = found.standard_error
-    return number(found.value, 3) + (f" ± {number(noise, 1)}" if noise else "")
+    return f"{series}: " + ", ".join(f"{_named(error)} {number_with_error(order, 3)}" for error, order in found.items())
 
 
 def _cells(level: RefinementLevel, other: list[str]) -> list[str]:
     setting = NOTHING if level.reference and not level.setting else number(level.setting)
     used = "reference" if level.reference else "; ".join(level.used_by)
     costs = [number(level.seconds, 2), number(level.peak_mb, 2)]
-    errors = [_measured(error) for error in level.errors.values()]
+    errors = [number_with_error(error, 3) for error in level.errors.values()]
     return [level.series, setting, *costs, *errors, *(number(level.other.get(key), 4) for key in other), used]
 
 
@@ -145,7 +140,7 @@ def _title(error: str, against: str) -> str:
 
 @in_report_style
 def pareto(study: ConvergenceStudy, error: str) -> Figure:
-    """The error of every level over its time or its setting, both logarithmic; levels that somebody uses are named."""
+    """The error of every level over its time or setting, both logarithmic; levels in use are labelled with the user."""
     figure, axes = new_figure(WIDE, _HEIGHT)
     shown = [
         level for level in study.levels if not level.reference and level.errors[error].value > 0.0 and _at(level, study)

@@ -1,7 +1,7 @@
 """Pixels, the four-pixel splat and the evaluation's filter: the bias of the picture, apart from ray noise.
 
 A difference between two pictures of the same rays has a mean, the bias, and noise. The mean square of the mean over
-runs holds both; the noise is estimated from the scatter of the runs and taken off, so an estimate may fall below zero
+runs holds both; the noise is estimated from the scatter of the runs and subtracted, so an estimate may be negative
 where the bias is below the noise.
 """
 
@@ -30,7 +30,7 @@ def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] =
     """Unfiltered pictures of ``runs`` at each number of pixels.
 
     ``splat_nmse``: mean square difference between the splat and hard bins over the mean square, without noise.
-    ``nmse_shift``: NMSE against the target, without noise, less that of the finest picture.
+    ``nmse_shift``: NMSE against the target, without noise, minus that of the finest picture.
     """
     runs = in_parts(runs)
     found = {}
@@ -40,7 +40,7 @@ def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] =
             bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
         splats = np.stack([_splat(run, grid) for run in runs])
         target = target_irradiance(spec.target, grid)
-        found[pixels] = bins, splats, partial(_quiet_nmse, target=target), meter
+        found[pixels] = bins, splats, partial(_nmse_without_noise, target=target), meter
     finest = max(settings)
     finest_nmse = found[finest][2](found[finest][0])
     levels = []
@@ -83,7 +83,7 @@ def _level(
 
 
 def filter_study(runs: Sequence[TracedRun], spec: Spec, variances: Sequence[float] = VARIANCES) -> ConvergenceStudy:
-    """The 3 x 3 Gaussian at several variances: blur (``irradiance_nmse``, without noise), and noise that is left."""
+    """The 3 x 3 Gaussian at several variances: blur (``irradiance_nmse``, without noise), and the remaining noise."""
     runs = in_parts(runs)
     grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
     bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
@@ -119,7 +119,7 @@ def filter_study(runs: Sequence[TracedRun], spec: Spec, variances: Sequence[floa
 
 
 def in_parts(runs: Sequence[TracedRun]) -> list[TracedRun]:
-    """``runs`` themselves; a single one, such as a measured source gives, dealt out at random."""
+    """``runs`` themselves; a single one, as of a measured source, split at random."""
     if len(runs) > 1:
         return list(runs)
     (run,) = runs
@@ -148,8 +148,8 @@ def _noise(images: Images) -> float:
     return float(images.var(axis=0, ddof=1).sum())
 
 
-def _quiet_nmse(images: Images, target: Float[np.ndarray, "p p"]) -> float:
-    """NMSE of the mean image less what noise adds to it."""
+def _nmse_without_noise(images: Images, target: Float[np.ndarray, "p p"]) -> float:
+    """NMSE of the mean image minus the contribution of noise."""
     mean = images.mean(axis=0)
     wanted = target * (mean.sum() / target.sum())
     return nmse(mean, target) - _noise(images) / len(images) / float(np.sum(wanted**2))

@@ -1,4 +1,4 @@
-"""Accuracy presets on this scene: their table errors and ray noise, read off the convergence studies."""
+"""Accuracy presets on this scene: their table errors and ray noise, from the convergence studies."""
 
 import numpy as np
 
@@ -16,8 +16,8 @@ def accuracy_of_presets(
     """Table errors of each preset in design and evaluation, and ray noise of a gradient step and of the evaluation.
 
     ``noise_nmse``: of the filtered irradiance; between and beyond the measured counts of rays by the power law through
-    the nearest two. ``table_share``: the table's irradiance NMSE over that noise; by the rule of the presets it
-    stays below 0.01.
+    the nearest two. ``table_share``: the table's irradiance NMSE over that noise; the presets are chosen to keep it
+    below 0.01.
     """
     found: dict[Accuracy, PresetAccuracy] = {}
     for name, preset in PRESETS.items():
@@ -60,7 +60,7 @@ def _table(tables: ConvergenceStudy, nodes_per_sigma: float) -> RefinementLevel 
 
 
 def _noise(rays: ConvergenceStudy, error: str, count: int) -> float:
-    """The error of a run of ``count`` rays, by the best sampling there is."""
+    """The error of a run of ``count`` rays, quasi-Monte Carlo where the source allows it."""
     by_series = {series: [level for level in rays.levels if level.series == series] for series in (QMC, PLAIN)}
     levels = by_series[QMC] or by_series[PLAIN]
     x = np.log([level.setting for level in levels])

@@ -1,4 +1,4 @@
-"""Rays: how fast the noise of efficiency and irradiance falls, quasi-Monte-Carlo against plain Monte Carlo."""
+"""Convergence of efficiency and irradiance with the number of rays: quasi-Monte Carlo and plain Monte Carlo."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ QMC, PLAIN = "quasi-Monte-Carlo", "plain Monte Carlo"
 RUNS, PLAIN_RUNS = 8, 16
 _OF_SOURCE = "of the source"
 SETTINGS = tuple(2**power for power in (12, 14, 16, 18, 20))
-MOST_AT_ONCE = 2**20  # longer runs are made of scrambles of so many rays, as in an evaluation: it bounds the memory
+MOST_AT_ONCE = 2**20  # longer runs are made of scrambles of this many rays, as in an evaluation: bounds the memory
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def ray_study(
 
     The reference is the mean of the finest level's runs; errors are those of one run: the standard deviation of the
     efficiency over ``runs`` scrambles, the mean square difference of the filtered images over their mean square, and
-    the amount by which noise raises the NMSE against the target. A measured source has no sequence to scramble: its
+    the increase of the NMSE against the target by noise. A measured source has no sequence to scramble: its
     rays are the reference, and only plain Monte Carlo is measured. Runs of more than 2^20 rays are made of several
     scrambles, as in an evaluation; their noise falls with the power -1, and they are not kept.
     """

@@ -55,9 +55,9 @@ class Tradeoff(StageResult):
     seconds: NotNegative
 
     def plot(self, axes: "Axes | None" = None, *, study: str = "rays", error: str | None = None) -> "Axes":
-        """An error of a study, the first one that it plots, over time or setting; one line for each series.
+        """Plot an error of a study, by default its first, over time or setting; one line for each series.
 
-        Raises :class:`InputError` for an unknown study, or an error that it has not.
+        Raises :class:`InputError` for an unknown study, or an error that it does not have.
         """
         from lensforge.figures.plots import plot_curves, require_choice
 
@@ -67,10 +67,10 @@ class Tradeoff(StageResult):
         require_choice("error", error, drawn.units)
         curves: dict[str, tuple[list[float], list[float]]] = {}
         for level in drawn.levels:
-            at = level.seconds if drawn.against == "seconds" else level.setting
-            if at and not level.reference and level.errors[error].value > 0.0:
-                across, up = curves.setdefault(level.series, ([], []))
-                across.append(at)
-                up.append(level.errors[error].value)
+            position = level.seconds if drawn.against == "seconds" else level.setting
+            if position and not level.reference and level.errors[error].value > 0.0:
+                x, y = curves.setdefault(level.series, ([], []))
+                x.append(position)
+                y.append(level.errors[error].value)
         labels = (drawn.against if drawn.against == "seconds" else drawn.knob, error)
         return plot_curves(curves, labels, axes, (True, True))

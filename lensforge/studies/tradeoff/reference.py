@@ -1,4 +1,4 @@
-"""Exact surfaces at fixed directions and for fixed rays: the reference of several convergence studies."""
+"""Exact surfaces at fixed directions and with fixed rays: the reference of several convergence studies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ Shape = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]
 
 @dataclass(frozen=True)
 class ExactReference:
-    """Rays in independent scrambles, one after the other, and their hits through the exact surfaces of ``lens``."""
+    """Rays of several independent scrambles, joined, and their hits through the exact surfaces of ``lens``."""
 
     lens: Lens
     rays: RayBundle
@@ -63,9 +63,9 @@ class ExactReference:
         return {"rho": Metric(value=1e6 * rho, unit="nm"), "normal": Metric(value=1e3 * normal, unit="mrad")}
 
     def light_errors(self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Errors:
-        """Largest error of a hit, its 99th percentile (mm), over rays that arrive both ways; ``irradiance_nmse``.
+        """Largest error of a hit and its 99th percentile (mm), over rays that arrive in both; ``irradiance_nmse``.
 
-        The irradiance is the splat of the same rays on the design's pixels, so that no noise enters.
+        The irradiance is the splat of the same rays on the design's pixels, so that it has no ray noise.
         """
         both = (flux > 0.0) & self.exact.arrived
         away = np.linalg.norm(hits - self.exact.hits, axis=1)
@@ -90,7 +90,7 @@ class ExactReference:
 def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Hits:
     """Hits of ``rays`` on the lens's own receiver through its exact surfaces; ``tables`` bracket the crossings.
 
-    ``newton_steps``: more than the one that ends every search, for tables that are far from the surfaces.
+    ``newton_steps``: additional to the one that ends every search, for tables that are far from the surfaces.
     """
     inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
     receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)

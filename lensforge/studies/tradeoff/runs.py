@@ -1,4 +1,4 @@
-"""Independent runs of a scene's rays, kept for several studies to share, and their pictures as in an evaluation."""
+"""Independent runs of a scene's rays, shared by several studies, and their pictures as in an evaluation."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from lensforge.studies.tradeoff.convergence import Meter
 
 @dataclass(frozen=True)
 class TracedRun:
-    """Hits (mm) and flux (W) on the receiver of one run; ``sampling_s``: the part spent on drawing the rays."""
+    """Hits (mm) and flux (W) on the receiver of one run; ``sampling_s``: seconds of sampling the rays."""
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
@@ -46,18 +46,18 @@ class Cost(NamedTuple):
 
 def trace_run(traced: TracedLens, receiver: Receiver, source: Source, rays: int, number: int) -> TracedRun:
     """Trace run ``number`` of ``rays`` rays; other numbers are independent scrambles of the same sequence."""
-    with Meter() as all_of_it:
+    with Meter() as whole:
         with Meter() as sampling:
             bundle = source.sample(rays, seeds.of_convergence(number))
         landed = Hits.of(receiver.land(traced.trace(bundle)))
-    return TracedRun(landed.hits, landed.flux, all_of_it.seconds, sampling.seconds, all_of_it.peak_mb)
+    return TracedRun(landed.hits, landed.flux, whole.seconds, sampling.seconds, whole.peak_mb)
 
 
 def resample(run: TracedRun, rays: int, generator: np.random.Generator) -> TracedRun:
     """Plain Monte Carlo: ``rays`` rays drawn at random, independently and with replacement, from those of ``run``.
 
     Its expectation is ``run`` itself and its variance that of independent rays, whatever the source. Nothing is
-    traced again: a run of as many rays takes the share of the time that ``run`` took to trace.
+    traced again: the time is that of ``run``'s tracing, in proportion to the number of rays.
     """
     rows = generator.integers(0, len(run), rays)
     share = rays / len(run)
@@ -76,7 +76,7 @@ def picture_of(spec: Spec, flux_w: float, run: TracedRun) -> RunPicture:
 def long_run(
     trace: Callable[[int], TracedRun], picture: Callable[[TracedRun], RunPicture], numbers: Sequence[int]
 ) -> tuple[RunPicture, Cost]:
-    """Picture and cost of the runs ``numbers`` as one; none of their rays is kept."""
+    """Picture and cost of the runs ``numbers`` as one run; no rays are kept."""
     efficiency, image, seconds, peak_mb, parts = 0.0, np.zeros(1), 0.0, 0.0, len(numbers)
     for number in numbers:
         run = trace(number)

@@ -1,4 +1,4 @@
-"""Tables: nodes per sigma, by the error of radius, normal, hits and irradiance against the exact surfaces."""
+"""Convergence of the tables with nodes per sigma: errors of radius, normal, hits and irradiance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _STEP_RAD = 1e-4  # of the central difference: 1e-8 of truncation, 1e-11 of roun
 
 @dataclass(frozen=True)
 class TableMeasurement:
-    """The study, the finest grid with its tables, and the exact reference for other studies."""
+    """The study, the finest grid with its tables, and the exact reference, also for other studies."""
 
     study: ConvergenceStudy
     grid: TableGrid
@@ -42,7 +42,7 @@ class TableMeasurement:
 
 
 def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS) -> TableMeasurement:
-    """Tables of each number of nodes per sigma; seconds are those of making them."""
+    """Tables at each number of nodes per sigma, against the exact surfaces; seconds are those of tabulation."""
     built = {}
     for setting in settings:
         grid = grid_for(lens.detail_rad, setting)

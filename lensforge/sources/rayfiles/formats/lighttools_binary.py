@@ -16,7 +16,7 @@ from lensforge.sources.rayfiles.rayfile import RayFile
 
 _HEADER = struct.Struct("<4s6I4f")
 _MAGIC, _END = b"LTRF", b"LTRFEND"
-MM_PER_UNIT = {0: 1.0, 1: 1.0, 2: 10.0, 3: 1000.0, 4: 25.4, 5: 304.8, 6: 1e-3, 7: 1e-6}  # 0 is the model's own unit
+_MM_PER_UNIT = {0: 1.0, 1: 1.0, 2: 10.0, 3: 1000.0, 4: 25.4, 5: 304.8, 6: 1e-3, 7: 1e-6}  # 0 is the model's own unit
 _SYSTEM_UNIT, _MILLIMETRES = 0, 1
 _NO_COLOUR, _WAVELENGTH = 0, 2
 
@@ -32,7 +32,7 @@ def _decode(image: FileImage) -> RayFile:
         ("flux type", flux_type, (0, 1)),
         ("far-field flag", far_field, (0, 1)),
         ("colour information", colour, (_NO_COLOUR, _WAVELENGTH)),
-        ("length unit", unit_code, tuple(MM_PER_UNIT)),
+        ("length unit", unit_code, tuple(_MM_PER_UNIT)),
     ):
         if value not in allowed:
             raise image.refuse(
@@ -48,7 +48,7 @@ def _decode(image: FileImage) -> RayFile:
         warnings.append("lengths are in the unit of the model that wrote it: taken as mm")
     start = 0 if far_field else 3
     return RayFile(
-        positions_mm=_starts(origin, rows) if far_field else scaled(rows[:, 0:3], MM_PER_UNIT[unit_code]),
+        positions_mm=_starts(origin, rows) if far_field else scaled(rows[:, 0:3], _MM_PER_UNIT[unit_code]),
         directions=rows[:, start : start + 3],
         flux=rows[:, start + 3],
         flux_unit="lm" if flux_type else "W",
@@ -59,7 +59,7 @@ def _decode(image: FileImage) -> RayFile:
         header={
             "version": f"{major}.{minor}",
             "data_origin": [value if np.isfinite(value) else None for value in origin],
-            "mm_per_unit": MM_PER_UNIT[unit_code],
+            "mm_per_unit": _MM_PER_UNIT[unit_code],
         },
         warnings=tuple(warnings),
     )

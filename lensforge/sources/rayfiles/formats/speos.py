@@ -16,6 +16,15 @@ _HEADER = struct.Struct("<7f")
 _MARK = struct.pack("<5f", *(2.0,) * 5)
 
 
+def require_watts_and_wavelengths(rayfile: RayFile) -> None:
+    """Refuse rays in lumens or without wavelengths, which no SPEOS format holds."""
+    if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
+        have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
+        raise InputError(
+            f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
+        )
+
+
 def _matches(head: bytes, size: int) -> bool:
     return head[4:24] == _MARK
 
@@ -39,11 +48,7 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
-        have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
-        raise InputError(
-            f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
-        )
+    require_watts_and_wavelengths(rayfile)
     total = rayfile.total_flux()
     yield _HEADER.pack(total, *(2.0,) * 5, rayfile.header_flux_lm or 0.0)
     for block in rayfile.blocks_adding_up_to(total):

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
+from lensforge.sources.rayfiles.formats.speos import require_watts_and_wavelengths
 from lensforge.sources.rayfiles.rayfile import RayFile
 from lensforge.sources.rayfiles.text import cut_warnings, numbers, opening_lines, parse_rows, print_rows
 
@@ -57,11 +57,7 @@ def _decode(image: FileImage) -> RayFile:
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
-    if rayfile.flux_unit != "W" or rayfile.wavelengths_nm is None:
-        have = "lm" if rayfile.flux_unit != "W" else "no wavelengths"
-        raise InputError(
-            f"SPEOS files hold W and a wavelength for each ray, these rays have {have}; convert to tm25 instead"
-        )
+    require_watts_and_wavelengths(rayfile)
     yield f"{len(rayfile)}\n".encode("ascii")
     number = 1
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):

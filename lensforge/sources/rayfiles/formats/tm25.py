@@ -144,7 +144,7 @@ def _wavelengths(fields: _Fields, rows: np.ndarray) -> np.ndarray | None:
 
 def _warnings(fields: _Fields) -> Iterator[str]:
     if fields.version != _VERSION:
-        yield f"TM-25 version {fields.version}: read as {_VERSION}, because its size closes that way"
+        yield f"TM-25 version {fields.version}: read as {_VERSION}, because its size fits that layout"
     unused = [name for name in _NOT_USED if fields.flags[name]] + ["extra"] * bool(fields.extra_columns)
     if unused:
         yield f"columns not used here, and lost when converted: {', '.join(unused)}"
@@ -194,7 +194,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
 
 
 def _without_shared_wavelength(rayfile: RayFile) -> RayFile:
-    """A shared wavelength stands in the header, where lumens do not mind it."""
+    """The rays without a shared wavelength: that goes into the header, where it may accompany lumens."""
     if rayfile.single_wavelength is None:
         return rayfile
     return RayFile(rayfile.positions_mm, rayfile.directions, rayfile.flux, rayfile.flux_unit)

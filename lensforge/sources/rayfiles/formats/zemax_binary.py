@@ -16,7 +16,7 @@ from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, shared_wavelen
 _HEADER = struct.Struct("<iI100s7fI13f4i")
 _IDENTIFIERS = (1010, 8675309)
 MM_PER_UNIT = {0: 1000.0, 1: 25.4, 2: 10.0, 3: 304.8, 4: 1.0}  # m, in, cm, ft, mm
-_MILLIMETRES = 4
+MILLIMETRES = 4
 _FLUX_ONLY, _SPECTRAL = 0, 2
 NM_PER_MICRON = 1000.0
 
@@ -77,7 +77,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     description = str(rayfile.header.get("description") or rayfile.header.get("name") or "")
     yield _HEADER.pack(
         _IDENTIFIERS[0], len(rayfile), description.encode("ascii", "replace")[:99],
-        total, total, 0.0 if single is None else single / NM_PER_MICRON, 0.0, 0.0, 0.0, 0.0, _MILLIMETRES,
+        total, total, 0.0 if single is None else single / NM_PER_MICRON, 0.0, 0.0, 0.0, 0.0, MILLIMETRES,
         *(0.0,) * 6, *(1.0,) * 3, *(0.0,) * 4,
         _SPECTRAL if spectral else _FLUX_ONLY, int(rayfile.flux_unit == "lm"), 0, 0,
     )  # fmt: skip

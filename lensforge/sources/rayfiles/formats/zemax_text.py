@@ -8,11 +8,9 @@ from collections.abc import Iterator
 
 from lensforge.sources.rayfiles.binary import FileImage, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format, require_watts_with_wavelengths
-from lensforge.sources.rayfiles.formats.zemax_binary import MM_PER_UNIT, NM_PER_MICRON
+from lensforge.sources.rayfiles.formats.zemax_binary import MILLIMETRES, MM_PER_UNIT, NM_PER_MICRON
 from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile
 from lensforge.sources.rayfiles.text import cut_warnings, numbers, opening_lines, parse_rows, print_rows
-
-_MILLIMETRES = 4
 
 
 def _matches(head: bytes, size: int) -> bool:
@@ -60,7 +58,7 @@ def _decode(image: FileImage) -> RayFile:
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(rayfile, FORMAT.title)
     spectral = rayfile.wavelengths_nm is not None
-    yield f"{len(rayfile)} {_MILLIMETRES} {2 if spectral else 0} {int(rayfile.flux_unit == 'lm')}\n".encode("ascii")
+    yield f"{len(rayfile)} {MILLIMETRES} {2 if spectral else 0} {int(rayfile.flux_unit == 'lm')}\n".encode("ascii")
     for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
         microns = None if block.wavelengths_nm is None else scaled(block.wavelengths_nm, 1.0 / NM_PER_MICRON)
         yield print_rows(block.positions_mm, block.directions, block.flux, microns)
