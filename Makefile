@@ -2,13 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint bench setup clean
+.PHONY: demo test nightly lint bench setup clean
 
 demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
 	$(BIN)/lensforge design examples/quickstart.toml
 
 test: setup  ## the whole test suite
 	$(BIN)/python -m pytest -n 2
+
+nightly: setup  ## the suite with 500 times as many random cases, and the shipped script with all its functions: hours
+	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2
 
 lint: setup  ## style and types
 	$(BIN)/ruff check .

@@ -43,7 +43,7 @@ def main():
     each = rays.refractive_indices
     if each is None:
         raise SystemExit(f"{given.directory}: its source has no wavelengths; add source.spectrum")
-    grid = grid_for(float(lens.inner.basis.sigmas.min()), NODES_PER_SIGMA)
+    grid = grid_for(lens.detail_rad, NODES_PER_SIGMA)
     inner, outer = (TableScan(grid, tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
     surfaces = exact_surfaces(lens, (inner, outer))
     mean = float(np.average(each, weights=rays.flux))

@@ -1,4 +1,4 @@
-"""Arguments of the verbs: each refused in one line if it cannot be used, and what a verb makes of it."""
+"""Arguments of the verbs: validated with one-line errors, and converted to sources, presets, devices and threads."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +25,7 @@ _MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)
 
 
 def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
-    """The emitter of ``spec``, or ``instead`` of it, in the material of its lens."""
+    """The source of ``spec``, or ``instead`` in its place, with the dispersion of the lens material."""
     from lensforge.sources.build import build_source
 
     return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
@@ -45,9 +45,9 @@ def preset_of(accuracy: str) -> Preset:
 
 
 def device_of(name: str) -> "torch.device | None":
-    """The device on which torch traces the rays of a search; None for "cpu", where the compiled kernels do.
+    """The device on which torch traces the rays of a search; None for "cpu", where the compiled kernels trace them.
 
-    Raises :class:`InputError` where torch does not find it.
+    Raises :class:`InputError` where torch does not find the device.
     """
     import torch
 
@@ -63,7 +63,7 @@ def device_of(name: str) -> "torch.device | None":
 
 @contextmanager
 def threads_of_torch(threads: int | None) -> Iterator[None]:
-    """Let torch and the tracer use ``threads`` threads inside of the block; None leaves the number as it is."""
+    """Let torch and the tracer use ``threads`` threads inside the block; None leaves the number unchanged."""
     if threads is None:
         yield
         return
@@ -80,7 +80,7 @@ def threads_of_torch(threads: int | None) -> Iterator[None]:
 
 
 def count_of(name: str, value: object, least: int = 1) -> int | None:
-    """``value`` as a whole number, NumPy's too; None stays None. Raises :class:`InputError` for anything else."""
+    """``value`` as an int, from NumPy integers too; None stays None. Raises :class:`InputError` for anything else."""
     if value is None:
         return None
     try:
@@ -111,7 +111,7 @@ def path_of(name: str, value: object) -> Path | None:
 
 
 def require(value: object, kind: type[_Kind], verb: str) -> _Kind:
-    """Return ``value`` if it is a ``kind``; else :class:`InputError`, which says what makes one."""
+    """Return ``value`` if it is a ``kind``; else raise an :class:`InputError` that says how to obtain one."""
     if isinstance(value, kind):
         return value
     remedy = _MAKES.get(kind.__name__, "one of the classes of lensforge")

@@ -39,7 +39,7 @@ def main() -> None:
     except click.ClickException as error:
         _exit_with(f"{error.format_message()}; see --help", 2)
     except (click.Abort, KeyboardInterrupt):
-        _exit_with("interrupted; the same command with --resume continues from the last checkpoint", 130)
+        _exit_with(_interrupted(), 130)
     except BrokenPipeError:
         sys.exit(0)
     except MemoryError:
@@ -50,6 +50,14 @@ def main() -> None:
         ) as log:
             traceback.print_exc(file=log)
         _exit_with(f"internal error: {type(error).__name__}: {error}; details for a bug report: {log.name}", 1)
+
+
+def _interrupted() -> str:
+    """Words for an interrupt: some commands can be resumed."""
+    command = cli.commands.get(next((word for word in sys.argv[1:] if not word.startswith("-")), ""))
+    if command is None or all(parameter.name != "resume" for parameter in command.params):
+        return "interrupted"
+    return "interrupted; the same command with --resume continues from the last checkpoint"
 
 
 def _exit_with(message: str, code: int) -> None:

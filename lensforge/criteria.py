@@ -1,4 +1,4 @@
-"""Acceptance criteria: each one number of a result that must keep its limit before the part may be called good."""
+"""Acceptance criteria: numbers of a result, each with the limit that it must keep."""
 
 from collections.abc import Iterable, Mapping
 from math import isfinite
@@ -11,7 +11,7 @@ from lensforge.records import Number, Record, Text
 
 
 class Criterion(Record):
-    """``value`` must be ``sense`` ``limit``; None: it could not be measured. ``remedy`` says what to try then."""
+    """``value`` (None: not measured) must be ``sense`` ``limit``; ``remedy``: what to try where it is not."""
 
     name: Text
     value: Number | None
@@ -23,7 +23,7 @@ class Criterion(Record):
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
     def passed(self) -> bool:
-        """True where the criterion is met; never where it could not be measured."""
+        """True where the criterion is met; False where the value could not be measured."""
         if self.value is None:
             return False
         return self.value <= self.limit if self.sense == "<=" else self.value >= self.limit
@@ -31,7 +31,7 @@ class Criterion(Record):
     @model_validator(mode="wrap")
     @classmethod
     def _passed_agrees(cls, content: Any, handler: ModelWrapValidatorHandler["Criterion"]) -> "Criterion":
-        """Hold ``passed``, which a file states as well, against value and limit."""
+        """Compare ``passed``, which a file also states, with value and limit."""
         if not isinstance(content, Mapping) or "passed" not in content:
             return handler(content)
         criterion = handler({key: value for key, value in content.items() if key != "passed"})

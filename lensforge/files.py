@@ -1,4 +1,4 @@
-"""Writing files so that nothing already there is ever lost, and bytes through a temporary file."""
+"""Atomic writing of files, JSON without NaN, and temporary files for writers that need a path."""
 
 import json
 import os
@@ -13,11 +13,10 @@ from lensforge.errors import InputError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside ``path``; rename it over ``path`` when the block succeeds.
+    """Yield a temporary path in the folder of ``path``; rename it over ``path`` when the block succeeds.
 
-    The temporary name keeps the suffix, because CAD and mesh writers choose their format by it.
-    On any failure the temporary file goes and the old file stays. A full disk or a read-only
-    folder is reported as :class:`InputError`.
+    The temporary name keeps the suffix, because CAD and mesh writers choose their format by it. On any failure the
+    temporary file is deleted and the old file stays. Raises :class:`InputError` for a full disk or a read-only folder.
     """
     path = Path(path)
     try:
@@ -51,9 +50,9 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
-    """Read JSON; a missing or broken file is an :class:`InputError` of one line, ``missing`` the remedy for none.
+    """Read JSON. Raises :class:`InputError` for a missing or broken file; ``missing``: the remedy for a missing one.
 
-    NaN and infinity, which JSON does not know, are refused.
+    NaN and infinity, which are not valid JSON, are refused.
     """
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse)
@@ -66,11 +65,11 @@ def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
 
 
 def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} is no JSON")
+    raise ValueError(f"{constant} is not valid JSON")
 
 
 def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
-    """The bytes that ``write`` puts into a file called ``name``; :class:`InputError` where the disk has no room."""
+    """The bytes that ``write`` puts into a file called ``name``. Raises :class:`InputError` where the disk is full."""
     with _folder(name) as folder:
         write(folder / name)
         return (folder / name).read_bytes()
@@ -78,7 +77,7 @@ def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
 
 @contextmanager
 def temporary_file(content: bytes, name: str) -> Iterator[Path]:
-    """A file called ``name`` that holds ``content``, for as long as the block runs."""
+    """A file called ``name`` that holds ``content``; deleted at the end of the block."""
     with _folder(name) as folder:
         (folder / name).write_bytes(content)
         yield folder / name

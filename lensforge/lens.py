@@ -1,6 +1,6 @@
-"""The lens, in which design and geometry meet: two frozen surfaces, the spec that they serve, and their origin.
+"""The lens: two frozen surfaces, the spec that they were designed for, and the settings of the design.
 
-The design stage makes it, the geometry stage builds it; NumPy only. ``lens.json`` holds all of it.
+The design stage makes it, the geometry stage builds the part from it; NumPy only. ``lens.json`` holds all of it.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
 from lensforge.records import Count, Number, Positive, Record, Text
 from lensforge.records.html import section_html
-from lensforge.records.stored import stated, validated
+from lensforge.records.stored import validated, without_schema
 from lensforge.spec import Accuracy, Spec, parse_spec
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -31,7 +31,7 @@ _REMEDY = "run `lensforge design` again"
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A body between two surfaces (mm), free or fixed: ``inner`` faces the source, ``outer`` the target.
+    """A body between two surfaces (mm), freeform or fixed: ``inner`` faces the source, ``outer`` the target.
 
     ``spec``, ``seed``, ``accuracy`` and ``version`` (of the program) are those of its design.
     """
@@ -50,12 +50,12 @@ class Lens:
 
     @property
     def basis(self) -> SrbfBasis:
-        """The radial basis functions of the spec: they shape the free surfaces, and form errors of either surface."""
+        """The radial basis functions of the spec: they shape the free surfaces, and the form errors of both."""
         return self.spec.lens.basis
 
     @property
     def detail_rad(self) -> float:
-        """The sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
+        """Sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
         return min(self.inner.detail_rad, self.outer.detail_rad)
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -73,18 +73,18 @@ class Lens:
 
     @cached_property
     def sha256(self) -> str:
-        """The lens's own hash, by which a result names the lens that it belongs to."""
+        """Hash of the lens; results state it to name the lens that they belong to."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
-        """True where ``other`` is the same lens, to the bit."""
+        """True where ``other`` is the same lens, bit for bit."""
         return self.to_json() == other.to_json() if isinstance(other, Lens) else NotImplemented
 
     def __hash__(self) -> int:
         return hash(self.sha256)
 
     def save(self, path: Path | str) -> None:
-        """Write ``lens.json``; weights are written with all of their digits."""
+        """Write ``lens.json``; weights are written with all digits."""
         write_json(Path(path), self.to_json())
 
     def _repr_html_(self) -> str:
@@ -119,7 +119,7 @@ def load_lens(path: Path | str) -> Lens:
         for side in ("inner", "outer"):
             if isinstance(content.get(side), dict):
                 content[side].setdefault("kind", "srbf")
-    record = validated(LensRecord, stated(content, SCHEMA, path, _REMEDY), path, _REMEDY)
+    record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     spec = parse_spec(record.spec, str(path))
     try:
         inner, outer = record.inner.surface(), record.outer.surface()
@@ -129,7 +129,7 @@ def load_lens(path: Path | str) -> Lens:
 
 
 class LensUnits(Record):
-    """Units of every number in the file."""
+    """Units of all numbers in the file."""
 
     length: Literal["mm"]
     angle: Literal["rad"]
@@ -146,13 +146,13 @@ class SrbfRecord(Record):
     weights_mm: tuple[Number, ...]
 
     def surface(self) -> SrbfSurface:
-        """The surface; raises :class:`InputError` where the count of weights is not that of the functions."""
+        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
         basis = SrbfBasis(self.levels, self.sigma_c, self.symmetry)
         return SrbfSurface(basis, np.array(self.weights_mm, dtype=np.float64), self.offset_mm)
 
 
 class AsphereRecord(Record):
-    """A sphere or an even asphere that the search left alone."""
+    """A fixed surface: a sphere or an even asphere."""
 
     kind: Literal["asphere"]
     vertex_mm: Number
@@ -161,7 +161,7 @@ class AsphereRecord(Record):
     coefficients: tuple[Number, ...]
 
     def surface(self) -> Asphere:
-        """The surface; raises :class:`InputError` where it is not star-shaped about the origin."""
+        """The surface. Raises :class:`InputError` where it is not star-shaped about the origin."""
         return Asphere(self.vertex_mm, self.radius_mm, self.conic, self.coefficients)
 
 
@@ -169,7 +169,7 @@ SurfaceRecord: TypeAlias = Annotated[SrbfRecord | AsphereRecord, Field(discrimin
 
 
 class LensRecord(Record):
-    """All of ``lens.json`` but the name of its schema; the spec is validated by :func:`parse_spec`."""
+    """``lens.json`` without the name of its schema; the spec is validated by :func:`parse_spec`."""
 
     unions = ("inner", "outer")
 
@@ -183,7 +183,7 @@ class LensRecord(Record):
 
 
 def surface_record(surface: Surface) -> SrbfRecord | AsphereRecord:
-    """``surface`` as it is written."""
+    """``surface`` as a record of ``lens.json``."""
     match surface:
         case SrbfSurface():
             basis = surface.basis
@@ -204,4 +204,4 @@ def surface_record(surface: Surface) -> SrbfRecord | AsphereRecord:
                 conic=surface.conic,
                 coefficients=surface.coefficients,
             )
-    raise TypeError(f"{type(surface).__name__} has no place in a lens file")
+    raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")

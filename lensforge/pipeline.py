@@ -1,6 +1,6 @@
-"""Runs in a result folder: every stage in turn, or one of them again, and the files that they leave.
+"""Runs in a result folder: all stages in turn, or one stage again; each writes its files.
 
-A result that misses a criterion is still written; ``run.json`` holds the verdict, renewed by every stage.
+A result that misses a criterion is still written; ``run.json`` holds the verdict and is renewed by every stage.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
 CHECKPOINT = "checkpoint.pt"
-# Light and proof under other conditions than the lens's own: never over its own records.
-OTHER, VERIFY_OTHER = "evaluate_other", "verify_other"
+# Light and proof under conditions other than the spec's: never written over evaluate.json and verify.json.
+EVALUATE_OTHER, VERIFY_OTHER = "evaluate_other", "verify_other"
 
 Announce = Callable[[str], None]
 _Result = TypeVar("_Result", bound=StageResult)
@@ -55,14 +55,14 @@ def run(
 ) -> Run:
     """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
 
-    Arguments are those of :func:`lensforge.design`; without ``checkpoint`` the search starts anew and keeps one in the
-    folder until the run has ended; one of your own is kept. ``announce`` is called with the name of every later stage
-    as it begins. The run's ``verdict`` says how it went; a missed criterion raises nothing.
+    Arguments are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
+    in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
+    the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``.
     """
     require_spec(spec, "run")
-    folder, told = folder_of(folder), announce or (lambda _: None)
+    folder, announce = folder_of(folder), announce or (lambda _: None)
     with threads_of_torch(threads):
-        found = stages.design(
+        result = stages.design(
             spec,
             accuracy=accuracy,
             seed=seed,
@@ -72,20 +72,20 @@ def run(
             progress=progress,
             device=device,
         )
-        write_design(found, folder)
-        for name, stage in _LATER.items():
-            told(name)
+        write_design(result, folder)
+        for name, stage in _AFTER_DESIGN.items():
+            announce(name)
             stage(folder)
-        told("report")
+        announce("report")
         run_report(folder)
-    (folder / CHECKPOINT).unlink(missing_ok=True)  # not before: an interrupt in any stage resumes from it
+    (folder / CHECKPOINT).unlink(missing_ok=True)  # not earlier: a run interrupted in any stage resumes from it
     return open_run(folder)
 
 
 def write_design(result: Design, folder: Path) -> Design:
     """Write ``lens.json`` and ``design.json``."""
     result.lens.save(folder / LENS_FILE)
-    return _kept(result, folder)
+    return _written(result, folder)
 
 
 def run_evaluate(
@@ -93,19 +93,19 @@ def run_evaluate(
 ) -> Light:
     """Simulate the finished lens again.
 
-    With ``rays``, ``pixels`` or ``source``, a ray file in place of the spec's source, the light is written beside the
-    lens's own record, as ``evaluate_other.json``.
+    With ``rays``, ``pixels`` or ``source`` (a ray file in place of the spec's source) the light is written to
+    ``evaluate_other.json``, and ``evaluate.json`` is kept.
     """
     lens = load_lens(folder / LENS_FILE)
     light = stages.evaluate(lens, rays=rays, pixels=pixels, source=_other_source(lens.spec, source))
     if rays is None and pixels is None and source is None:
-        return _kept(light, folder)
-    light.write(folder, OTHER)
+        return _written(light, folder)
+    light.write(folder, EVALUATE_OTHER)
     return light
 
 
 def _other_source(spec: Spec, file: Path | None) -> SourceSpec | None:
-    """The spec's source with another ray file, or that file about its virtual focus."""
+    """The spec's source with ``file`` as its ray file; for other sources ``file``, virtual focus at the origin."""
     if file is None:
         return None
     if isinstance(spec.source, RayfileSource):
@@ -126,45 +126,45 @@ def run_export(
     nodes: int | None = None,
     rings: int | None = None,
 ) -> Part:
-    """Make STEP, STL and 3MF, proven by reading them back."""
+    """Write STEP, STL and 3MF, verified by reading them back."""
     lens = load_lens(folder / LENS_FILE)
-    return _kept(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
+    return _written(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
 
 
 def run_check(folder: Path) -> Check:
-    """Say whether the part can be cut: the exported one, or, where no files are there yet, the one to be exported."""
+    """Check whether the part can be cut: the exported one or, before an export, the one to be exported."""
     from lensforge.manufacturing.check import check_lens, check_part
 
     part = open_run(folder).find(Part)
-    return _kept(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
+    return _written(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
 
 
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
-    """Cast rays through the exported part, and compare with where the design sends them.
+    """Cast rays through the exported part, and compare their landings with the design's.
 
-    Another number of rays than the preset's goes into ``verify_other.json``.
+    With ``rays`` the proof is written to ``verify_other.json``, and ``verify.json`` is kept.
     """
-    found = open_run(folder)
-    proof = stages.verify(found.part, found.light, rays=rays)
+    results = open_run(folder)
+    proof = stages.verify(results.part, results.light, rays=rays)
     if rays is None:
-        return _kept(proof, folder)
+        return _written(proof, folder)
     proof.write(folder, VERIFY_OTHER)
     return proof
 
 
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
-    return _kept(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
+    return _written(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
 
 
 def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
-    """Measure how errors of manufacture and mounting change the light."""
-    return _kept(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
+    """Compute the effect of manufacturing and alignment errors on the light."""
+    return _written(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
 
 
 def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | None = None) -> Photometry:
     """Write the light of the lens as IES, EULUMDAT and TM-25 files."""
-    return _kept(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
+    return _written(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
 
 
 def run_compare_photo(
@@ -181,7 +181,7 @@ def run_compare_photo(
     result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
     with replacing(folder / "compare.png") as temporary:
         temporary.write_bytes(photo_png(result))
-    return _kept(result, folder)
+    return _written(result, folder)
 
 
 def run_compare_surface(
@@ -197,7 +197,7 @@ def run_compare_surface(
     result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
     with replacing(folder / f"compare_{surface}.png") as temporary:
         temporary.write_bytes(surface_png(result))
-    return _kept(result, folder, f"compare_{surface}")
+    return _written(result, folder, f"compare_{surface}")
 
 
 def run_handover(folder: Path) -> "Handover":
@@ -210,17 +210,17 @@ def run_handover(folder: Path) -> "Handover":
 
 
 def run_report(folder: Path) -> Path:
-    """Write ``report.html`` from what is in ``folder``; a PDF of an earlier page goes."""
+    """Write ``report.html`` from the results in ``folder``; a PDF of an earlier page is deleted."""
     from lensforge.report.lens_page import render_report
     from lensforge.report.page import write_page
 
-    renew(folder)  # not after: the page states the hash of every file
+    renew(folder)  # before the page is written: it states the hash of every file
     write_page(render_report(open_run(folder), folder), folder / REPORT_FILE)
     return folder / REPORT_FILE
 
 
 def run_comparison(folders: Sequence[Path], page: Path) -> Path:
-    """Write one page that lays the designs in ``folders`` side by side; a PDF of an earlier page goes."""
+    """Write one page that compares the designs in ``folders``; a PDF of an earlier page is deleted."""
     from lensforge.report.compare_page import folder_names, render_comparison
     from lensforge.report.page import write_page
 
@@ -229,14 +229,14 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     return page
 
 
-def _kept(result: _Result, folder: Path, stem: str | None = None) -> _Result:
-    """``result``, written into ``folder``; the verdict is renewed."""
+def _written(result: _Result, folder: Path, stem: str | None = None) -> _Result:
+    """Write ``result`` into ``folder``, renew the verdict, and return the result."""
     result.write(folder, stem)
     renew(folder)
     return result
 
 
-_LATER: dict[str, Callable[[Path], StageResult]] = {
+_AFTER_DESIGN: dict[str, Callable[[Path], StageResult]] = {
     "evaluate": run_evaluate,
     "export": run_export,
     "check": run_check,

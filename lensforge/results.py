@@ -21,9 +21,9 @@ from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof, StrayLight
 
 LENS_FILE, REPORT_FILE = "lens.json", "report.html"
-# What a whole run leaves, in the order of the data.
+# Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof)
-# Written on request, or where there is a part to measure; by the stem of their files.
+# Results on request, and of the machined part, by the stem of their files.
 EXTRAS: dict[str, type[StageResult]] = {
     "stray": StrayLight,
     "compare": PhotoComparison,
@@ -42,7 +42,7 @@ _Result = TypeVar("_Result", bound=StageResult)
 class Results:
     """A lens and the results of its stages, by the stem of their files.
 
-    ``outdated``: stages whose files belong to another lens, another part or another version, and why; they count as
+    ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
     not run.
     """
 
@@ -70,7 +70,7 @@ class Results:
 
     @property
     def design(self) -> Design:
-        """The search. Like all of these: raises :class:`MissingResult` where it has not run."""
+        """The search. Raises :class:`MissingResult` where it has not run, as do the properties below."""
         return self.take(Design)
 
     @property
@@ -85,7 +85,7 @@ class Results:
 
     @property
     def check(self) -> Check:
-        """The check for manufacture."""
+        """The manufacturing check."""
         return self.take(Check)
 
     @property
@@ -95,7 +95,7 @@ class Results:
 
     @property
     def surfaces(self) -> dict[str, SurfaceComparison]:
-        """Measured surfaces by side."""
+        """Comparisons with measured surfaces, by "inner" and "outer"."""
         measured = (self.find(SurfaceComparison, f"compare_{side}") for side in ("inner", "outer"))
         return {each.surface: each for each in measured if each is not None}
 
@@ -112,13 +112,13 @@ class Results:
         return [kind.stage for kind in STAGES if kind.stage not in self.found]
 
     def criteria(self) -> Iterator[tuple[str, Criterion]]:
-        """(stage, criterion) of all that has run."""
+        """Pairs (stem, criterion) of all results."""
         for stem, result in self.found.items():
             for criterion in getattr(result, "criteria", ()):
                 yield stem, criterion
 
     def __eq__(self, other: object) -> bool:
-        """True where lens and results are the same, to the bit."""
+        """True where lens and results are the same, bit for bit."""
         if not isinstance(other, Results):
             return NotImplemented
         return self.lens == other.lens and dict(self.found) == dict(other.found)
@@ -127,9 +127,9 @@ class Results:
 
 
 def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
-    """Read all that is in ``folder``; only lens.json must be there. Raises :class:`InputError` for a damaged file.
+    """Read all results in ``folder``; only lens.json is required. Raises :class:`InputError` for a damaged file.
 
-    With ``damaged_too`` a damaged record counts as not run, as an outdated one does: its stage writes it anew.
+    With ``damaged_too`` a damaged record counts as not run, like an outdated one, so that its stage can write it anew.
     """
     folder = Path(folder)
     lens = load_lens(folder / LENS_FILE)
@@ -146,7 +146,7 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
                 raise
             outdated[stem] = str(error)
             continue
-        why = _foreign(result, lens, found)
+        why = _mismatch(result, lens, found)
         if why:
             outdated[stem] = f"{why}; {kind.again()}"
         else:
@@ -154,12 +154,12 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
     return Results(lens, found, outdated)
 
 
-def _foreign(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
-    """The reason why ``result`` does not belong to what is there; empty where it does."""
+def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
+    """The reason why ``result`` belongs to another lens, part or light; empty where it does not."""
     known = {"lens": lens.sha256, **{name: found[name].sha256 for name in ("export", "evaluate") if name in found}}
     for name in result.made_from:
         if name in ("export", "evaluate") and name not in known:
-            return f"the {name} that it was made from is not there"
+            return f"the {name} that it was made from is missing"
         if name in known and known[name] != result.inputs[name]:
             return f"it was made from another {name}"
     return ""

@@ -1,4 +1,4 @@
-"""A result folder as one object, and its ``run.json`` with the verdict."""
+"""A result folder as one object, and ``run.json`` with its verdict."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ _RENEW = "run `lensforge report` again"
 
 @dataclass(frozen=True, eq=False)
 class Run(Results):
-    """The results of a whole run, as ``folder`` holds them."""
+    """All results in ``folder``."""
 
     folder: Path = Path()
 
@@ -43,21 +43,21 @@ class Run(Results):
         return row
 
     def __eq__(self, other: object) -> bool:
-        """True where folder, lens and all results are the same, to the bit."""
+        """True where folder, lens and all results are the same, bit for bit."""
         same_folder = isinstance(other, Run) and self.folder.resolve() == other.folder.resolve()
         return same_folder and super().__eq__(other)
 
     __hash__ = None
 
     def _repr_html_(self) -> str:
-        """For a notebook: verdict, headline numbers, the light and a section."""
+        """HTML for a notebook: verdict, headline numbers, the light and a section."""
         from lensforge.report.notebook import results_html
 
         return results_html(self)
 
 
 class RunRecord(Record):
-    """``run.json``: the verdict and the hashes of its results. ``outdated``: results that do not count, and why."""
+    """``run.json``: the verdict, the hashes of the results, and the reason for each ``outdated`` one."""
 
     version: Text = __version__
     name: Text
@@ -69,7 +69,7 @@ class RunRecord(Record):
 
 
 def load(folder: Path | str) -> Run:
-    """Read a result folder: the object that :func:`run` returned. Raises :class:`InputError` for anything else."""
+    """Read a result folder: the object that :func:`run` returned. Raises :class:`InputError` for any other folder."""
     folder = folder_of(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; run `lensforge design` first")
@@ -79,19 +79,19 @@ def load(folder: Path | str) -> Run:
 
 
 def open_run(folder: Path) -> Run:
-    """The run in ``folder``, whole or not: a damaged record counts as not run, so that its stage can make it anew."""
+    """The run in ``folder``, complete or not; a damaged record counts as not run; its stage writes it anew."""
     results = load_results(folder, damaged_too=True)
     return Run(results.lens, results.found, results.outdated, folder)
 
 
 def _require_verdict_file(path: Path) -> None:
-    """Raise :class:`InputError` for a ``run.json`` that is none; it need not be there."""
+    """Raise :class:`InputError` for an invalid ``run.json``; a missing one is accepted."""
     if path.exists():
         validated(RunRecord, read_object(path, RUN_SCHEMA, _RENEW), path, _RENEW)
 
 
 def folder_of(folder: object) -> Path:
-    """``folder`` as a path. Raises :class:`InputError` for what cannot be one."""
+    """``folder`` as a path. Raises :class:`InputError` where it cannot be a result folder."""
     if not isinstance(folder, Path | str):
         raise InputError(f"{str(folder)[:60]!r} is {its_type(folder)}; give the path of a result folder")
     path = Path(folder)
@@ -101,7 +101,7 @@ def folder_of(folder: object) -> Path:
 
 
 def renew(folder: Path) -> Verdict:
-    """Write ``run.json`` with the verdict on what is in ``folder``, and return it."""
+    """Write ``run.json`` with the verdict on the results in ``folder``, and return it."""
     found = load_results(folder, damaged_too=True)
     record = RunRecord(
         name=found.spec.name,

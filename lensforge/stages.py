@@ -1,6 +1,6 @@
-"""The stages of one lens as verbs: objects come in, one frozen result comes out, nothing is written.
+"""The stages of one lens as verbs: each takes objects and returns one frozen result; none writes a file.
 
-Heavy libraries load with the first verb that needs them: torch and numba with light, the CAD kernel with a solid.
+Heavy libraries are loaded by the verb that first needs them: torch and numba to trace, the CAD kernel to build.
 """
 
 from pathlib import Path
@@ -31,7 +31,7 @@ from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
 
-_STRAY_RAYS = 2**15  # each splits into some ten: more would take minutes
+_STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
 
 
 def design(
@@ -46,14 +46,14 @@ def design(
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
 ) -> Design:
-    """Search for the lens of ``spec``, Eq. (15): coarse to fine, its constraints by multipliers.
+    """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
 
-    ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on them. ``start``: a lens to
-    begin from. ``checkpoint``: a file that is written every few seconds; where it is there already, the search goes on
-    from it and ends with the same bits as one that was never interrupted, unless ``resume`` is False. ``progress`` is
-    called after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
-    checkpoint. ``device``: where the search traces its rays (``cuda`` is experimental). Raises :class:`InputError` for
-    what cannot be used.
+    ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on it. ``start``: a lens to
+    begin from. ``checkpoint``: a file that is written every few seconds; where it exists already, the search continues
+    from it and ends with the same bits as an uninterrupted one, unless ``resume`` is False. ``progress`` is called
+    after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
+    checkpoint. ``device``: where the rays of the search are traced (``cuda`` is experimental). Raises
+    :class:`InputError` for invalid arguments.
     """
     from lensforge.optimisation.optimiser import search
 
@@ -64,7 +64,7 @@ def design(
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
     if start is not None:
         require(start, Lens, "start")
-    if spec.base.file is not None:  # a file that is no base is better known before the search than after it
+    if spec.base.file is not None:  # an invalid base is reported before the search, not after it
         from lensforge.geometry.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
@@ -94,20 +94,20 @@ def evaluate(
 ) -> Light:
     """Simulate ``lens``: the light on its receiver, every metric with its standard error.
 
-    An argument that is None is the lens's own: its accuracy, seed and source, the rays and pixels of spec or preset.
+    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels).
     """
     from lensforge.evaluation.evaluate import evaluate_lens
 
     require(lens, Lens, "evaluate")
-    shining = lens.spec.source if source is None else source
-    if not isinstance(shining, get_args(get_args(SourceSpec)[0])):
-        raise InputError(f"source: {type(shining).__name__} given; give one of the sources, such as SquareSource(...)")
+    chosen = lens.spec.source if source is None else source
+    if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
+        raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels), count_of("seed", seed, 0)
-    preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, shining)
+    preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, chosen)
     with threads_of_torch(threads):
         light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
-    efficacy = shining.luminous_efficacy_lm_per_w
-    return light.model_copy(update={"inputs": inputs_of(lens, shining), "lumens_per_watt": efficacy})
+    efficacy = chosen.luminous_efficacy_lm_per_w
+    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "lumens_per_watt": efficacy})
 
 
 def build(
@@ -118,11 +118,11 @@ def build(
     nodes: int | None = None,
     rings: int | None = None,
 ) -> Part:
-    """Make the part: one solid as STEP, STL and 3MF, proven by reading them back.
+    """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
-    ``schema``: of the STEP. ``runout_deg``: also the optical faces untrimmed, going on by this angle beyond the rim.
-    ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as form and
-    facets need. Raises :class:`InputError` for a lens that is no body.
+    ``schema``: of the STEP. ``runout_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
+    ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
+    tolerances need. Raises :class:`InputError` for a lens whose surfaces enclose no body.
     """
     from lensforge.geometry.export import build_part
 
@@ -134,16 +134,16 @@ def build(
 
 
 def check(part: Part) -> Check:
-    """Say whether ``part`` can be made, and with what: spheres, curvature, cutter, wall, draft, tools."""
+    """Check whether ``part`` can be cut, and with which tools: best-fit spheres, curvature, cutter, wall, draft."""
     from lensforge.manufacturing.check import check_part
 
     return check_part(require(part, Part, "check"))
 
 
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
-    """Cast rays through the part's own STL and STEP, and compare with where the design sends them.
+    """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
 
-    ``light``: the design's, of the same lens. The tracing shares no code with the design's.
+    ``light``: of the same lens. The ray cast shares no code with the design's tracer.
     """
     import torch
 
@@ -186,7 +186,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
-    """Follow rays through the part with reflections, base and absorption: what the sequential design leaves out."""
+    """Follow rays through the part with reflections, base and absorption, which the sequential design leaves out."""
     from lensforge.verification.image_plane import ImagePlane
     from lensforge.verification.stray import trace_stray
 
@@ -209,7 +209,7 @@ def stray_light(
 
 
 def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
-    """Measure how small errors of form, position, source and index change the light of ``lens``."""
+    """Compute the effect of small errors of form, position, source and index on the light of ``lens``."""
     from lensforge.tolerancing.sensitivity import measure_sensitivity
 
     require(lens, Lens, "sensitivity")
@@ -221,9 +221,9 @@ def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = No
 def photometry(
     lens: Lens, *, rays: int | None = None, lumens: float | None = None, threads: int | None = None
 ) -> Photometry:
-    """Measure the far field of ``lens`` and make its IES, EULUMDAT and TM-25 files.
+    """Compute the far field of ``lens`` and make its IES, EULUMDAT and TM-25 files.
 
-    ``lumens``: of the source; by default by the spec's luminous efficacy, or 1000.
+    ``lumens``: of the source; default: from the spec's luminous efficacy, or 1000.
     """
     from lensforge.far_field.export import measure_photometry
 

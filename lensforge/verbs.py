@@ -1,4 +1,4 @@
-"""Verbs beyond the stages of one lens: documents for the shop, studies of several designs, a look into a ray file."""
+"""Verbs beyond the stages of one lens: documents for the shop, studies of several designs, summaries of ray files."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def handover(run: Results) -> "Handover":
-    """Make the documents for the shop: drawing, verdicts, tables of points, hashes; ``save(folder)`` writes them."""
+    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them."""
     from lensforge.drawings.build import make_handover
 
     if not isinstance(run, Results):
@@ -44,8 +44,8 @@ def sweep(
 ) -> "Sweep":
     """Run every stage for each of ``values`` of ``field`` (dotted, ``constraints.max_radius_mm``), in memory.
 
-    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that a spec
-    cannot have.
+    Every field of ``scale`` keeps its ratio to the varied one. Raises :class:`InputError` for a value that the
+    spec does not allow.
     """
     from lensforge.studies.sweep.table import sweep_of
     from lensforge.studies.sweep.vary import variation_of
@@ -77,7 +77,7 @@ def tradeoff(
 ) -> "Tradeoff":
     """Measure accuracy against computing time for the scene of ``spec``, on ``lens`` or on a draft designed first.
 
-    ``most_rays``: of the longest runs, 2^12 to 2^24. ``announce`` is called with the name of each study as it begins.
+    ``most_rays``: of the largest sample, 2^12 to 2^24. ``announce`` is called with the name of each study as it starts.
     """
     from lensforge.studies.tradeoff.measure import Effort, measure, require_same_scene
 
@@ -94,7 +94,7 @@ def tradeoff(
 
 
 def rays(file: Path | str) -> "RayFileSummary":
-    """Summarise a ray file: its header, and the statistics of its rays."""
+    """Summarise a ray file: its header and the statistics of its rays."""
     from lensforge.sources.rayfiles import describe, read_rayfile
 
     if not isinstance(file, Path | str):

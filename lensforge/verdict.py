@@ -1,9 +1,9 @@
-"""The verdict on a lens: is its light as specified, are its files sound, can it be cut.
+"""The verdict on a lens: light (as specified), files (correct), cutting (possible).
 
-Without limits of the spec's own, light fails where its pattern is far from the target or too little of it lands there.
+Where the spec sets no limits, light fails if the pattern is far from the target or too little of the light lands there.
 Both bounds are calibrated on the shipped specs at standard accuracy: the worst of them has an NMSE of 0.02 and puts
-0.93 of what two faces transmit into its target, while lenses that are of no use (a 6 mm source in an 8 mm lens, a word
-finer than the image of its source) have an NMSE of 0.15 to 0.46, or a tenth of the light where it is wanted.
+0.93 of what two faces transmit into its target, while useless lenses (a 6 mm source in an 8 mm lens, a word finer than
+the image of its source) have an NMSE of 0.15 to 0.46, or put only a tenth of the light into the target.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,14 +22,14 @@ from lensforge.verification.proof import Proof
 
 LARGEST_NMSE = 0.10
 LEAST_SHARE = 0.7  # of the flux that two faces transmit at normal incidence must lie in the target
-_DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face, the search watched other points of it
-_CERTAIN = 2.0  # standard errors from a bound: nearer than that nothing is decided
+_DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
+_CERTAIN = 2.0  # standard errors; within them of a bound, the verdict is undecided
 
 _Reason = tuple[State, str]
 
 
 class Reasons(Record):
-    """Reasons for what does not pass; empty where it does."""
+    """Reasons why light, files or cutting do not pass; empty where they do."""
 
     light: tuple[Text, ...]
     files: tuple[Text, ...]
@@ -49,7 +49,7 @@ class Verdict(Record):
         return {"light": self.reasons.light, "files": self.reasons.files, "cutting": self.reasons.cutting}[name]
 
     def require(self, spec: Spec, parts: Sequence[str] = ()) -> None:
-        """Raise :class:`CriterionMissed` where light or files fail, or the cutting where ``spec`` requires it.
+        """Raise :class:`CriterionMissed` where light or files fail, or cutting where ``spec`` requires it.
 
         ``parts``: those of the three that count; by default all.
         """
@@ -63,7 +63,7 @@ class Verdict(Record):
 def verdict_on(
     lens: Lens, design: Design | None, light: Light | None, part: Part | None, check: Check | None, proof: Proof | None
 ) -> Verdict:
-    """The verdict by the stages that have run; one that has not (None) leaves its part undecided."""
+    """The verdict from the results of the stages; None, a stage that has not run, leaves its part undecided."""
     unseen: list[_Reason] = [("undecided", "the light has not been evaluated")]
     unchecked: list[_Reason] = [("undecided", "the part has not been checked")]
     of_light = list(_light(lens, light)) if light else unseen
@@ -95,20 +95,20 @@ def _light(lens: Lens, light: Light) -> Iterator[_Reason]:
     yield from _failed(light.criteria)
     nmse, share = light.nmse.value - (light.nmse_of_noise or 0.0), light.share_in_target.value
     words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
-    yield from _against("NMSE less its noise", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
+    yield from _above_bound("NMSE less its noise", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
     possible = normal_transmittance(lens.refractive_index) ** 2
     words = (
         f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit: a larger lens, a "
         "smaller source or a wider target"
     )
     missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
-    yield from _against("share of the light in the target", missing, error, words)
+    yield from _above_bound("share of the light in the target", missing, error, words)
 
 
-def _against(name: str, excess: float, error: float | None, words: str) -> Iterator[_Reason]:
-    """A reason where a figure exceeds its bound by ``excess``, or might within two standard errors."""
+def _above_bound(name: str, excess: float, error: float | None, words: str) -> Iterator[_Reason]:
+    """A reason where a value is above its bound (``excess`` > 0), or is within two standard errors of it."""
     if error is None and excess > 0.0:
-        yield "undecided", f"{name} has no standard error, as the rays are one sample: {words}"
+        yield "undecided", f"{name} has no standard error, because the rays are a single sample: {words}"
     elif abs(excess) <= _CERTAIN * (error or 0.0):
         yield "undecided", f"{name} is within two standard errors of its bound: {words}"
     elif excess > 0.0:
@@ -136,14 +136,14 @@ def _cutting(lens: Lens, check: Check) -> Iterator[_Reason]:
 
 
 def _draft(lens: Lens, check: Check, mould: bool) -> Iterator[_Reason]:
-    """Draft counts where the spec sets a limit, which then decides, or where the lens comes from a mould."""
+    """Reasons against the draft: below the spec's limit or, without one, too little for a mould."""
     limits = lens.spec.constraints
     for surface, face, limit in (
         ("inner", check.inner, limits.inner_draft_deg),
         ("outer", check.outer, limits.outer_draft_deg),
     ):
         if limit is not None and face.draft_deg.min < limit - _DRAFT_TOLERANCE_DEG:
-            yield "fail", f"the {surface} face has a draft of {face.draft_deg.min:.2f} deg, the spec wants {limit:g}"
+            yield "fail", f"the {surface} face has a draft of {face.draft_deg.min:.2f} deg, the spec requires {limit:g}"
         elif limit is None and mould:
             reasons = (each.reason for each in check.verdicts if each.name == "draft" and each.surface == surface)
             if any(not each.holds for each in check.verdicts if each.name == "draft" and each.surface == surface):
@@ -151,7 +151,7 @@ def _draft(lens: Lens, check: Check, mould: bool) -> Iterator[_Reason]:
 
 
 def _no_tool(tools: Sequence[Finding]) -> Iterator[_Reason]:
-    """A face fails where none of the shop's tools cuts all of it."""
+    """Reasons against each face of which no tool of the shop cuts all."""
     for surface in ("inner", "outer"):
         of_face = [verdict for verdict in tools if verdict.surface == surface]
         if of_face and not any(verdict.holds for verdict in of_face):

@@ -1,3 +1,3 @@
-"""The version, alone in a module so that every layer may state it."""
+"""The version, in a module of its own that every layer can import."""
 
 __version__ = "0.2.0"

@@ -97,7 +97,7 @@ def _require_placement(body: Solid, base: CustomBase) -> None:
     if covered > _COVERED_SHARE:
         raise InputError(
             f"{base.path}: covers {100.0 * covered:.3g} % of the cavity's opening; "
-            f"it must leave free a circle of {2.0 * _largest_radius_mm(mouth):.4g} mm about the axis in z = 0"
+            f"it must leave free a circle of {2.0 * _largest_radius_mm(mouth):.4g} mm diameter about the axis in z = 0"
         )
     if _common_area(ring, base.solid) <= _COVERED_SHARE * opening.Area():
         raise InputError(

@@ -6,7 +6,7 @@ outliers cannot outweigh the image, and counts the flux with which a ray left th
 """
 
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.splat import add_to_pixels, pixels_adjoint
+from lensforge.kernels.landing import add_to_pixels, pixels_adjoint
 
 # Squared exit sine above which a ray counts as close to total reflection, and the unit of the excess.
 SAFE_SIN2 = 0.97

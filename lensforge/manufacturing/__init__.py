@@ -1,1 +1,1 @@
-"""The manufacturing check: can the part be cut, and with what."""
+"""The manufacturing check: can the part be cut, and with which tools."""

@@ -1,10 +1,10 @@
-"""The sphere that a face departs from: five named fits, each weighted by area, never along z.
+"""The best-fit sphere of a face, by five definitions; rms values are over the area.
 
-A deviation is measured along the sphere's own normal, ``|P - c| - R``: positive where the face is farther from the
-centre than the sphere. A fit along z would blow up at the steep rim of a hemisphere.
+A deviation is measured along the sphere's normal, ``|P - c| - R``: positive where the face is farther from the centre
+than the sphere. A deviation along z would diverge at the steep rim of a hemisphere.
 
 =================== ==============================================================================
-``least_squares``   centre on the axis, least mean square deviation; the default
+``least_squares``   centre on the axis, least mean square deviation over the area; the default
 ``free_centre``     the same, centre anywhere
 ``minimum_pv``      centre on the axis, least peak-to-valley deviation (the minimum zone)
 ``enclosing``       smallest sphere, centre on the axis, that contains the face: the turned blank
@@ -52,13 +52,13 @@ class BestFitSphere:
 def best_fit_sphere(samples: FaceSamples, variant: Variant = "least_squares") -> BestFitSphere:
     """Fit the named sphere to a face."""
     points = samples.points
-    weights = samples.areas / samples.areas.sum()
-    centre = _centre(variant, points, weights)
+    shares = samples.areas / samples.areas.sum()
+    centre = _centre(variant, points, shares)
     away = points - centre
     distance = np.linalg.norm(away, axis=1)
-    radius = _radius(variant, distance, weights)
+    radius = _radius(variant, distance, shares)
     deviation = distance - radius
-    # The angle from the chord, for digits where the face is nearly the sphere.
+    # The angle from its chord: accurate also where the two normals nearly agree.
     chord = np.linalg.norm(samples.outward - away / distance[:, None], axis=1)
     return BestFitSphere(
         variant=variant,
@@ -66,29 +66,29 @@ def best_fit_sphere(samples: FaceSamples, variant: Variant = "least_squares") ->
         centre_mm=centre,
         deviation_mm=deviation,
         slope_departure=2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)),
-        rms_mm=float(np.sqrt(weights @ deviation**2)),
+        rms_mm=float(np.sqrt(shares @ deviation**2)),
     )
 
 
 def _centre(
-    variant: Variant, points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]
+    variant: Variant, points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, "3"]:
     match variant:
         case "least_squares":
-            return _least_squares_centre(points, weights, free=False)
+            return _least_squares_centre(points, shares, free=False)
         case "free_centre":
-            return _least_squares_centre(points, weights, free=True)
+            return _least_squares_centre(points, shares, free=True)
         case "minimum_pv" | "inscribed":
-            return _minimum_pv_centre(points, weights)
+            return _minimum_pv_centre(points, shares)
         case "enclosing":
             reach = float(np.linalg.norm(points, axis=1).max())
-            return _lowest_on_axis(lambda distance: float(distance.max()), points, -reach, reach)
+            return _minimise_on_axis(lambda distance: float(distance.max()), points, -reach, reach)
 
 
-def _radius(variant: Variant, distance: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+def _radius(variant: Variant, distance: Float[np.ndarray, " k"], shares: Float[np.ndarray, " k"]) -> float:
     match variant:
         case "least_squares" | "free_centre":
-            return float(weights @ distance)
+            return float(shares @ distance)
         case "minimum_pv":
             return float(distance.max() + distance.min()) / 2.0
         case "enclosing":
@@ -98,21 +98,21 @@ def _radius(variant: Variant, distance: Float[np.ndarray, " k"], weights: Float[
 
 
 def _least_squares_centre(
-    points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"], free: bool
+    points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"], free: bool
 ) -> Float[np.ndarray, "3"]:
-    """Variable projection: for any centre the best radius is the weighted mean distance."""
+    """Variable projection: for any centre the best radius is the mean distance over the area."""
     moving = np.eye(3) if free else np.array([[0.0, 0.0, 1.0]])
-    root = np.sqrt(weights)
+    root = np.sqrt(shares)
 
     def residual(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, " k"]:
         distance = np.linalg.norm(points - parameters @ moving, axis=1)
-        departure: Float[np.ndarray, " k"] = root * (distance - weights @ distance)
+        departure: Float[np.ndarray, " k"] = root * (distance - shares @ distance)
         return departure
 
     def slope(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, "k p"]:
         away = points - parameters @ moving
         towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ moving.T
-        change: Float[np.ndarray, "k p"] = root[:, None] * (towards - weights @ towards)
+        change: Float[np.ndarray, "k p"] = root[:, None] * (towards - shares @ towards)
         return change
 
     scale = float(np.linalg.norm(points, axis=1).mean())
@@ -122,22 +122,22 @@ def _least_squares_centre(
     return centre
 
 
-def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], weights: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
+def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
     def zone(distance: Float[np.ndarray, " k"]) -> float:
         return float(np.ptp(distance))
 
-    around = float(_least_squares_centre(points, weights, free=False)[2])
+    around = float(_least_squares_centre(points, shares, free=False)[2])
     reach = _REACH * float(np.linalg.norm(points, axis=1).max())
     scan = around + np.linspace(-reach, reach, _SCAN)
     best = scan[int(np.argmin([zone(np.linalg.norm(points - [0.0, 0.0, z], axis=1)) for z in scan]))]
     step = 2.0 * reach / (_SCAN - 1)
-    return _lowest_on_axis(zone, points, best - step, best + step)
+    return _minimise_on_axis(zone, points, best - step, best + step)
 
 
-def _lowest_on_axis(
+def _minimise_on_axis(
     figure: Callable[[Float[np.ndarray, " k"]], float], points: Float[np.ndarray, "k 3"], low: float, high: float
 ) -> Float[np.ndarray, "3"]:
-    """The centre on the axis between ``low`` and ``high`` whose distances to the points have the lowest figure."""
+    """The centre on the axis, ``low`` to ``high``, that minimises ``figure`` of its distances to the points."""
 
     def at(z: float) -> float:
         return figure(np.linalg.norm(points - [0.0, 0.0, z], axis=1))

@@ -1,4 +1,4 @@
-"""The manufacturing check of the exported faces: tools that they need, the wall between them, findings for the shop."""
+"""The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
 
@@ -38,15 +38,15 @@ from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnes
 
 
 def check_part(part: Part) -> Check:
-    """Check the part for manufacture: the faces of its lens with the nodes that the part was exported with."""
+    """Check the part for manufacture: the faces of its lens, with the spline nodes of the export."""
     return check_lens(part.lens, part.nodes)
 
 
 def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     """Check ``lens`` for manufacture: the design by ``criteria``, which do not raise, the tools by ``verdicts``.
 
-    ``nodes``: spline nodes across each face, by default those of the export. Raises :class:`InputError` where the
-    file of its base is missing or no base.
+    ``nodes``: spline nodes across each face, by default those that an export would choose. Raises
+    :class:`InputError` where the file of its base is missing or does not hold a base.
     """
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
@@ -57,7 +57,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
     tools = check_tools(manufacture.tools, inner, outer, base, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
-    min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # at a rim the radial one may be less
+    min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # the radial one may be less at a rim
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
@@ -88,12 +88,12 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
 
 
 def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray, "n n *c"]:
-    """Values per sample over the chart of the face, NaN outside of its rim."""
+    """Values per sample as a map over the chart of the face, NaN outside its rim."""
     return face.samples.grid.to_map(values)
 
 
 def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
-    """Both faces, measured from the side where their air is: a mould insert has it where the lens has its material."""
+    """Both faces, measured from their air side; a mould insert has air where the lens has material."""
     is_part, cutter_mm = lens.spec.manufacture.make == "part", lens.spec.manufacture.cutter_radius_mm
     inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if is_part else (AirSide.OUTSIDE, AirSide.INSIDE)
     inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
@@ -113,15 +113,15 @@ def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
 
 
 def _radial_criterion(lens: Lens, radial: Wall) -> Criterion:
-    """The wall that the design has promised, the radial one of the paper; along the normal it may be thinner."""
-    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # -0 nm is 0
+    """The radial wall, which the design constrains as the paper does; along the normal it may be thinner."""
+    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # no "-0"
     limit = lens.spec.constraints.min_thickness_mm - lens.spec.constraints.tolerance_mm
-    remedy = f"raise lens.outer_offset_mm or give the last level more steps; it is thinnest at ({place}) mm"
+    remedy = f"raise lens.outer_offset_mm or give the last level more steps; the wall is thinnest at ({place}) mm"
     return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
-    """Cusps where the face is most convex: there they are highest and steepest."""
+    """Cusps where the face is most convex, where they are highest and steepest."""
     manufacture = lens.spec.manufacture
     cutter_mm, limit_rad = manufacture.cutter_radius_mm, 1e-3 * manufacture.slope_limit_mrad
 

@@ -1,20 +1,20 @@
-"""The ball cutter: at each point of a face the largest ball that touches nothing else, and the height left uncut.
+"""The ball cutter: the largest ball that touches a face at each point without gouging, and the height left uncut.
 
 A ball of radius R cuts the point P when its centre ``P + R n`` (n: the air-side normal) is at least R from all of the
 part. Two tests decide: the local one, ``kappa_min >= -1/R``, and the global one, that no other point Q is inside the
 ball. The ball through P that also touches Q has the radius ``|Q - P|^2 / (2 n . (Q - P))``, so the largest ball at P
 is the smallest of these and of ``-1/kappa_min``. Shrinking a ball from the local limit, with the nearest neighbour of
-its centre as the next Q, finds it in a few steps (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
-One map of radii then answers for every cutter.
+its centre as the next Q, finds it in a few iterations (J. Ma, S. W. Bae, S. Choi, The Visual Computer 28, 7 (2012)).
+One map of radii then serves every cutter.
 
 The air that a ball sweeps is the union of the balls whose centres are at least R from the part (the opening of the air
 by the ball). The boundary of those centres is the offset face ``P + R n`` over the points that the cutter reaches, so
-the height left over an unreached point is its distance to the nearest such centre, less R.
+the uncut height over an unreached point is its distance to the nearest such centre, minus R.
 
-Only the ball is tested, against the face that it cuts. The base has its own test (``relief``); a shank no thicker
-than the ball and tilted into the clear is assumed, a holder is not modelled. Q ranges over the samples, so a ball
-is never too small, and too large by a term that falls with the square of their spacing: on random cavities of four
-levels, 161 nodes against 321, the reached fraction moves by 0.1 % and the residual height by 0.05 um.
+Only the ball is tested, against the face that it cuts; ``relief`` tests it against the base, and ``tools`` the shank
+and the holder. Q ranges over the samples, so a ball is never too small, and too large by a term that falls with the
+square of their spacing: on random cavities of four levels, 161 nodes against 321, the reachable fraction changes by
+0.1 % and the residual height by 0.05 um.
 """
 
 import numpy as np
@@ -26,17 +26,17 @@ from lensforge.manufacturing.face import FaceSamples
 FIT_TOLERANCE = 1e-6  # relative: 1 nm for a cutter of 1 mm
 _GOUGE_MM = 1e-6  # a ball that is this deep in the part still counts as touching
 _ROUNDS = 60
-# Balls in a cavity are close to very many points at once; large leaves are scanned faster than a deep tree is walked.
+# Balls in a cavity are close to very many points at once: scanning large leaves is faster than descending a deep tree.
 LEAF = 256
-_COARSE = 8  # one obstacle in eight brings the balls close to their size before all of them are tested
-# Beyond this many face radii a ball is a plane as far as the part can tell.
+_COARSE = 8  # every eighth obstacle is tested first, which brings the balls close to their final size
+# A ball of this many face radii is as good as a plane.
 _UNLIMITED = 20.0
 
 
 def largest_ball_mm(samples: FaceSamples, part: Float[np.ndarray, "m 3"] | None = None) -> Float[np.ndarray, " k"]:
     """Radius (mm) of the largest ball that touches the face at each sample only; infinite where any ball does.
 
-    ``part``: the points that it must not enter, by default the samples themselves.
+    ``part``: the points that must stay outside it, by default the samples themselves.
     """
     part = samples.points if part is None else part
     cap = _UNLIMITED * float(np.linalg.norm(samples.points, axis=1).max())
@@ -47,7 +47,7 @@ def largest_ball_mm(samples: FaceSamples, part: Float[np.ndarray, "m 3"] | None 
 
 
 def _shrink(radius: Float[np.ndarray, " k"], samples: FaceSamples, obstacles: Float[np.ndarray, "m 3"]) -> None:
-    """Shrink the balls in place until none has an obstacle deeper inside than the tolerance."""
+    """Shrink the balls in place until no obstacle is deeper inside than the tolerance."""
     points, normals = samples.points, samples.normals
     tree = cKDTree(obstacles, leafsize=LEAF)
     active = np.arange(len(points))
@@ -88,7 +88,7 @@ def _touching_radius(
 def residual_height_mm(
     samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
 ) -> Float[np.ndarray, " k"]:
-    """Uncut height (mm) over each sample, 0 where the cutter reaches; all NaN when it reaches nothing at all.
+    """Uncut height (mm) over each sample, 0 where the cutter reaches; all NaN when it reaches nothing.
 
     ``ball_mm`` is the map of :func:`largest_ball_mm`. The error is of second order in the sample spacing: the
     edge of the reached area, where balls rest on two points at once, is located between the samples.
@@ -110,7 +110,7 @@ def _edge_centres(
     samples: FaceSamples, ball_mm: Float[np.ndarray, " k"], cutter_radius_mm: float
 ) -> Float[np.ndarray, "e 3"]:
     """Ball centres over the edge of the reached area: where a grid line's largest ball passes the cutter's radius."""
-    tightness = samples.grid.to_map(1.0 / ball_mm - 1.0 / cutter_radius_mm)  # continuous where balls are unlimited
+    tightness = samples.grid.to_map(1.0 / ball_mm - 1.0 / cutter_radius_mm)  # finite where a ball is unlimited
     nodes = samples.grid.to_map(samples.chart)
     crossings = []
     for field, chart in ((tightness, nodes), (tightness.T, nodes.transpose(1, 0, 2))):

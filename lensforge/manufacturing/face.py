@@ -1,10 +1,10 @@
-"""An exported optical face as the shop meets it: sampled with normals, curvatures and areas; its draft and tilt.
+"""An exported optical face, sampled with normals, curvatures and areas; its draft and tilt.
 
-The face is the very spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square
-chart grid inside the rim, so that a value per sample is also a map, and the nodes just outside, moved onto the rim:
-extremes like to live there, and their cells close the area sum.
+The face is the spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square chart
+grid inside the rim, so that values per sample are also a map, and the nodes just outside, moved onto the rim: extremes
+often lie there, and their cells complete the area.
 
-Draft is the lean of the face against the optical axis, along which a mould opens. The outer face is drawn along +z and
+Draft is the angle of the face to the optical axis, along which a mould opens. The outer face is drawn along +z and
 the cavity's core along -z; since their air-side normals are opposite too, the same formula with the outward normal
 serves both: ``draft = asin(n . z)``. A negative draft is an undercut.
 """
@@ -25,7 +25,7 @@ _UNDERCUT = 1e-3 * NORMAL_LIMIT_MRAD  # a hemisphere's rim has n.z = 0 up to the
 
 
 class AirSide(IntEnum):
-    """Side of the face on which the air, and with it the cutter, is: turns an outward normal into the air-side one."""
+    """Side of the face on which the air and the cutter are; times the outward normal it gives the air-side one."""
 
     OUTSIDE = 1  # the outer face
     INSIDE = -1  # the cavity
@@ -39,7 +39,7 @@ class OpticalFace:
     air: AirSide
 
     def radius(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """Distance (mm) from the origin at chart ``points``; beyond the patch's square, that at its edge."""
+        """Distance (mm) from the origin at chart ``points``; beyond the patch's square, the value at its edge."""
         radius: Float[np.ndarray, " n"] = np.linalg.norm(
             self.patch.points(np.clip(points, -HALF_WIDTH, HALF_WIDTH)), axis=1
         )
@@ -54,7 +54,7 @@ class OpticalFace:
         return float(self.air) * jet.normal
 
     def smallest_curvature(self, start: Float[np.ndarray, "2"], step: float) -> float:
-        """The lowest curvature (1/mm) within ``step`` of chart point ``start``, by zooming in; not outside the rim."""
+        """The lowest curvature (1/mm) within ``step`` of chart point ``start`` and the rim, on ever finer grids."""
         centre, lowest = np.array(start, dtype=np.float64), np.inf
         for _ in range(_ZOOM_ROUNDS):
             axis = np.linspace(-step, step, _ZOOM_NODES)
@@ -70,7 +70,7 @@ class OpticalFace:
 
 @dataclass(frozen=True)
 class ChartGrid:
-    """``nodes`` x ``nodes`` chart points over [-1, 1], first index X; the first samples of a face are those inside."""
+    """``nodes`` x ``nodes`` chart points over [-1, 1], first index X; those ``inside`` are a face's first samples."""
 
     axis: Float[np.ndarray, " n"]
     inside: Bool[np.ndarray, "n n"]
@@ -82,14 +82,14 @@ class ChartGrid:
 
     def to_map(self, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray, "n n *c"]:
         """Values per sample as a map, NaN outside the rim; samples on the rim itself fall between the nodes."""
-        picture = np.full((*self.inside.shape, *values.shape[1:]), np.nan)
-        picture[self.inside] = values[: np.count_nonzero(self.inside)]
-        return picture
+        values_map = np.full((*self.inside.shape, *values.shape[1:]), np.nan)
+        values_map[self.inside] = values[: np.count_nonzero(self.inside)]
+        return values_map
 
 
 @dataclass(frozen=True)
 class FaceSamples:
-    """A face at ``k`` chart points: mm, unit air-side normals, 1/mm, and the mm^2 that each sample stands for."""
+    """A face at ``k`` chart points: points (mm), unit air-side normals, areas (mm^2) and curvatures (1/mm)."""
 
     face: OpticalFace
     grid: ChartGrid
@@ -105,7 +105,7 @@ class FaceSamples:
         return float(self.face.air) * self.normals
 
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
-        """The part of the face's area for which ``where`` holds."""
+        """Share of the face's area where ``where`` is True."""
         return float(self.areas[where].sum() / self.areas.sum())
 
 
@@ -126,13 +126,13 @@ def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
 
 
 def _disc(nodes: int) -> tuple[ChartGrid, Float[np.ndarray, "k 2"], Float[np.ndarray, " k"]]:
-    """Grid, sample points of the unit disc, and the chart area of each: the part of its cell inside the disc."""
+    """Grid, sample points of the unit disc, and the chart area of each: the share of its cell inside the disc."""
     axis = np.linspace(-1.0, 1.0, nodes)
     step = axis[1] - axis[0]
     padded = np.concatenate([[-1.0 - step], axis, [1.0 + step]])
     square = np.stack(np.meshgrid(padded, padded, indexing="ij"), axis=-1)
     distance = np.linalg.norm(square, axis=-1)
-    # A straight rim cuts a square cell: its share is close to linear over the cell's width across the rim.
+    # Across the cells on the rim the share inside falls almost linearly, over the width of a cell normal to the rim.
     width = step * np.abs(square).sum(axis=-1) / np.maximum(distance, step)
     share = np.clip(0.5 + (1.0 - distance) / np.maximum(width, step), 0.0, 1.0)
     inside = distance <= 1.0 + 1e-12
@@ -150,10 +150,10 @@ def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
 
 
 def undercut_fraction(samples: FaceSamples) -> float:
-    """The part of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
+    """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
     return samples.fraction(samples.outward[:, 2] < -_UNDERCUT)
 
 
 def largest_tilt_rad(samples: FaceSamples) -> float:
-    """Largest angle (rad) between the face's normal and the axis: the tilt of a five-axis head that stays normal."""
+    """Largest angle (rad) between the face's normal and the axis: the tilt of a tool that is held normal to it."""
     return float(np.pi / 2.0 - draft_rad(samples).min())

@@ -1,4 +1,4 @@
-"""One face measured: best-fit sphere, curvature, draft, and the reach of the ball cutter."""
+"""Measurements of one face: best-fit sphere, curvature, draft, and the reach of the ball cutter."""
 
 from dataclasses import dataclass
 
@@ -39,17 +39,17 @@ class FaceCheck:
 
     @property
     def reachable_fraction(self) -> float:
-        """The part of the area that the cutter reaches."""
+        """Share of the area that the cutter reaches."""
         return self.samples.fraction(self.reached)
 
     @property
     def smallest_concave_radius_mm(self) -> float:
-        """Radius (mm) of the tightest hollow; infinite for a face without any."""
+        """Smallest concave radius (mm); infinite for a face that is convex everywhere."""
         return -1.0 / self.lowest_curvature if self.lowest_curvature < 0.0 else np.inf
 
     @property
     def largest_cutter_mm(self) -> float:
-        """The largest ball (mm) that reaches the whole face; infinite where any ball does."""
+        """Radius (mm) of the largest ball that reaches the whole face; infinite where any ball does."""
         return min(self.smallest_concave_radius_mm, float(self.ball_mm.min()))
 
 
@@ -70,7 +70,7 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
 
 
 def face_result(check: FaceCheck) -> FaceResult:
-    """The record of a measured face; an unbounded number is None."""
+    """The record of a measured face; an infinite number is None."""
     samples = check.samples
     draft = np.degrees(draft_rad(samples))
     others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)
@@ -95,7 +95,7 @@ def face_result(check: FaceCheck) -> FaceResult:
 
 
 def bounded(value: float) -> float | None:
-    """``value``, or None for what is infinite or not a number."""
+    """``value``, or None where it is infinite or not a number."""
     return float(value) if np.isfinite(value) else None
 
 

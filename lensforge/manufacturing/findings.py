@@ -1,4 +1,4 @@
-"""Findings of the check: for each thing measured, one statement for the shop with its reason and its remedy."""
+"""Findings of the check: one statement for the shop on each measurement, with its reason and, if needed, a remedy."""
 
 from math import ceil, degrees
 
@@ -16,29 +16,29 @@ from lensforge.manufacturing.result import (
 )
 
 GOOD_DRAFT_DEG = 2.0
-_WHOLE = 1.0 - 1e-9  # the share of a face that counts as all of it
-# Two faces and the normals of one may be off by as much as the export allows.
+_WHOLE = 1.0 - 1e-9  # share that counts as the whole face
+# The export allows this error of a wall between two faces, and of the normals of one.
 _WALL_TOLERANCE_MM, _TILT_TOLERANCE_DEG = 2e-6 * FORM_LIMIT_NM, degrees(1e-3 * NORMAL_LIMIT_MRAD)
 _FACES: tuple[FaceName, FaceName] = ("inner", "outer")
 
 
 def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
-    """Reach of the spec's ball: the whole face, or how much of it."""
+    """Reach of the spec's ball cutter on a face."""
     ball, largest = f"a ball of {cutter.radius_mm:g} mm radius", cutter.largest_radius_mm
     holds = largest is None or largest >= cutter.radius_mm * (1.0 - 1e-6)
     if holds:
-        room = "any ball does" if largest is None else f"balls up to {largest:.4g} mm do"
-        reason = f"{ball} reaches all of the {surface} face; {room}"
+        others = "any ball" if largest is None else f"any ball of up to {largest:.4g} mm radius"
+        reason = f"{ball} reaches all of the {surface} face; so does {others}"
     else:
         reason = (
             f"{ball} reaches {100.0 * cutter.reachable_fraction:.1f} % of the {surface} face; "
-            f"the largest that reaches all of it is {largest:.4g} mm"
+            f"the largest that reaches all of it has {largest:.4g} mm radius"
         )
     return Finding(name="cutter", surface=surface, holds=holds, reason=reason)
 
 
 def relief_findings(relief: Relief) -> list[Finding]:
-    """Room for the ball at the base: one statement for each face that borders on a base."""
+    """Clearance of the ball at the base: one statement for each face that has a base below it."""
     faces: tuple[tuple[FaceName, OuterRelief | InnerRelief | CustomBaseRelief | None], ...]
     faces = (("outer", relief.outer), ("inner", relief.inner))
     return [_relief_finding(surface, found) for surface, found in faces if found is not None]
@@ -47,13 +47,13 @@ def relief_findings(relief: Relief) -> list[Finding]:
 def _relief_finding(surface: FaceName, relief: OuterRelief | InnerRelief | CustomBaseRelief) -> Finding:
     retreat, setback = _needed(relief)
     if retreat is None:
-        reason = f"the cutter reaches nothing of the {surface} face, base or not"
+        reason = f"the ball reaches no part of the {surface} face, with or without the base"
         return Finding(name="relief", surface=surface, holds=False, reason=reason)
     if retreat <= 0.0 and setback <= 0.0:
-        reason = f"the base is out of the ball's way at the {surface} face"
+        reason = f"the base clears the ball at the {surface} face"
         return Finding(name="relief", surface=surface, holds=True, reason=reason)
-    clear = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
-    reason = f"{clear}; {_remedy(relief, retreat, setback)}"
+    reached = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
+    reason = f"{reached}; {_remedy(relief, retreat, setback)}"
     return Finding(name="relief", surface=surface, holds=False, reason=reason)
 
 
@@ -71,37 +71,37 @@ def _needed(relief: OuterRelief | InnerRelief | CustomBaseRelief) -> tuple[float
 def _remedy(relief: OuterRelief | InnerRelief | CustomBaseRelief, retreat_mm: float, setback_mm: float) -> str:
     match relief:
         case CustomBaseRelief():
-            return f"its file must retreat by up to {retreat_mm:.4g} mm where it is in the ball's way"
+            return f"the base in its file must be cut back by up to {retreat_mm:.4g} mm where the ball hits it"
         case InnerRelief():
-            return f"a bore {retreat_mm:.4g} mm wider all around than the cavity keeps the base out of its way"
+            return f"a bore {retreat_mm:.4g} mm larger in radius than the cavity would clear the ball"
         case OuterRelief() if setback_mm <= 0.0:
-            return f"base.relief_step_mm = {_up(retreat_mm)} keeps the base out of its way"
+            return f"base.relief_step_mm = {_up(retreat_mm)} would clear the ball"
         case OuterRelief():
             step = f"base.relief_step_mm = {_up(retreat_mm)} and " if retreat_mm > 0.0 else ""
-            return f"the rim is undercut: it takes {step}base.relief_setback_mm = {_up(setback_mm)}"
+            return f"the rim is undercut, and needs {step}base.relief_setback_mm = {_up(setback_mm)}"
 
 
 def _up(length_mm: float) -> str:
-    """A length to write into a spec: rounded up to 0.1 um, so that it is enough."""
+    """A length for a spec, rounded up to 0.1 um so that it is enough."""
     return f"{ceil(1e4 * length_mm) / 1e4:g}"
 
 
 def tilt_finding(surface: FaceName, slope_deg: float, allowed_deg: float) -> Finding:
-    """Tilt of a five-axis head that holds the tool along the normal everywhere, against the largest allowed."""
+    """Tilt of a tool that is held normal to the face everywhere, against the largest allowed."""
     holds = slope_deg <= allowed_deg + _TILT_TOLERANCE_DEG
     reason = (
         f"the {surface} face is up to {slope_deg:.2f} deg steep; a tool held normal to it "
-        f"{'stays within' if holds else 'would pass'} manufacture.max_tilt_deg = {allowed_deg:g}"
+        f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
     )
     return Finding(name="tilt", surface=surface, holds=holds, reason=reason)
 
 
-def wall_finding(wall_mm: float, wanted_mm: float) -> Finding:
-    """Thinnest wall, along the normal too, against the radial thickness of the spec."""
-    holds = wall_mm >= wanted_mm - _WALL_TOLERANCE_MM
+def wall_finding(wall_mm: float, required_mm: float) -> Finding:
+    """Thinnest wall, radial or along the normal, against the radial thickness of the spec."""
+    holds = wall_mm >= required_mm - _WALL_TOLERANCE_MM
     word = "at least" if holds else "less than"
     reason = (
-        f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {wanted_mm:g}, "
+        f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {required_mm:g}, "
         "which bounds the radial thickness only"
     )
     return Finding(name="wall", surface="body", holds=holds, reason=reason)
@@ -113,13 +113,13 @@ def draft_finding(surface: FaceName, face: FaceResult) -> Finding:
     if undercut > 0.0:
         reason = f"{100.0 * undercut:.2f} % of the {surface} face is undercut, down to a draft of {least_deg:.2f} deg"
     else:
-        least_deg = max(least_deg, 0.0)  # the form error of a rim that stands upright
-        reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; moulds want {GOOD_DRAFT_DEG:g} deg"
+        least_deg = max(least_deg, 0.0)  # form error of a vertical rim
+        reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; a mould needs {GOOD_DRAFT_DEG:g} deg"
     return Finding(name="draft", surface=surface, holds=least_deg >= GOOD_DRAFT_DEG, reason=reason)
 
 
 def tool_findings(tool: ToolResult) -> list[Finding]:
-    """Reach of a tool on each face, and what stops it."""
+    """Reach of a tool on each face, and the part of it that limits the reach."""
     return [_tool_finding(tool, surface) for surface in _FACES]
 
 
@@ -128,7 +128,7 @@ def _tool_finding(tool: ToolResult, surface: FaceName) -> Finding:
     ball, whole = reach.ball_reachable_fraction, reach.reachable_fraction
     reason = f"{tool.name} reaches {100.0 * whole:.1f} % of the {surface} face"
     if whole < ball - 1e-9:
-        reason += f"; its ball alone {100.0 * ball:.1f} %: shank or holder is in the way, a longer one may do"
+        reason += f"; its ball alone reaches {100.0 * ball:.1f} %: shank or holder collides, a longer tool may help"
     if ball < _WHOLE and reach.largest_radius_mm is not None:
-        reason += f"; the largest ball that reaches all of it is {reach.largest_radius_mm:.4g} mm"
+        reason += f"; the largest ball that reaches all of it has {reach.largest_radius_mm:.4g} mm radius"
     return Finding(name="tool", surface=surface, holds=whole >= _WHOLE, reason=reason)

@@ -1,9 +1,9 @@
-"""Room for the ball at the base: near the rim the ball hangs below z = 0, where the base may be in its way.
+"""Clearance of the ball at the base: near the rim the ball extends below z = 0, where it may hit the base.
 
-A base of the spec is a disc below z = 0 with a bore drawn straight down from the cavity's rim. The measures say how far
-that material must retreat for the ball to touch a sample: down, below the outer face; sideways, around the bore; and
-back from the outer rim, where a relief step's wall is drawn from an undercut rim. A custom base, from a STEP file, is
-taken as its mesh; CAD and mesh libraries load only where a spec has one.
+A built-in base is a disc below z = 0 with a bore straight down from the cavity's rim. The measures say how far that
+material must be cut back for the ball to touch a sample: down, below the outer face; sideways, around the bore; and
+away from the outer rim, where a relief step's wall runs down from an undercut rim. A custom base, from a STEP file, is
+represented by its mesh; CAD and mesh libraries load only where a spec has one.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from lensforge.spec import BaseSection
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
 _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
 _RIM_POINTS = 4096
-_BASE_CHORD_MM = 1e-3  # between the mesh and the round faces of a custom base
+_BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS, _SEED = 4000, 0
 
 
@@ -36,11 +36,11 @@ class CustomBaseMesh:
     mesh: Any
 
     def retreat_mm(self, face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-        """Depth (mm) of the base in the ball that touches each sample; 0 where it is clear."""
+        """Depth (mm) to which the base enters the ball that touches each sample; 0 where it is clear."""
         from trimesh.proximity import closest_point
 
         centres = face.points + cutter_radius_mm * face.normals
-        near = np.flatnonzero(centres[:, 2] < cutter_radius_mm)  # the base ends in z = 0
+        near = np.flatnonzero(centres[:, 2] < cutter_radius_mm)  # the top of the base is at z = 0
         retreat = np.zeros(len(centres))
         if len(near):
             closest, distance, facet = closest_point(self.mesh, centres[near])
@@ -56,7 +56,7 @@ class CustomBaseMesh:
 
 
 def read_base_mesh(path: Path) -> CustomBaseMesh:
-    """The base in the STEP file ``path``. Raises :class:`InputError` as the export does."""
+    """Mesh of the base in the STEP file ``path``. Raises :class:`InputError` as the export does."""
     import trimesh
 
     vertices, triangles = tessellated(read_custom_base(path).solid, _BASE_CHORD_MM)
@@ -66,7 +66,7 @@ def read_base_mesh(path: Path) -> CustomBaseMesh:
 def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm: float) -> Float[np.ndarray, " k"]:
     """Depth (mm) below z = 0 at which the base's top clears the ball at each sample; 0 where it need not be lower.
 
-    Outside the disc of ``base_diameter_mm`` the ball may go as low as it likes.
+    Outside the disc of ``base_diameter_mm`` nothing limits the ball.
     """
     centres = outer.points + cutter_radius_mm * outer.normals
     outside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_diameter_mm / 2.0, 0.0)
@@ -78,8 +78,8 @@ def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm
 def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
     """Width (mm, all around) that the bore needs beyond the cavity's rim for the ball to touch each sample.
 
-    For samples that the ball reaches in the cavity itself. There a centre above z = 0 is at least R from the rim
-    already; one below, where the cavity narrows upwards, has its full width R against the wall of the bore.
+    Valid for samples that the ball reaches in the cavity itself: a centre above z = 0 is then at least R from the rim.
+    A centre below, where the cavity narrows upwards, must be R away from the wall of the bore.
     """
     return _clearance_mm(inner, cutter_radius_mm)
 
@@ -87,13 +87,13 @@ def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.n
 def step_clearance_mm(outer: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
     """Setback (mm) from the outer rim that a relief step's wall needs for the ball to touch each sample.
 
-    0 where a wall drawn straight down from the rim will do; above it near a rim that is undercut.
+    0 where a wall straight down from the rim is clear; larger only near a rim that is undercut.
     """
     return _clearance_mm(outer, cutter_radius_mm)
 
 
 def _clearance_mm(face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """Part of the ball's width that is in a wall below the face's rim; none of it for a centre above z = 0."""
+    """Depth (mm) of the ball in a wall straight down from the face's rim; 0 for a centre above z = 0."""
     centres = face.points + cutter_radius_mm * face.normals
     low = centres[:, 2] < 0.0
     clearance = np.zeros(len(centres))
@@ -114,9 +114,9 @@ def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Flo
 def check_relief(
     base: BaseSection | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
 ) -> Relief:
-    """Room that the cutter lacks at the base, over the part of each face that the face itself lets it reach.
+    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
-    ``base``: None for a mould insert; ``custom``: the base from a STEP file, where ``base`` says so.
+    ``base``: None for a mould insert; ``custom``: the base from a STEP file, if ``base`` names one.
     """
     if base is None or base.kind == "none":
         note = "a mould insert has no base" if base is None else "there is no base"
@@ -140,7 +140,7 @@ def check_relief(
 
 
 def _missing_step(base: BaseSection, cutter_mm: float, outer: FaceCheck) -> Float[np.ndarray, " k"]:
-    """The step that each sample needs, flange included; 0 where the present one will do."""
+    """The step (mm) that each sample needs, flange included; 0 where the present one is enough."""
     step = relief_step_mm(outer.samples, cutter_mm, base.widest_mm) - base.relief_step_mm
     if base.flange_diameter_mm is not None:
         shoulder = base.height_mm - base.flange_height_mm

@@ -1,4 +1,4 @@
-"""The result of the manufacturing check: both faces, the wall, room for the cutter, the tools, and the findings."""
+"""The result of the manufacturing check: both faces, the wall, the relief at the base, the tools, and the findings."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -41,7 +41,7 @@ class Sphere(Record):
 
 
 class Curvature(Record):
-    """Principal curvatures seen from the air: a hollow is negative. None where the face is convex everywhere."""
+    """Principal curvatures seen from the air, concave negative; the radius is None where no point is concave."""
 
     kappa_min_per_mm: Number
     kappa_max_per_mm: Number
@@ -63,7 +63,7 @@ class Cutter(Record):
 
 
 class Draft(Record):
-    """Draft towards the axis (degrees), and the shares of the area that have less than half a degree, and than two."""
+    """Least draft (degrees), and the shares of the area with less than half a degree and less than two."""
 
     min: Number
     area_fraction_below_half: Share
@@ -99,7 +99,10 @@ class Walls(Record):
 
 
 class OuterRelief(Record):
-    """The step that the base needs for the ball, and the setback of its wall; None where nothing is reached."""
+    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
 
     smallest_step_mm: NotNegative | None
     step_clearance_mm: NotNegative | None
@@ -107,21 +110,27 @@ class OuterRelief(Record):
 
 
 class InnerRelief(Record):
-    """Width (all around) that the bore needs beyond the cavity; None where nothing is reached."""
+    """Radius that the bore needs beyond the cavity's; None where nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
 
     bore_clearance_mm: NotNegative | None
     flush_fraction: Share
 
 
 class CustomBaseRelief(Record):
-    """Material of a custom base in the way of the ball: its greatest depth; None where nothing is reached."""
+    """Largest depth of a custom base in the ball; None where nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
 
     retreat_mm: NotNegative | None
     flush_fraction: Share
 
 
 class Relief(Record):
-    """Room for the cutter at the base; ``note`` says why there is nothing to clear."""
+    """Clearance of the ball at the base; ``note`` says why there is nothing to clear."""
 
     outer: OuterRelief | CustomBaseRelief | None
     inner: InnerRelief | CustomBaseRelief | None
@@ -129,7 +138,7 @@ class Relief(Record):
 
 
 class Scallop(Record):
-    """Cusps between passes where the face is most convex; None where no number describes them."""
+    """Cusps between passes where the face is most convex; None where a number is not finite."""
 
     height_nm: NotNegative | None
     slope_mrad: NotNegative | None
@@ -146,7 +155,10 @@ class Scallops(Record):
 
 
 class ToolReach(Record):
-    """Share of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows."""
+    """Shares of a face that a tool reaches: its ball alone, along the axis, and tilted as far as the spec allows.
+
+    ``largest_radius_mm``: the largest ball that reaches the whole face; None where any ball does.
+    """
 
     ball_reachable_fraction: Share
     reachable_fraction_untilted: Share
@@ -176,9 +188,9 @@ class Finding(Record):
 
 
 class Check(StageResult):
-    """Can it be made, and with what. ``criteria`` are those of the design, ``verdicts`` the findings on the tools.
+    """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
-    Maps over the chart of each face, [X, Y], NaN outside of the rim: points (mm), departure from the best-fit sphere
+    Maps over the chart of each face, [X, Y], NaN outside the rim: points (mm), departure from the best-fit sphere
     (mm), principal curvatures (1/mm), uncut height (mm), and 1 where the cutter reaches.
     """
 
@@ -224,9 +236,9 @@ class Check(StageResult):
 
         labels = {
             "sag_mm": "departure from the best-fit sphere (mm)",
-            "kappa_min": "smaller curvature (1/mm)",
-            "kappa_max": "larger curvature (1/mm)",
-            "residual_mm": "left uncut (mm)",
+            "kappa_min": "smaller principal curvature (1/mm)",
+            "kappa_max": "larger principal curvature (1/mm)",
+            "residual_mm": "uncut height (mm)",
         }
         require_choice("surface", surface, ("inner", "outer"))
         require_choice("quantity", quantity, labels)

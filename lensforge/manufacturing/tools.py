@@ -1,11 +1,11 @@
-"""Whole tools against the part: the share of each face that a ball mill reaches with shank and holder clear of it.
+"""Whole tools: the share of each face that a ball end mill reaches with shank and holder clear of the part.
 
-The ball's centre C is over the contact by its radius. Around the tool's axis, at a distance t beyond C, the shank is a
-cylinder up to ``length_mm``, from where the holder's cone widens. The axis may lean from the lens axis by the machine's
-largest tilt: of a fan of directions, one that is clear is enough.
+The ball's centre C is one radius from the contact, along the normal. At a distance t from C along the tool's axis the
+shank is a cylinder up to ``length_mm``, beyond which the holder's cone widens. The axis may tilt from the lens axis by
+up to the machine's largest tilt: one collision-free direction of those tried is enough.
 
-Contacts and obstacles are samples, so a clash that is narrower than their spacing can be missed: the fractions are
-for planning, the shop's own simulation decides.
+Contacts and obstacles are samples, so a collision that is narrower than their spacing can be missed: the fractions are
+for planning; the shop's own simulation decides.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from lensforge.spec import BaseSection, Tool
 
 _CLEARANCE = 1e-9  # mm: a shank that touches is clear
 _TILT_STEP_RAD = np.deg2rad(15.0)
-_TURNS = 12
+_AZIMUTHS = 12
 _CHUNK = 256
 _CONTACT_NODES, _OBSTACLE_NODES = 41, 61
 _RINGS = 9
@@ -31,7 +31,7 @@ _AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0
 
 @dataclass(frozen=True)
 class Reached:
-    """Shares of a face's area: reached by the ball alone, by the untilted tool, by the tool with its best tilt."""
+    """Shares of a face's area: reached by the ball alone, by the untilted tool, and by the tool at any allowed tilt."""
 
     ball: float
     untilted: float
@@ -46,34 +46,34 @@ def tool_reach(
     max_tilt_rad: float,
     obstacles: Float[np.ndarray, "m 3"],
 ) -> Reached:
-    """Shares of a face that ``tool`` reaches; ``away``: unit direction in which the untilted tool leaves the part.
+    """Shares of a face that ``tool`` reaches; ``away``: unit vector along the untilted tool, from ball to holder.
 
-    ``ball_fits`` says where its ball alone may touch; ``obstacles`` are points of the part, the face's own among them.
+    ``ball_fits``: True where its ball alone reaches; ``obstacles``: points of the part, the face's own among them.
     """
     centres = samples.points + tool.radius_mm * samples.normals
-    waiting = np.flatnonzero(ball_fits)
+    remaining = np.flatnonzero(ball_fits)
     reached = np.zeros(len(centres), dtype=bool)
     untilted = 0.0
     for number, axis in enumerate(tool_axes(away, max_tilt_rad)):
-        clear = _is_clear(centres[waiting], axis, tool, obstacles)
-        reached[waiting[clear]] = True
-        waiting = waiting[~clear]
+        clear = _is_clear(centres[remaining], axis, tool, obstacles)
+        reached[remaining[clear]] = True
+        remaining = remaining[~clear]
         if number == 0:
             untilted = samples.fraction(reached)
-        if not len(waiting):
+        if not len(remaining):
             break
     return Reached(samples.fraction(ball_fits), untilted, samples.fraction(reached))
 
 
 def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:
-    """Directions that lean from ``away`` (+z or -z) by no more than the largest tilt, least tilt first."""
+    """Unit vectors tilted from ``away`` (+z or -z) by no more than the largest tilt, least tilt first."""
     axes = [away]
     tilts = (
         [*np.arange(_TILT_STEP_RAD, max_tilt_rad - 1e-9, _TILT_STEP_RAD), max_tilt_rad] if max_tilt_rad > 0.0 else []
     )
     for tilt in tilts:
-        turn = np.arange(_TURNS) * 2.0 * np.pi / _TURNS
-        around = np.stack([np.cos(turn), np.sin(turn), np.zeros(_TURNS)], axis=-1)
+        turn = np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+        around = np.stack([np.cos(turn), np.sin(turn), np.zeros(_AZIMUTHS)], axis=-1)
         axes += list(np.sin(tilt) * around + np.cos(tilt) * away)
     return np.array(axes)
 
@@ -81,7 +81,7 @@ def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.nda
 def _is_clear(
     centres: Float[np.ndarray, "k 3"], axis: Float[np.ndarray, "3"], tool: Tool, obstacles: Float[np.ndarray, "m 3"]
 ) -> Bool[np.ndarray, " k"]:
-    """True for a centre where shank and holder, along ``axis`` from it, have every obstacle outside."""
+    """True for a ball centre from which shank and holder, along ``axis``, are clear of every obstacle."""
     slope = float(np.tan(np.deg2rad(tool.holder_half_angle_deg)))
     first, second = _across(axis)
     along, x, y = obstacles @ axis, obstacles @ first, obstacles @ second
@@ -96,7 +96,7 @@ def _is_clear(
 
 
 def _across(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Two unit vectors that make a right-angled frame with ``axis``."""
+    """Two unit vectors that form an orthonormal frame with ``axis``."""
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     return first, np.cross(axis, first)
@@ -110,9 +110,9 @@ def check_tools(
     custom: CustomBaseMesh | None,
     max_tilt_rad: float,
 ) -> tuple[ToolResult, ...]:
-    """Each tool with what it reaches of each face.
+    """Reach of each tool on each face.
 
-    ``base`` is None where there is none: a mould insert; ``custom`` is the base from a STEP file.
+    ``base``: None for a mould insert; ``custom``: the base from a STEP file, if ``base`` names one.
     """
     if not tools:
         return ()
@@ -162,10 +162,10 @@ def _obstacles(face: FaceCheck, base: BaseSection | None, custom: CustomBaseMesh
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rim = face.samples.face.radius(circle)
     rings = []
-    for part in np.linspace(0.0, 1.0, _RINGS):
+    for share in np.linspace(0.0, 1.0, _RINGS):
         if face.name == "inner":
-            radius, depth = rim, part * base.height_mm
+            radius, depth = rim, share * base.height_mm
         else:
-            radius, depth = rim + part * np.maximum(base.widest_mm / 2.0 - rim, 0.0), base.relief_step_mm
+            radius, depth = rim + share * np.maximum(base.widest_mm / 2.0 - rim, 0.0), base.relief_step_mm
         rings.append(np.column_stack([radius[:, None] * circle, np.full(len(turn), -depth)]))
     return np.concatenate([on_face, *rings])

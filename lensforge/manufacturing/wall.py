@@ -1,8 +1,8 @@
-"""Wall thickness: radial, which the design constrains, and along the normal, which is that of the material.
+"""Wall thickness: radial, which the design constrains, and along the normal, which is the actual thickness.
 
 The thickness along the normal is cast from the cavity outwards. At the thinnest place the shortest line between the
 faces is perpendicular to both, so starting from the outer face would give the same minimum. Lines that leave the
-hemisphere below z = 0 run into the base and have no thickness, so at the rim the radial wall may be the thinner one.
+hemisphere below z = 0 run into the base and are not counted, so at the rim the radial wall may be the thinner one.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def radial_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, 
 
 
 def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, " k"]:
-    """Thickness (mm) along the cavity's normal at each sample, NaN where that line leaves below z = 0.
+    """Thickness (mm) along the cavity's normal at each sample, NaN where that line ends below z = 0.
 
     Secant steps on ``|x| - rho(x)`` along the line, started with the radial thickness.
     """

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import shift
 
+from lensforge.evaluation.metrics import relative_square
 from lensforge.measurement.comparison import Similarity
 
 _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
@@ -32,7 +33,7 @@ def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, 
         sigma=_SIGMA,
         use_sample_covariance=False,
     )
-    return Similarity(ssim=float(ssim), nmse=float(np.sum((measured - simulated) ** 2) / np.sum(simulated**2)))
+    return Similarity(ssim=float(ssim), nmse=relative_square(np.stack([measured, simulated])))
 
 
 def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "2"]:

@@ -12,6 +12,7 @@ from lensforge.criteria import Criterion, at_least
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.light import LightMetrics
+from lensforge.evaluation.metrics import relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
@@ -84,7 +85,7 @@ def compare_surface(
         receiver_mm=before.receiver_mm,
         design=LightMetrics.of(before),
         measured=LightMetrics.of(after),
-        nmse_between=float(np.sum((after.map - before.map) ** 2) / np.sum(before.map**2)),
+        nmse_between=relative_square(np.stack([after.map, before.map])),
         criteria=tuple(_criteria(form)),
         points=form.points,
         distance_um=1e3 * form.distances,

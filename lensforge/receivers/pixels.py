@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import convolve1d
 
 from lensforge.kernels.jit import CHUNKS, in_chunks
-from lensforge.kernels.splat import splat
+from lensforge.kernels.landing import splat
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Records: frozen, every field typed, finite and within its range; results of stages are records with files."""
+"""Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
 
 from lensforge.records.arrays import Array, Image, Line
 from lensforge.records.fields import (

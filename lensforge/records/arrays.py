@@ -12,10 +12,10 @@ from pydantic_core import CoreSchema, core_schema
 
 @dataclass(frozen=True)
 class Array:
-    """Marks a field ``Annotated[Float[np.ndarray, "p p"], Array("p", "p")]`` that is kept in the stage's npz file.
+    """Marks a field ``Annotated[Float[np.ndarray, "p p"], Array("p", "p")]`` that is stored in the stage's npz file.
 
-    ``axes``: a name or a number for each axis; axes of one name have one size in all arrays of a record. ``gaps``:
-    values may be NaN, as maps of a face have outside of it; never infinite.
+    ``axes``: a name or a number for each axis; axes of the same name have the same size in all arrays of a record.
+    ``gaps``: values may be NaN, as in maps of a face outside its rim; never infinite.
     """
 
     axes: tuple[str | int, ...]
@@ -26,12 +26,12 @@ class Array:
         object.__setattr__(self, "gaps", gaps)
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Validate by :meth:`checked`; in JSON, where no array is expected, nested lists."""
+        """Validate by :meth:`checked`; serialise to nested lists."""
         lists = core_schema.plain_serializer_function_ser_schema(lambda array: array.tolist())
         return core_schema.no_info_plain_validator_function(self.checked, serialization=lists)
 
     def checked(self, value: Any) -> np.ndarray:
-        """``value`` as a read-only float64 array of its own. Raises :class:`ValueError` for what is none."""
+        """``value`` as a new read-only float64 array. Raises :class:`ValueError` where it cannot be one."""
         array = real_numbers(value)
         if array.ndim != len(self.axes):
             raise ValueError(f"shape {array.shape}, must have {len(self.axes)} axes ({self._named()})")
@@ -45,10 +45,10 @@ class Array:
 
 
 def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) -> np.ndarray:
-    """``value``, an array or nested lists, as a float64 array of its own, of any shape.
+    """``value``, an array or nested lists, as a new float64 array of any shape.
 
-    Text, truth values and complex numbers are not converted. ``converted`` makes a new array of it. Raises
-    :class:`ValueError` for what is none.
+    ``converted`` makes an array of it. Raises :class:`ValueError` for text, booleans, complex numbers and anything that
+    is not an array.
     """
     try:
         array = converted(value)
@@ -56,12 +56,12 @@ def real_numbers(value: Any, converted: Callable[[Any], np.ndarray] = np.array) 
             raise ValueError(f"of type {array.dtype}, must be real")
         return array.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:
-        # RuntimeError: a tensor that is on another device, or tracks its gradient
-        raise ValueError(f"no array of numbers ({error})") from None
+        # RuntimeError: a tensor on another device, or one that requires its gradient
+        raise ValueError(f"not an array of numbers ({error})") from None
 
 
 def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
-    """``array`` itself, finite (or NaN, with ``gaps``) and from now on read-only. Raises :class:`ValueError`."""
+    """``array`` itself, made read-only. Raises :class:`ValueError` for infinity, and for NaN without ``gaps``."""
     if np.isinf(array).any() or (not gaps and np.isnan(array).any()):
         raise ValueError("holds numbers that are not finite")
     array.flags.writeable = False
@@ -74,7 +74,7 @@ Line = Annotated[Float[np.ndarray, " p"], Array("p")]
 
 
 def bind(axes: tuple[str | int, ...], shape: tuple[int, ...], sizes: dict[str, int]) -> None:
-    """Hold ``shape`` against ``axes`` and the ``sizes`` known so far, which grow. Raises :class:`ValueError`."""
+    """Compare ``shape`` with ``axes`` and the known ``sizes``; add the new sizes. Raises :class:`ValueError`."""
     for axis, size in zip(axes, shape, strict=True):
         known = axis if isinstance(axis, int) else sizes.setdefault(axis, size)
         if size != known:

@@ -1,4 +1,4 @@
-"""Types of a record's fields: numbers with their ranges, strict, so that text is never taken for a number; metrics."""
+"""Types of a record's fields: numbers with ranges, strict (text is never taken for a number), and metrics."""
 
 from typing import Annotated, Literal
 
@@ -6,7 +6,7 @@ from pydantic import Field
 
 from lensforge.records.record import Record
 
-_ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by that much
+_ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
@@ -20,7 +20,7 @@ Point = tuple[Number, Number, Number]  # x, y, z in mm
 
 
 class Metric(Record):
-    """``value`` in ``unit`` ("" for a ratio) and its standard error; None where one sample alone was taken."""
+    """``value`` in ``unit`` ("" for a ratio) and its standard error; None where there was only one sample."""
 
     value: Number
     unit: Text = ""
@@ -35,7 +35,7 @@ class Metric(Record):
 
 
 class Extent(Record):
-    """Largest absolute value and root mean square of a quantity; its unit stands in the name of the field."""
+    """Largest absolute value and root mean square of a quantity; the field's name states its unit."""
 
     max: NotNegative
     rms: NotNegative

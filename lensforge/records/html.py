@@ -1,4 +1,4 @@
-"""A result in a notebook: facts as a table, a section as SVG, a plot as an image; a plot as a file too."""
+"""HTML views of results for a notebook (table, section as SVG, plot as image), and plots as files."""
 
 import base64
 import io
@@ -10,17 +10,17 @@ import numpy as np
 from jaxtyping import Float
 
 PLOT_KINDS = ("png", "svg", "pdf")
-_DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that differ from one file to the next
+_DATE = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # metadata that would differ from file to file
 
 
 def table_html(facts: Mapping[str, str]) -> str:
-    """A row for each of ``facts``, its name in front."""
+    """A table with one row for each of ``facts``: name and text."""
     cells = (f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in facts.items())
     return f"<table>{''.join(cells)}</table>"
 
 
 def section_html(title: str, outline: Float[np.ndarray, "n 2"], facts: Mapping[str, str]) -> str:
-    """A title, the body within ``outline`` (position across the axis and z, mm) to scale, and a table of ``facts``."""
+    """A title, the section with ``outline`` (x, z in mm) to scale, and a table of ``facts``."""
     return f"<div><strong>{escape(title)}</strong>{_section_svg(outline)}{table_html(facts)}</div>"
 
 
@@ -41,7 +41,7 @@ def plot_file(draw: Callable[..., Any], kind: str) -> bytes:
 
 
 def _section_svg(outline: Float[np.ndarray, "n 2"]) -> str:
-    """The body in the colour of the text around it; in SVG y points downwards."""
+    """The section, outlined in the text colour; y is flipped because in SVG it points downwards."""
     reach = 1.05 * float(np.abs(outline).max())
     points = " ".join(f"{x:.4g},{-z:.4g}" for x, z in outline)
     return (

@@ -1,4 +1,4 @@
-"""The base of all records: frozen, validated, equal to the bit, and one flat row for a table."""
+"""The base class of all records: frozen, validated, compared bit for bit, with one flat row for a table."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -16,9 +16,9 @@ _Mark = TypeVar("_Mark")
 
 
 class Record(BaseModel):
-    """Frozen; every field has a type and a range, and a field that is not known is refused."""
+    """Base of all records: frozen, fields typed and within their ranges, unknown fields refused."""
 
-    unions: ClassVar[tuple[str, ...]] = ()  # fields that are one of several records, by their ``kind``
+    unions: ClassVar[tuple[str, ...]] = ()  # fields that hold one of several records, chosen by ``kind``
 
     model_config = ConfigDict(
         frozen=True,
@@ -26,7 +26,7 @@ class Record(BaseModel):
         allow_inf_nan=False,
         arbitrary_types_allowed=True,
         ignored_types=(cached_property,),
-        defer_build=True,  # a validator is made when it is first needed: importing the library makes none
+        defer_build=True,  # validators are built on first use, not on import
     )
 
     def __eq__(self, other: object) -> bool:

@@ -1,7 +1,7 @@
 """The result of a stage: a record with a name, a version, the hashes of its inputs, and its files.
 
-An array is kept in the stage's npz file, a field marked :class:`InFile` in a file of its own, all else in the JSON
-file. A field marked :class:`Given` belongs to another stage: the reader hands it in.
+Arrays are stored in the stage's npz file, fields marked :class:`InFile` each in a file of its own, and all others in
+the JSON file. A field marked :class:`Given` is stored by another stage, and passed to :meth:`StageResult.read`.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from lensforge.version import __version__
 
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
-_UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # the same result may take another time
+_UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # differ between runs with the same result
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class InFile:
 
 
 class StageResult(Record):
-    """Result of one stage. ``inputs``: SHA-256 of what it was made from, by name."""
+    """Result of one stage. ``inputs``: SHA-256 of its inputs, by name."""
 
     stage: ClassVar[str]
-    command: ClassVar[str] = ""  # what makes it anew, where that is not the stage's name
-    made_from: ClassVar[tuple[str, ...]] = ("lens",)  # whose hashes a record must name
+    command: ClassVar[str] = ""  # the command that makes it, where not named like the stage
+    made_from: ClassVar[tuple[str, ...]] = ("lens",)  # inputs whose hashes a record must state
 
     version: Text = __version__
     inputs: dict[Text, Sha256] = Field(default_factory=dict)
@@ -60,12 +60,12 @@ class StageResult(Record):
 
     @classmethod
     def again(cls) -> str:
-        """The remedy for files that cannot be used: the command that makes them anew."""
+        """The remedy for damaged or outdated files: the command that makes them again."""
         return f"run `lensforge {cls.command or cls.stage}` again"
 
     @classmethod
     def stored_elsewhere(cls) -> tuple[str, ...]:
-        """Names of the fields that are not in the JSON file."""
+        """Names of the fields that are not stored in the JSON file."""
         fields = type_fields(cls).items()
         return tuple(
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
@@ -73,7 +73,7 @@ class StageResult(Record):
 
     @cached_property
     def sha256(self) -> str:
-        """The hash of all that was found, without the time that it took and the program's version."""
+        """Hash of all fields except computing times and the program's version."""
         digest = hashlib.sha256()
         skipped = set()
         for field, info in type(self).model_fields.items():
@@ -84,15 +84,15 @@ class StageResult(Record):
                 skipped.add(field)
                 if value is not None:
                     digest.update(field.encode() + (value if isinstance(value, bytes) else value.tobytes()))
-        timeless = _without_times(self.model_dump(mode="json", exclude=skipped))
-        digest.update(json.dumps(timeless, sort_keys=True).encode())
+        hashed = _without_unhashed(self.model_dump(mode="json", exclude=skipped))
+        digest.update(json.dumps(hashed, sort_keys=True).encode())
         return digest.hexdigest()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with the fields of ``update``, and nothing that was derived from the others before."""
+        """A copy with the fields of ``update``; values cached from the old fields are dropped."""
         copy = super().model_copy(update=update, deep=deep)
         for name in set(copy.__dict__) - set(type(copy).model_fields):
-            del copy.__dict__[name]  # what was cached belongs to the one before
+            del copy.__dict__[name]  # cached from the fields of the original
         return copy
 
     def row(self) -> dict[str, Scalar]:
@@ -106,7 +106,7 @@ class StageResult(Record):
         return (plot_html(draw, type(self).__name__) if draw else "") + super()._repr_html_()
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
-        """Every file of the result by name: JSON, npz, and the files of marked fields."""
+        """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
         name, elsewhere, arrays, files = stem or self.stage, set(), {}, {}
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
@@ -137,7 +137,7 @@ class StageResult(Record):
         for info in type(self).model_fields.values():
             own = marker(info, InFile)
             if own is not None and own.name not in files:
-                (Path(folder) / own.name).unlink(missing_ok=True)  # an earlier result's, which this one has not
+                (Path(folder) / own.name).unlink(missing_ok=True)  # left by an earlier result; this one has none
 
     @staticmethod
     def _write(folder: Path, files: Mapping[str, bytes]) -> None:
@@ -146,13 +146,14 @@ class StageResult(Record):
                 temporary.write_bytes(files[name])
 
     def products(self) -> dict[str, bytes]:
-        """Files of its own that a result is also saved as, by suffix; of most there are none."""
+        """Content of the further files that :meth:`save` can write, by suffix; most results have none."""
         return {}
 
     def save(self, path: Path | str) -> None:
-        """Write the result by the suffix of ``path``.
+        """Write the result in the format given by the suffix of ``path``.
 
-        ``.json``: the record, its arrays beside it as npz. ``.png``, ``.svg``, ``.pdf``: its plot. Others: products.
+        ``.json``: the record, with its arrays as npz next to it. ``.png``, ``.svg``, ``.pdf``: its plot. Others:
+        :meth:`products`. Raises :class:`InputError` for any other suffix.
         """
         path = Path(path)
         products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
@@ -173,7 +174,7 @@ class StageResult(Record):
 
     @classmethod
     def read(cls, folder: Path, stem: str | None = None, **given: object) -> Self:
-        """Read what :meth:`write` wrote; ``given``: the fields marked so. Raises :class:`InputError`, one line."""
+        """Read what :meth:`write` wrote; ``given``: the fields marked :class:`Given`. Raises :class:`InputError`."""
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
@@ -181,7 +182,7 @@ class StageResult(Record):
         arrays_sha256 = content.pop(_ARRAYS, None)
         for field in cls.stored_elsewhere():
             if field in content:
-                raise InputError(f"{path}: {field}: has no place in the JSON file; {cls.again()}")
+                raise InputError(f"{path}: {field}: does not belong in the JSON file; {cls.again()}")
         content |= given
         fields = type_fields(cls)
         arrays = [field for field, info in fields.items() if marker(info, Array) is not None]
@@ -197,12 +198,12 @@ class StageResult(Record):
         return result
 
 
-def _without_times(content: object) -> object:
+def _without_unhashed(content: object) -> object:
     if isinstance(content, dict):
-        return {key: _without_times(value) for key, value in content.items() if key not in _UNHASHED}
-    return [_without_times(value) for value in content] if isinstance(content, list) else content
+        return {key: _without_unhashed(value) for key, value in content.items() if key not in _UNHASHED}
+    return [_without_unhashed(value) for value in content] if isinstance(content, list) else content
 
 
 def type_fields(cls: type[Record]) -> Mapping[str, Any]:
-    """The fields of a record's class by name."""
+    """Fields of a record class, by name."""
     return cls.model_fields

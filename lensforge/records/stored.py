@@ -1,4 +1,4 @@
-"""Reading a record from its files: each thing that can be wrong with them is one line, with its remedy."""
+"""Reading of records from files; every error is one line with its remedy."""
 
 import hashlib
 import io
@@ -20,15 +20,15 @@ _Record = TypeVar("_Record", bound=Record)
 
 
 def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
-    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for no file at all.
+    """The object in a JSON file that states ``schema``, without that entry; ``first``: the remedy for a missing file.
 
-    Raises :class:`InputError` for anything else, :class:`OutdatedResult` for an earlier version of the schema.
+    Raises :class:`OutdatedResult` for another version of the schema, :class:`InputError` for any other file.
     """
-    return stated(read_json(path, first or remedy), schema, path, remedy)
+    return without_schema(read_json(path, first or remedy), schema, path, remedy)
 
 
-def stated(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
-    """``content`` of a file as an object that states ``schema``, without that entry; errors as :func:`read_object`."""
+def without_schema(content: object, schema: str, path: Path, remedy: str) -> dict[str, Any]:
+    """``content`` of a file without its entry "schema", which must be ``schema``; errors as in :func:`read_object`."""
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds {its_type(content)}, must be an object; {remedy}")
     _require_schema(content, schema, path, remedy)
@@ -48,34 +48,34 @@ def _require_schema(content: Mapping[str, object], schema: str, path: Path, reme
 def validated(
     kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str, stored_elsewhere: Collection[str] = ()
 ) -> _Record:
-    """``content`` of a file as a record that has every field of its own there, but those ``stored_elsewhere``."""
+    """``content`` of a file as a record; every field must be there, defaults too, except those ``stored_elsewhere``."""
     try:
         record = kind.model_validate(content)
     except ValidationError as error:
         raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
-    missing = _lacking(record.model_dump(mode="json", exclude={*stored_elsewhere}), content)
+    missing = _first_missing(record.model_dump(mode="json", exclude={*stored_elsewhere}), content)
     if missing:
         raise InputError(f"{path}: {missing}: missing; {remedy}")
     return record
 
 
-def _lacking(whole: object, content: object) -> str:
-    """The dotted name of the first field of ``whole`` that ``content`` has not; empty where it has all."""
+def _first_missing(whole: object, content: object) -> str:
+    """Dotted name of the first field of ``whole`` that ``content`` lacks; empty where it lacks none."""
     if isinstance(whole, dict) and isinstance(content, dict):
         for name, value in whole.items():
             if name not in content:
                 return str(name)
-            if deeper := _lacking(value, content[name]):
+            if deeper := _first_missing(value, content[name]):
                 return f"{name}.{deeper}"
     elif isinstance(whole, list) and isinstance(content, list | tuple):
         for index, (value, given) in enumerate(zip(whole, content, strict=False)):
-            if deeper := _lacking(value, given):
+            if deeper := _first_missing(value, given):
                 return f"{index}.{deeper}"
     return ""
 
 
 def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
-    """The content of a file; None for one that is not there and not ``required``."""
+    """Content of a file; None where it is missing and not ``required``."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -87,7 +87,7 @@ def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
 
 
 def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -> dict[str, np.ndarray]:
-    """The arrays ``names`` of an npz file whose hash is ``sha256``; absent ones are for the validation to name."""
+    """The arrays ``names`` of an npz file whose hash is ``sha256``; missing arrays are left to the validation."""
     content = read_bytes(path, True, remedy)
     assert content is not None
     if hashlib.sha256(content).hexdigest() != sha256:
@@ -95,5 +95,5 @@ def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             return {name: archive[name] for name in names if name in archive}
-    except Exception as error:  # whatever the reader raises, the file is what is wrong
+    except Exception as error:  # whatever the reader raises, the file is damaged
         raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {remedy}") from None

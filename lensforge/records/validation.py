@@ -1,4 +1,4 @@
-"""Validation, the same for records and specs: an error of pydantic as one line, and equality to the bit."""
+"""Validation shared by records and specs: pydantic errors as one line, and equality bit for bit."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -13,9 +13,9 @@ _MOST_CHARACTERS = 80  # of a value in a message
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:
-    """One line for the first wrong field of what ``origin`` names: its value, what is allowed, and ``remedy``.
+    """One line on the first invalid field in ``origin``: its value, what is allowed, and ``remedy``.
 
-    ``unions``: fields whose ``kind`` chose one of several forms; the user has not written it in the path to a field.
+    ``unions``: fields that hold one of several records by ``kind``; pydantic adds the kind to the path of a field.
     """
     first = error.errors(include_url=False)[0]
     location = first["loc"]
@@ -29,7 +29,7 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
 
 
 def _given(value: object) -> str:
-    """`` = value``; of a list its type; nothing for a table or an array, of which the message says what is wrong."""
+    """`` = value``, or the type of a list; empty for tables and arrays, whose message already says what is wrong."""
     if isinstance(value, Mapping | BaseModel | np.ndarray):
         return ""
     shown = repr(value) if value is None or isinstance(value, str | int | float | Path) else type(value).__name__
@@ -43,7 +43,7 @@ def its_type(value: object) -> str:
 
 
 def same(one: Any, other: Any) -> bool:
-    """True where two values are equal, arrays to the bit; NaN equals NaN in an array."""
+    """True where two values are equal, arrays bit for bit; NaN equals NaN in an array."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return (
             isinstance(one, np.ndarray)

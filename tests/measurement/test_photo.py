@@ -173,7 +173,7 @@ def test_what_cannot_be_used_is_input_error(tmp_path):
         (Shot(right.on, small, CORNERS, SIDE), "same camera settings"),
         (Shot(right.off, right.on, CORNERS, SIDE), "interchanged"),
         (Shot(right.on, right.off, CORNERS[[0, 2, 1, 3]], SIDE), "convex"),
-        (Shot(right.on, right.off, CORNERS, SIDE / 3), "outside of"),
+        (Shot(right.on, right.off, CORNERS, SIDE / 3), "lies outside"),
     ]
     for given, message in cases:
         with pytest.raises(InputError, match=message):

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 import lensforge as lf
 from lensforge import pipeline
-from lensforge.cli import cli, main
+from lensforge.cli import _interrupted, cli, main
 
 SPEC = """
 [source]
@@ -249,7 +249,7 @@ def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> 
 
 def test_a_missed_criterion_is_exit_code_one_and_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # of the later stages only the export: the others would take twenty seconds, and this is decided without them
-    monkeypatch.setattr(pipeline, "_LATER", {"export": pipeline.run_export})
+    monkeypatch.setattr(pipeline, "_AFTER_DESIGN", {"export": pipeline.run_export})
     monkeypatch.setattr(pipeline, "run_report", lambda folder: folder)
     # a wall of 6.9 mm and a cavity do not go into 7 mm
     spec = write_spec(tmp_path, steps=1, **{"min_thickness_mm = 1.0": "min_thickness_mm = 6.9"})
@@ -287,3 +287,11 @@ def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_pa
     (line,) = done.stderr.splitlines()
     assert "device = 'cuda'" in line and "allowed here: cpu" in line and "CUDA build of torch" in line
     assert list(tmp_path.iterdir()) == [spec]
+
+
+@pytest.mark.parametrize(("words", "said"), [(["--help"], False), (["check", "x"], False), (["design", "x"], True)])
+def test_an_interrupt_offers_to_resume_what_can_be_resumed(
+    words: list[str], said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["lensforge", *words])
+    assert ("--resume" in _interrupted()) is said
