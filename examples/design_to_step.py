@@ -1,4 +1,4 @@
-"""The shortest way from objects to a STEP file, its checks and a picture; a draft, in about a minute."""
+"""Shortest script from objects to a STEP file, its checks and a picture; at draft accuracy, about a minute."""
 
 import lensforge as lf
 

@@ -13,7 +13,7 @@ ARROW = ((0.0, 0.62), (0.48, 0.05), (0.18, 0.05), (0.18, -0.58), (-0.18, -0.58),
 
 
 def draw() -> Image.Image:
-    """The picture, white on black; ``ARROW`` is in halves of the side, y upwards."""
+    """The picture, white on black; ``ARROW`` in units of half the side, y upwards."""
     large = SIDE * FINE
     picture = Image.new("L", (large, large))
     pen = ImageDraw.Draw(picture)

@@ -1,11 +1,11 @@
-"""Makes led.tm25ray: an invented LED, so that the examples need no vendor's data.
+"""Make led.tm25ray, the ray file of a fictitious LED, so that the examples need no vendor's data.
 
 A 2 mm x 2 mm phosphor-coated chip sits under a flat window of 0.3 mm, its centre at (0.15, -0.10) mm. It is neither
 uniform nor Lambertian: brighter in the middle, dimmed at steep angles by the phosphor and by the window, with a halo
 around the chip, and with a little stray light through the window's edge, some of it backwards. Rays start on the
-outside of the window, as in vendors' files, so that the emitter is neither at the rays' start nor at the origin.
+outside of the window, as in vendors' files, so that the emitter is neither at the ray origins nor at the lens origin.
 
-Only additions, products and square roots are used: the same bytes come out on every machine.
+Only additions, products and square roots are used, so that the file is the same on every machine, byte for byte.
 
     python examples/make_led_rayfile.py [FILE]
 """
@@ -42,14 +42,14 @@ Proposal = Callable[[int], tuple[np.ndarray, np.ndarray]]  # size -> values (siz
 
 
 def main() -> None:
-    """Write the file named on the command line, or the one beside this script."""
+    """Write the file named on the command line, or led.tm25ray next to this script."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).with_name("led.tm25ray")
     write_rayfile(path, make_led(), "tm25")
     print(f"{path}: {RAYS} rays, {path.stat().st_size} bytes")
 
 
 def make_led() -> RayFile:
-    """All rays in random order, each of the same flux."""
+    """All rays in random order, each with the same flux."""
     random = np.random.default_rng(SEED)
     through_edge = round(EDGE_SHARE * RAYS)
     halo = round(HALO_SHARE * RAYS)
@@ -103,7 +103,7 @@ def _on_chip(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def _in_halo(random: np.random.Generator, count: int) -> np.ndarray:
-    """Points on the frame of phosphor around the chip, fading outwards over 0.3 mm."""
+    """Points on the phosphor around the chip, fading outwards over 0.3 mm."""
 
     def propose(size: int) -> tuple[np.ndarray, np.ndarray]:
         points = (random.random((size, 2)) - 0.5) * (CHIP_MM + 0.6)
@@ -114,7 +114,7 @@ def _in_halo(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def _through_top(random: np.random.Generator, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Starts on the window's top, z = 0 there, and directions in air of light from ``points`` below the window."""
+    """Start points on the window's top (z = 0) and directions in air of the light from ``points`` below the window."""
 
     def propose(size: int) -> tuple[np.ndarray, np.ndarray]:
         sine = 2.0 * random.random((size, 2)) - 1.0  # uniform in the unit disc: Lambertian
@@ -140,7 +140,7 @@ def _transmission(cosine: np.ndarray) -> np.ndarray:
 
 
 def _through_edge(random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stray light: starts on the four sides of the window, Lambertian about the outward normal."""
+    """Stray light: rays from the four sides of the window, Lambertian about the outward normal."""
     along = (2.0 * random.random(count) - 1.0) * WINDOW_HALF_MM
     depth = -WINDOW_MM * random.random(count)
 

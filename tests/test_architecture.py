@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
     "version", "seeds", "errors", "files", "kernels", "records", "criteria", "surfaces", "optics", "spec",
-    "accuracy", "lens_file", "lens", "figures", "sources", "tracing", "receivers", "optimisation", "evaluation",
+    "accuracy", "lens", "figures", "sources", "tracing", "receivers", "optimisation", "evaluation",
     "tolerancing", "far_field", "geometry", "manufacturing", "verification", "measurement", "verdict", "results",
     "report", "drawings", "arguments", "stages", "measured_part", "run_folder", "pipeline", "studies", "verbs",
     "api", "commands", "cli", "__main__",

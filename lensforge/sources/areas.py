@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import ConvexHull
 
-from lensforge.sources.sampling import choose
+from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.symmetry import largest_symmetry
 
 _SAME_MM = 1e-9

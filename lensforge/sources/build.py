@@ -2,9 +2,9 @@
 
 from lensforge.optics.materials import Material
 from lensforge.sources.bundle import Source
-from lensforge.sources.planar import SquareEmitter
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.sources.spectrum import DispersedSource, spectrum_of
+from lensforge.sources.square import SquareEmitter
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.source import RadianceSource, SourceSpec, SquareSource
 

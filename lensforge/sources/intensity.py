@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.sampling import choose, linear_inverse
+from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.surfaces.symmetry import largest_symmetry
 
 _FINE = np.deg2rad(0.25)  # cells of gamma in which rays are drawn at constant intensity; the flux of each cell is exact

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from PIL import Image, UnidentifiedImageError
 
 from lensforge.errors import InputError
-from lensforge.sources.sampling import choose
+from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.symmetry import largest_symmetry
 
 

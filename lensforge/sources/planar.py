@@ -1,17 +1,17 @@
-"""Planar emitters in the plane z = 0: any area times an intensity profile, and the paper's square Lambertian one."""
+"""Planar emitters: an area in the plane z = 0 times an intensity profile."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.errors import InputError, remedy
+from lensforge.errors import remedy
 from lensforge.sources.areas import Area, Disc, Rectangles
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
 from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.sampling import sobol
+from lensforge.sources.qmc import sobol
 from lensforge.spec.emission import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
 from lensforge.surfaces.symmetry import NAMES, contains
@@ -85,34 +85,3 @@ def _profile(spec: IntensitySpec) -> IntensityProfile:
     if isinstance(spec, TableIntensity):
         return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity]))
     return read_photometric(spec.file).intensity
-
-
-@dataclass(frozen=True)
-class SquareEmitter:
-    """Uniform, Lambertian, ``side_mm`` wide, centred on the axis; total flux ``flux_w``. ``side_mm = 0``: a point."""
-
-    side_mm: float
-    flux_w: float = 1.0
-    symmetry: str = "square"
-    ray_count: int | None = None
-
-    def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw ``count`` rays of equal flux: position uniform, direction cosine-distributed (Malley's method)."""
-        if count < 1:
-            raise InputError(f"{count} rays: at least 1")
-        points = sobol(count, 4, seed)
-        origins = np.zeros((count, 3))
-        for axis in (0, 1):
-            origins[:, axis] = (points[:, axis] - 0.5) * self.side_mm
-        # Owen-scrambled points lie in [0, 1): 1 - u keeps the cosine above zero, so no ray grazes the chip.
-        sine, azimuth = np.sqrt(points[:, 2]), 2.0 * np.pi * points[:, 3]
-        directions = np.empty((count, 3))
-        np.multiply(sine, np.cos(azimuth), out=directions[:, 0])
-        np.multiply(sine, np.sin(azimuth), out=directions[:, 1])
-        np.sqrt(1.0 - points[:, 2], out=directions[:, 2])
-        return RayBundle(origins, directions, np.full(count, self.flux_w / count))
-
-    def outline(self) -> Float[np.ndarray, "4 3"]:
-        """Corners (mm) of the square."""
-        half = self.side_mm / 2.0
-        return np.array([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]])

@@ -8,8 +8,9 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import remedy
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
+from lensforge.sources.qmc import sobol
 from lensforge.sources.radiance_table import RadianceTable, read_radiance
-from lensforge.sources.sampling import choose, choose_each, linear_inverse, sobol
 from lensforge.spec.source import RadianceSource
 
 _BLOCK = 2**14  # rays drawn at a time: each needs a row of the table

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError, remedy
 from lensforge.optics.materials import Material
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.sources.sampling import choose, linear_inverse
+from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.sources.source_summary import Range
 from lensforge.spec.emission import FileSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scenes import small_spec
 
 from lensforge.optimisation.optimiser import search
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 
 
 @fuzzed(5)

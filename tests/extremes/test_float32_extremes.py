@@ -9,7 +9,7 @@ from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.kernels.fates import Fate
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
 

@@ -10,7 +10,7 @@ from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.optics.materials import normal_transmittance
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.tracing.exact import ExactSurface, trace_exact

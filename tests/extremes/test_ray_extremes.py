@@ -13,7 +13,7 @@ from lensforge.kernels.fates import Fate
 from lensforge.kernels.refraction import transmittance, transmitted_cosine_squared
 from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 from lensforge.tracing.tables import Scene, trace_tables

@@ -32,8 +32,8 @@ from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, spla
 from lensforge.receivers.receiver import Landings
 from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.planar import SquareEmitter
 from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.tables import Scene

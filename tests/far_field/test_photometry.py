@@ -20,9 +20,9 @@ from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.qmc import sobol
 from lensforge.sources.rayfiles import read_rayfile
-from lensforge.sources.sampling import sobol
+from lensforge.sources.square import SquareEmitter
 
 ROUGH = Lens(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
 SHELL = Lens(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")

@@ -5,7 +5,8 @@ from scenes import small_spec
 
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.symmetry import settled_symmetry
-from lensforge.sources.planar import SquareEmitter, planar_emitter
+from lensforge.sources.planar import planar_emitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.spec import Spec
 from lensforge.spec.source import RectangleSource
 

@@ -9,7 +9,7 @@ from lensforge.errors import InputError
 from lensforge.sources.areas import Disc, Rectangles
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.luminance import LuminanceImage
-from lensforge.sources.sampling import sobol
+from lensforge.sources.qmc import sobol
 
 POINTS = sobol(2**16, 2, 7)
 

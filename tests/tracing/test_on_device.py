@@ -16,7 +16,7 @@ from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import FOUND, LOST
 from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid, tabulate
 from lensforge.tracing.device_search import first_crossing
 from lensforge.tracing.device_table import DeviceTable, tables_on

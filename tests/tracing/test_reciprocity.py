@@ -11,7 +11,7 @@ from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
 from lensforge.optics.dielectric import fresnel_transmittance, refract
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.surface import Surface

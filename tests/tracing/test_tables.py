@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.planar import SquareEmitter
+from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.exact import ExactSurface, trace_exact
 from lensforge.tracing.exit_rays import Sensitivities
