@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from lensforge import seeds
 from lensforge.kernels.fates import Fate
+from lensforge.errors import remedy
 from lensforge.lens import Lens
 from lensforge.receivers.pixels import bin_flux, flux_in_square
 from lensforge.receivers.plane import PlaneReceiver
@@ -36,7 +37,8 @@ class TracedLens:
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
         """Tabulate both surfaces from the exact sum; the tables' error against it is measured at once."""
-        grid: TableGrid = grid_for(lens.detail_rad, nodes_per_sigma)
+        with remedy("take a lower accuracy"):
+            grid: TableGrid = grid_for(lens.detail_rad, nodes_per_sigma)
         surfaces = {"inner": lens.inner, "outer": lens.outer}
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}

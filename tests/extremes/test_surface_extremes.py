@@ -5,9 +5,10 @@ import pytest
 from extremes import fuzzed, unit
 from hypothesis import given
 from hypothesis import strategies as st
-from scenes import hemisphere_directions, random_surface
+from scenes import hemisphere_directions, random_surface, small_spec
 
 from lensforge.errors import InputError
+from lensforge.optimisation.parameters import Parametrisation
 from lensforge.surfaces.spline import grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
 
@@ -93,8 +94,14 @@ def test_a_table_keeps_its_accuracy_at_any_sigma(sigma, levels) -> None:
 
 @pytest.mark.parametrize("sigma", [0.0, 5e-324, 1e-9, 1e-3])
 def test_functions_too_narrow_for_a_table_are_refused_in_one_line(sigma: float) -> None:
-    with pytest.raises(InputError, match=r"sigma.*sigma_c"):
+    with pytest.raises(InputError, match=r"sigma = .* resolves"):
         grid_for(sigma, 6.0)
+
+
+def test_a_spec_of_such_functions_is_told_which_field_to_change() -> None:
+    with pytest.raises(InputError, match=r"sigma = .* resolves .* raise lens\.sigma_c") as refused:
+        Parametrisation.of(small_spec(lens__sigma_c=1e-5), 6.0)
+    assert "\n" not in str(refused.value)
 
 
 def test_a_surface_of_zero_weights_is_a_sphere_to_the_last_bit() -> None:

@@ -217,7 +217,7 @@ def test_a_proof_without_its_part_counts_as_not_run(small_run: lf.Run, tmp_path:
     folder = tmp_path / "run"
     shutil.copytree(small_run.folder, folder)
     (folder / "export.json").unlink()
-    assert "is not there" in lf.load(folder).outdated["verify"]
+    assert "is missing" in lf.load(folder).outdated["verify"]
 
 
 def test_a_record_is_saved_without_touching_the_files_beside_it(small_run: lf.Run, tmp_path: Path) -> None:
