@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Bool, Float
 
 from lensforge import seeds
-from lensforge.kernels.fates import Fate
 from lensforge.errors import remedy
+from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.pixels import bin_flux, flux_in_square
 from lensforge.receivers.plane import PlaneReceiver
