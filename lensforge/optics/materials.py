@@ -80,7 +80,7 @@ class Material:
         if wrong.any():
             raise InputError(
                 f"wavelength {wavelengths[wrong][0]:g} nm: the index of {self.name} is known from {low:g} to "
-                f"{high:g} nm; give lens.refractive_index instead, or correct the spectrum"
+                f"{high:g} nm; give a constant refractive index instead, or correct the spectrum"
             )
         return self.dispersion.index(wavelengths)
 
