@@ -183,6 +183,6 @@ def _face_pictures(name: str, face: FaceResult, sag: ChartMap, kappa: ChartMap, 
     if (left > 0.0).any():
         caption = f"The mill reaches {percent(cutter.reachable_fraction, 2)} of the face (grey)."
         pictures.append(
-            picture(f"uncut-{name}", surface_figures.uncut_map(left), f"{face_name}: left by the mill", caption)
+            picture(f"uncut-{name}", surface_figures.uncut_map(left), f"{face_name}: left uncut by the mill", caption)
         )
     return pictures

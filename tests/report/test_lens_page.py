@@ -88,7 +88,7 @@ def test_nothing_is_written(tmp_path, monkeypatch, results):
 @pytest.mark.parametrize(
     ("name", "title"),
     [
-        ("inner_residual_mm", "Inner face: left by the mill"),
+        ("inner_residual_mm", "Inner face: left uncut by the mill"),
         ("outer_sag_mm", "Outer face: departure from a sphere"),
         ("inner_kappa_min", "Inner face: curvature"),
     ],
