@@ -149,12 +149,7 @@ def brep_criteria(cast: BrepCast, distance_mm: float) -> list[Criterion]:
 
 def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
     """Trace every ray into the body, out of it, and to the plane z = ``distance_mm``, as through the mesh."""
-    passage = Passage(
-        landings=np.full((len(rays), 2), np.nan),
-        flux=rays.flux.copy(),
-        fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
-        facets_um=np.zeros((len(rays), 2)),
-    )
+    passage = Passage.of(rays)
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = body.first_hits(leg)
     passage.fates[:] = np.select(

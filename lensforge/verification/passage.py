@@ -44,6 +44,16 @@ class Passage:
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
 
+    @staticmethod
+    def of(rays: RayBundle) -> "Passage":
+        """Passage of ``rays`` that have met nothing yet."""
+        return Passage(
+            landings=np.full((len(rays), 2), np.nan),
+            flux=rays.flux.copy(),
+            fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
+            facets_um=np.zeros((len(rays), 2)),
+        )
+
 
 @dataclass(frozen=True)
 class RefractedRays:
@@ -140,12 +150,7 @@ def send_through(
 
 
 def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
-    passage = Passage(
-        landings=np.full((len(rays), 2), np.nan),
-        flux=rays.flux.copy(),
-        fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
-        facets_um=np.zeros((len(rays), 2)),
-    )
+    passage = Passage.of(rays)
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
