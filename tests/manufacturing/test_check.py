@@ -8,6 +8,8 @@ from known_shapes import exported, random_surface
 
 from lensforge.geometry.export import build_part
 from lensforge.geometry.mesh import INNER, OUTER
+from lensforge.geometry.part import SplineNodes
+from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.step import parse_step
 from lensforge.lens import Lens
 from lensforge.manufacturing.best_fit_sphere import VARIANTS
@@ -107,6 +109,16 @@ def test_the_faces_measured_are_those_of_the_step_file(rough):
         u = chart.to_sphere(np.stack([axis[places[:, 0]], axis[places[:, 1]]], axis=-1))
         exact = lens_surface.radius(u)[:, None] * u
         assert np.abs(getattr(check, f"{surface}_xyz")[tuple(places.T)] - exact).max() > 1e-10
+
+
+def test_each_face_has_the_nodes_of_its_own_export(rough):
+    found = check_lens(rough[0], SplineNodes(inner=80, outer=96))
+    axis = found.chart_axis
+    inside = np.hypot(*np.meshgrid(axis, axis, indexing="ij")) <= 1.0
+    places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)[inside]
+    for surface, nodes in (("inner", 80), ("outer", 96)):
+        exported = fit_patch(getattr(rough[0], surface), nodes).points(places)
+        assert np.abs(getattr(found, f"{surface}_xyz")[inside] - exported).max() < 1e-12
 
 
 def test_a_result_folder_is_checked_with_the_nodes_of_its_export(tmp_path):
