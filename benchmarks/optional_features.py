@@ -130,7 +130,8 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     """The verification of ``count`` rays, through the STEP as well where there is one."""
     lens, light = run.lens, run.light
     rays = build_source(lens.spec.source, lens.spec.lens.dispersion).sample(count, 1)
-    hits, flux = design_landings(TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma), lens.spec, rays)
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+    hits, flux, _ = design_landings(traced, lens.spec, rays)
     verify_part(
         run.part.stl,
         rays=rays,

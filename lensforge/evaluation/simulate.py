@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 
 from lensforge import seeds
 from lensforge.errors import remedy
@@ -93,10 +93,17 @@ def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> F
 
 def design_landings(
     lens: TracedLens, spec: Spec, rays: RayBundle
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Hits (mm) of ``rays`` on the receiver of ``spec``, NaN where they do not land, and their flux (W) there."""
-    landings = PlaneReceiver.of(spec.target, spec.evaluate.pixels).land(lens.trace(rays))
-    return np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan), landings.flux.numpy()
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"], Shaped[np.ndarray, " n"]]:
+    """Hits (mm) of ``rays`` on the receiver of ``spec``, NaN where they do not land, their flux (W) there, their fates.
+
+    Fates are the names of :class:`~lensforge.kernels.fates.Fate`, "landed" and "missed_receiver".
+    """
+    exit_rays = lens.trace(rays)
+    landings = PlaneReceiver.of(spec.target, spec.evaluate.pixels).land(exit_rays)
+    names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
+    fates = torch.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates).numpy()
+    hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
+    return hits, landings.flux.numpy(), names[fates]
 
 
 def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:

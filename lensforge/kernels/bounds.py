@@ -105,9 +105,11 @@ def acting(a, side, cells, reach):
 def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
     """Fill ``tiles`` (t, t, 3), see :class:`SurfaceBounds`; those below the horizon, which no ray needs, are 0.
 
+    A step of the table counts as above it, so that rounding leads no horizontal ray into a tile of 0.
+
     ``spreads`` (side, t, 6): workspace for the spread of every row over the columns of each tile.
     """
-    side = table.shape[0]
+    side, rim = table.shape[0], 1.0 + step
     for i in range(side):
         for b in range(tiles.shape[1]):
             spreads[i, b] = spread_of_row(table, i, acting(b, side, cells, reach))
@@ -117,7 +119,7 @@ def fill_tiles(table, origin, step, cells, reach, spreads, tiles):
         far_x = farthest(origin, step, rows[0], rows[1] - 1)
         for b in range(tiles.shape[1]):
             near_y = nearest(origin, step, b * cells, (b + 1) * cells)
-            if near_x * near_x + near_y * near_y > 1.0:
+            if near_x * near_x + near_y * near_y > rim * rim:
                 tiles[a, b, :] = 0.0
                 continue
             columns = acting(b, side, cells, reach)

@@ -58,10 +58,14 @@ def bound_ahead(outward, r, sine, cos_radial, slope, hessian, least):
 
 @inline
 def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
-    """The one root in ``[t, t - 2 F/slope]``: a Newton step, then inverse Hermite interpolation in the bracket."""
-    low, high = t, t - 2.0 * F / slope
+    """The one root in ``[t, t - 2 F/slope]``: a Newton step, then inverse Hermite interpolation in the bracket.
+
+    The bracket ends at the plane z = 0, a little below which the table ends: there it is a polynomial without bounds.
+    """
+    plane = -pz / dz if dz < 0.0 else inf
+    low, high = t, min(t - 2.0 * F / slope, plane)
     before, F_before, inverse_before = t, F, 1.0 / slope
-    t -= F * inverse_before
+    t = min(t - F * inverse_before, high)
     for _ in range(MAX_CLOSING):
         x, y, z = px + t * dx, py + t * dy, pz + t * dz
         r = sqrt(x * x + y * y + z * z)
@@ -74,6 +78,8 @@ def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
         if abs(newton) <= TOLERANCE * r or abs(F) <= ROUNDING * r:
             return t + newton, FOUND, rho_x, rho_y
         if F > 0.0:
+            if t >= plane:
+                return t, BELOW, 0.0, 0.0
             low = t
         else:
             high = t
@@ -84,7 +90,7 @@ def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
         third = (inverse_before - 2.0 * secant + inverse) * per_F * per_F
         before, F_before, inverse_before = t, F, inverse
         t += newton + F * F * (second - third * F_before)
-        t = t if low <= t <= high else before + newton
+        t = t if low <= t <= high else min(before + newton, plane)
         t = t if low <= t <= high else 0.5 * (low + high)
     return t, LOST, 0.0, 0.0
 

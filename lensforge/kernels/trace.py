@@ -19,9 +19,9 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
 
     The fate is ``LEFT_LENS`` for a ray that enters.
     """
-    if dz <= 0.0:
+    if dz <= 0.0 and not pz > 0.0:
         return Fate.BACKWARD, 0.0
-    start = max(0.0, -pz / dz)
+    start = -pz / dz if pz < 0.0 else 0.0
     x, y, z = px + start * dx, py + start * dy, max(pz, 0.0)
     r = sqrt(x * x + y * y + z * z)
     if not r <= bounds.most:  # in this form also where x is NaN
@@ -62,7 +62,8 @@ def trace(
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
         lengths[k, 0] = start + t
         if status != FOUND or pz < 0.0:
-            fates[k] = Fate.BASE if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
+            out = Fate.BACKWARD if dz <= 0.0 else Fate.BASE  # a ray that rises: at the rim, by rounding
+            fates[k] = out if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
             continue
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, 1.0 / index)

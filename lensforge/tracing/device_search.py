@@ -7,7 +7,7 @@ stepped over. Rays lie along the last axis. No gradient.
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int8
 from torch import Tensor
 
 from lensforge.kernels.first_hit import (
@@ -110,10 +110,9 @@ def first_crossing(table: DeviceTable, origins: Float[Tensor, "n 3"], directions
             going = going[states[going] == _GOING]
         states[going] = LOST
         last = torch.nonzero(states == _BRACKETED)[:, 0]
-        lengths[last], found = _close_in(
+        lengths[last], states[last] = _close_in(
             table, starts[:, last], along[:, last], lengths[last], gaps[last], slopes[last]
         )
-        states[last] = torch.where(found, FOUND, LOST).to(torch.int8)
         return Crossing(lengths, states == FOUND, states == LOST)
 
 
@@ -160,7 +159,7 @@ def _look(
 
 
 class _Bracket(NamedTuple):
-    """Bracket of each root, the next guess, and F, 1/F' at the guess before."""
+    """Bracket of each root, the next guess, F and 1/F' at the guess before, and the path down to the plane z = 0."""
 
     low: Float[Tensor, " n"]
     high: Float[Tensor, " n"]
@@ -168,6 +167,7 @@ class _Bracket(NamedTuple):
     before: Float[Tensor, " n"]
     F_before: Float[Tensor, " n"]
     inverse_before: Float[Tensor, " n"]
+    plane: Float[Tensor, " n"]
 
 
 def _close_in(
@@ -177,10 +177,15 @@ def _close_in(
     t: Float[Tensor, " n"],
     F: Float[Tensor, " n"],
     slope: Float[Tensor, " n"],
-) -> tuple[Float[Tensor, " n"], Bool[Tensor, " n"]]:
-    """The one root in ``[t, t - 2 F/slope]`` and whether it was reached: Newton, then inverse Hermite interpolation."""
-    roots, found = t.clone(), torch.zeros_like(t, dtype=torch.bool)
-    bracket = _Bracket(t, t - 2.0 * F / slope, t - F / slope, t, F, 1.0 / slope)
+) -> tuple[Float[Tensor, " n"], Int8[Tensor, " n"]]:
+    """The one root in ``[t, t - 2 F/slope]`` and the states: Newton, then inverse Hermite interpolation.
+
+    The bracket ends at the plane z = 0: as ``first_hit.close_in``.
+    """
+    roots, states = t.clone(), torch.full_like(t, LOST, dtype=torch.int8)
+    plane = torch.where(along[2] < 0.0, -starts[2] / along[2], torch.inf)
+    high = torch.minimum(t - 2.0 * F / slope, plane)
+    bracket = _Bracket(t, high, torch.minimum(t - F / slope, high), t, F, 1.0 / slope, plane)
     going = torch.arange(len(t), device=t.device)
     for _ in range(MAX_CLOSING):
         if len(going) == 0:
@@ -188,12 +193,14 @@ def _close_in(
         place = _Place.of(starts[:, going] + bracket.t * along[:, going], along[:, going])
         F, slope = place.gap_and_slope(table)
         newton = -F / slope
-        done = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
-        roots[going] = bracket.t + torch.where(done, newton, 0.0)
-        found[going] = done
-        bracket = _Bracket(*(each[~done] for each in _narrowed(bracket, F, 1.0 / slope)))
-        going = going[~done]
-    return roots, found
+        found = (newton.abs() <= TOLERANCE * place.r) | (F.abs() <= ROUNDING * place.r)
+        below = ~found & (F > 0.0) & (bracket.t >= bracket.plane)
+        roots[going] = bracket.t + torch.where(found, newton, 0.0)
+        states[going] = torch.where(found, FOUND, torch.where(below, BELOW, LOST)).to(torch.int8)
+        ahead = ~(found | below)
+        bracket = _Bracket(*(each[ahead] for each in _narrowed(bracket, F, 1.0 / slope)))
+        going = going[ahead]
+    return roots, states
 
 
 def _narrowed(bracket: _Bracket, F: Float[Tensor, " n"], inverse: Float[Tensor, " n"]) -> _Bracket:
@@ -207,6 +214,6 @@ def _narrowed(bracket: _Bracket, F: Float[Tensor, " n"], inverse: Float[Tensor, 
     third = (bracket.inverse_before - 2.0 * secant + inverse) * per_F * per_F
     newton = t - F * inverse
     guess = newton + F * F * (second - third * bracket.F_before)
-    for other in (newton, 0.5 * (low + high)):
+    for other in (torch.minimum(newton, bracket.plane), 0.5 * (low + high)):
         guess = torch.where((low <= guess) & (guess <= high), guess, other)
-    return _Bracket(low, high, guess, t, F, inverse)
+    return _Bracket(low, high, guess, t, F, inverse, bracket.plane)

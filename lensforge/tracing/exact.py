@@ -49,7 +49,7 @@ class DenseScan:
 
         with torch.no_grad():
             reach = torch.full_like(origins[:, 0], surface.reach_mm if self.reach_mm is None else self.reach_mm)
-            return _bracketed(inside, reach, self.steps, self.bisections)
+            return _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
 
 
 @dataclass(frozen=True)
@@ -73,15 +73,16 @@ class TableScan:
         def inside(lengths: Float[Tensor, " n"]) -> Bool[Tensor, " n"]:
             points = origins + lengths[:, None] * directions
             distance = torch.linalg.norm(points, dim=1)
-            # the table ends a little below the horizon
-            height = torch.maximum(points[:, 2], -0.2 * distance)
-            seen = torch.column_stack([points[:, :2], torch.where(distance > 0.0, height, 1.0)])
+            # rays end at z = 0, to rounding; the origin has no direction, and is inside whatever it is taken for
+            height = points[:, 2].clamp(min=0.0)
+            at_origin = (points[:, :2] == 0.0).all(dim=1) & (height == 0.0)
+            seen = torch.column_stack([points[:, :2], torch.where(at_origin, 1.0, height)])
             rho: Tensor = torch.from_numpy(evaluate_table(self.grid, self.table, seen.numpy()))
             return torch.ge(rho, distance)
 
         with torch.no_grad():
             reach = torch.full_like(origins[:, 0], 2.5 * float(self.table.max()))
-            crossing = _bracketed(inside, reach, self.steps, self.bisections)
+            crossing = _bracketed(inside, reach, _to_plane(origins, directions), self.steps, self.bisections)
             lengths = crossing.lengths
             for _ in range(self.newton_steps):
                 points = origins + lengths[:, None] * directions
@@ -90,16 +91,26 @@ class TableScan:
             return crossing._replace(lengths=lengths)
 
 
+def _to_plane(origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+    """Path (mm) of each ray from z >= 0 down to the plane z = 0, below which no surface counts; infinite upwards."""
+    fall = -directions[:, 2]
+    return torch.where(fall > 0.0, origins[:, 2] / torch.where(fall > 0.0, fall, 1.0), torch.inf)
+
+
 def _bracketed(
     inside: Callable[[Float[Tensor, " n"]], Bool[Tensor, " n"]],
     reach: Float[Tensor, " n"],
+    end: Float[Tensor, " n"],
     steps: int,
     bisections: int,
 ) -> Crossing:
-    """First change of ``inside`` along each ray in ``steps`` equal steps up to ``reach`` (mm), bisected."""
-    low, high, found = torch.zeros_like(reach), reach, torch.zeros_like(reach, dtype=torch.bool)
+    """First change of ``inside`` along each ray in ``steps`` equal steps up to ``reach`` (mm), bisected.
+
+    No ray is followed beyond ``end`` (mm).
+    """
+    low, high, found = torch.zeros_like(reach), torch.minimum(reach, end), torch.zeros_like(reach, dtype=torch.bool)
     for step in range(1, steps + 1):
-        here = reach * step / steps
+        here = torch.minimum(reach * step / steps, end)
         outside = ~inside(here)
         high = torch.where(outside & ~found, here, high)
         found |= outside

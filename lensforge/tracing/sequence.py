@@ -75,11 +75,12 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
     for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
         crossing = surface.first_crossing(origins.detach(), directions.detach())
-        fates[alive] = _without_crossing(crossing, origins, directions, is_outer)
+        through_plane = _through_plane(directions, is_outer)
+        fates[alive] = _without_crossing(crossing, origins, directions, through_plane, is_outer)
         alive, origins, directions = (each[crossing.found] for each in (alive, origins, directions))
         points, normals = _differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
         above = points[:, 2].detach() >= 0.0
-        fates[alive[~above]] = int(Fate.BASE)
+        fates[alive[~above]] = through_plane[crossing.found][~above]
         alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
         ratio, cosine = ratios[alive], torch.sum(directions * normals, dim=1)
         behind_squared = transmitted_cosine_squared(cosine, ratio)
@@ -99,26 +100,40 @@ def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"]
     """Fates; the rays in the cavity, with their points and directions: those from below z = 0 start at its opening."""
     rise, height = rays.directions[:, 2], rays.origins[:, 2]
     rising = ~(rise <= 0.0)  # in this form also where rise is NaN: such a ray is outside
+    enters = rising | (height > 0.0)
     start = torch.clamp(-height / torch.where(rising, rise, 1.0), min=0.0)
     points = rays.origins + start[:, None] * rays.directions
     points[:, 2] = torch.clamp(height, min=0.0)
     with torch.no_grad():
         inside = inner.gap(points) > 0.0
     fates = torch.where(inside, int(Fate.LEFT_LENS), int(Fate.OUTSIDE_CAVITY)).to(torch.int8)
-    fates[~rising] = int(Fate.BACKWARD)
-    alive = torch.nonzero(rising & inside)[:, 0]
+    fates[~enters] = int(Fate.BACKWARD)
+    alive = torch.nonzero(enters & inside)[:, 0]
     return fates, alive, points[alive], rays.directions[alive]
 
 
+def _through_plane(directions: Float[Tensor, "n 3"], is_outer: bool) -> Int8[Tensor, " n"]:
+    """Fates of rays that meet the plane z = 0 before a surface: in the cavity out of its opening, in the body the base.
+
+    In the cavity a ray that rises is below the plane only at the rim, by rounding: there the body begins.
+    """
+    out = int(Fate.BASE if is_outer else Fate.BACKWARD)
+    return torch.where(directions[:, 2].detach() <= 0.0, out, int(Fate.BASE)).to(torch.int8)
+
+
 def _without_crossing(
-    crossing: Crossing, origins: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"], is_outer: bool
+    crossing: Crossing,
+    origins: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n 3"],
+    through_plane: Int8[Tensor, " n"],
+    is_outer: bool,
 ) -> Int8[Tensor, " n"]:
     """Fates of rays that do not cross a surface; ``LEFT_LENS`` for those that do."""
     below = (origins[:, 2] + crossing.lengths * directions[:, 2]).detach() < 0.0
     given_up = torch.full_like(crossing.lengths, int(Fate.NOT_CONVERGED), dtype=torch.int8)
     if is_outer:  # a ray that is not inside at its start has met the inner surface outside the outer one
         given_up[crossing.lengths == 0.0] = int(Fate.SURFACES_INTERSECT)
-    unmet = torch.where(crossing.lost & ~below, given_up, int(Fate.BASE))
+    unmet = torch.where(crossing.lost & ~below, given_up, through_plane)
     return torch.where(crossing.found, int(Fate.LEFT_LENS), unmet).to(torch.int8)
 
 

@@ -15,9 +15,19 @@ from jaxtyping import Bool, Float, Int
 from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
+from lensforge.verification.advice import Evidence
 from lensforge.verification.casting import Leg
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
-from lensforge.verification.passage import CastFate, Passage, RefractedRays, indices_of, land, outside_leg, refract
+from lensforge.verification.passage import (
+    CastFate,
+    Passage,
+    RefractedRays,
+    faces_away,
+    indices_of,
+    land,
+    outside_leg,
+    refract,
+)
 from lensforge.verification.proof import BrepCast
 
 RAYS = 1024
@@ -128,7 +138,7 @@ def cast_brep(
     some = rays.take(rows)
     passage = send_through_step(StepBody(step), some, refractive_index, distance_mm)
     design = expected.take(rows)
-    by_mesh = Expected(expected.irradiance, mesh.landings[rows], mesh.flux[rows])
+    by_mesh = Expected(expected.irradiance, mesh.landings[rows], mesh.flux[rows], mesh.fate_names[rows])
     against_design, against_mesh = (compare(some, passage, other, receiver_mm) for other in (design, by_mesh))
     gaps = gap_quantiles(passage, design, receiver_mm)
     seconds = perf_counter() - start
@@ -138,13 +148,20 @@ def cast_brep(
 
 def brep_criteria(cast: BrepCast, distance_mm: float) -> list[Criterion]:
     """Acceptance criteria of a STEP file; ``distance_mm``: to the receiver."""
-    design, remedy = cast.against_design, "export again; if it stays, lens.step is not the lens of lens.json"
-    limits: list[tuple[str, float, float, str]] = [
-        ("brep_deviation_rms", design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
-        ("brep_flux_deviation", design.flux, FLUX_SHARE, "of the flux"),
-        ("brep_fate_disagreements", design.fates, FATE_RAYS * max(1.0, cast.rays / RAYS), "rays"),
+    design, seen = cast.against_design, brep_evidence(cast, distance_mm)
+    allowed = FATE_RAYS * max(1.0, cast.rays / RAYS)
+    return [
+        at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("brep_flux_deviation", design.flux, FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("brep_fate_disagreements", design.fates, allowed, "rays", seen.of_fates()),
     ]
-    return [at_most(name, value, limit, unit, remedy) for name, value, limit, unit in limits]
+
+
+def brep_evidence(cast: BrepCast, distance_mm: float) -> Evidence:
+    """Agreement of the STEP file with the design, and its limits; ``distance_mm``: to the receiver."""
+    form = "export again; if it stays, lens.step is not the lens of lens.json"
+    fates = FATE_RAYS / RAYS
+    return Evidence(cast.against_design, DEVIATION_PER_DISTANCE * distance_mm, FLUX_SHARE, fates, form)
 
 
 def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
@@ -152,9 +169,10 @@ def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, 
     passage = Passage.of(rays)
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = body.first_hits(leg)
+    against = np.where(np.sum(entry.normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
     passage.fates[:] = np.select(
-        [entry.faces < 0, entry.leaving, entry.points[:, 2] <= 0.0],
-        [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.BASE],
+        [entry.faces < 0, entry.leaving, entry.points[:, 2] <= 0.0, faces_away(entry.points, against * entry.normals)],
+        [CastFate.NO_HIT, CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
         CastFate.LANDED,
     )
     rows = np.nonzero(passage.fates == CastFate.LANDED)[0]

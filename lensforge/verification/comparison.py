@@ -3,25 +3,36 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.image_plane import within
 from lensforge.verification.passage import CastFate, Passage
-from lensforge.verification.proof import Agreement, PartFlux, PartMissed
+from lensforge.verification.proof import Agreement, FatePair, PartFlux, PartMissed
 
 
 @dataclass(frozen=True)
 class Expected:
-    """The design's results for n rays: landings (mm, NaN if lost) and flux there (W); and its irradiance (W/m^2)."""
+    """The design's results for n rays: landings (mm, NaN if lost) and flux there (W); and its irradiance (W/m^2).
+
+    ``fates``: name of the fate of each ray; None: those that do not land are "lost".
+    """
 
     irradiance: Float[np.ndarray, "pixels pixels"]
     landings: Float[np.ndarray, "k 2"]
     flux: Float[np.ndarray, " n"]
+    fates: Shaped[np.ndarray, " n"] | None = None
+
+    @property
+    def fate_names(self) -> Shaped[np.ndarray, " n"]:
+        """Name of the fate of each ray; "landed" for all that reach the receiver's plane."""
+        lost = np.full(len(self.flux), "lost") if self.fates is None else self.fates
+        return np.where(np.isnan(self.landings[:, 0]), lost, "landed")
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
         """Results for some of the rays; the irradiance remains that of all rays."""
-        return Expected(self.irradiance, self.landings[rows], self.flux[rows])
+        fates = None if self.fates is None else self.fates[rows]
+        return Expected(self.irradiance, self.landings[rows], self.flux[rows], fates)
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
@@ -49,7 +60,20 @@ def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: 
         flux=change,
         fates=int(differs.sum()),
         fates_flux=share(rays, rays.flux[differs]),
+        pairs=_fate_pairs(rays, passage, expected, differs),
     )
+
+
+def _fate_pairs(
+    rays: RayBundle, passage: Passage, expected: Expected, differs: Bool[np.ndarray, " n"]
+) -> tuple[FatePair, ...]:
+    """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
+    design, part = expected.fate_names, passage.fate_names
+    found = []
+    for first, second in sorted(set(zip(design[differs].tolist(), part[differs].tolist(), strict=True))):
+        rows = differs & (design == first) & (part == second)
+        found.append(FatePair(design=first, part=second, rays=int(rows.sum()), flux=share(rays, rays.flux[rows])))
+    return tuple(sorted(found, key=lambda pair: -pair.flux))
 
 
 def landing_gaps(
@@ -86,7 +110,8 @@ def flux_budget(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[Pa
     missed = PartMissed(
         no_hit=by_fate[CastFate.NO_HIT],
         starts_inside=by_fate[CastFate.STARTS_INSIDE],
-        base=by_fate[CastFate.BASE],
+        starts_outside=by_fate[CastFate.STARTS_OUTSIDE],
+        base=by_fate[CastFate.BASE] + by_fate[CastFate.OPENING],
         back_into_cavity=by_fate[CastFate.BACK_INTO_CAVITY],
         missed_receiver=by_fate[CastFate.MISSED_RECEIVER],
     )

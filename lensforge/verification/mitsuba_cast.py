@@ -14,6 +14,7 @@ from jaxtyping import Float
 from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
+from lensforge.verification.advice import Evidence, form_of_mesh
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm
 from lensforge.verification.part_mesh import PartMesh
@@ -69,14 +70,15 @@ def cast_mitsuba(
 
 def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
     """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver."""
-    design, remedy = cast.against_design, "export with a finer mesh; if it stays, the file is not the lens of lens.json"
-    limits: list[tuple[str, float, float, str]] = [
-        ("mitsuba_nmse_vs_design", cast.nmse_vs_design, noise_limit(cast.noise_floor_nmse), ""),
-        ("mitsuba_deviation_rms", design.rms, DEVIATION_PER_DISTANCE * distance_mm, "mm"),
-        ("mitsuba_flux_deviation", design.flux, FLUX_SHARE, "of the flux"),
-        ("mitsuba_fate_disagreement_flux", design.fates_flux, FATE_SHARE, "of the flux"),
+    design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
+    form = form_of_mesh(0, None)
+    seen = Evidence(design, DEVIATION_PER_DISTANCE * distance_mm, FLUX_SHARE, FATE_SHARE, form)
+    return [
+        at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
+        at_most("mitsuba_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("mitsuba_flux_deviation", design.flux, FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("mitsuba_fate_disagreement_flux", design.fates_flux, FATE_SHARE, "of the flux", seen.of_fates()),
     ]
-    return [at_most(name, value, limit, unit, remedy) for name, value, limit, unit in limits]
 
 
 def send_through_mitsuba(
@@ -97,18 +99,17 @@ def send_through_mitsuba(
         raise InputError(f"mitsuba: does not load ({reason}); reinstall it or remove it") from None
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
-        ends = np.full((len(rays), 2), np.nan)
-        flux = rays.flux.copy()
+        passage = Passage.of(rays)
         table = zip(
             rays.origins.tolist(), rays.directions.tolist(), indices_of(rays, refractive_index).tolist(), strict=True
         )
         for row, (origin, direction, index) in enumerate(table):
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            end, transmittance = _cast(mi, scene, flags, ray, index, distance_mm)
-            flux[row] *= transmittance
+            passage.fates[row], end, transmittance = _cast(mi, scene, flags, ray, index, distance_mm)
+            passage.flux[row] *= transmittance
             if end is not None:
-                ends[row] = end
-        return str(mi.__version__), _passage(ends, flux)
+                passage.landings[row] = end
+        return str(mi.__version__), passage
     finally:
         if before is not None:
             mi.set_variant(before)
@@ -116,29 +117,30 @@ def send_through_mitsuba(
 
 def _cast(
     mi: Any, scene: Any, flags: Any, ray: Any, index: float, distance_mm: float
-) -> tuple[tuple[float, float] | None, float]:
-    """Landing of one ray (mm), None if it is lost, and the share of its flux that is left."""
+) -> tuple[CastFate, tuple[float, float] | None, float]:
+    """Fate of one ray, its landing (mm), None if it is lost, and the share of its flux that is left."""
     left = 1.0
     for entering in (True, False):
         hit = scene.ray_intersect(ray, flags, False, True)
-        if not hit.is_valid() or hit.p.z <= 0.0:
-            return None, left
+        if not hit.is_valid():
+            return CastFate.NO_HIT, None, left
+        if hit.p.z <= 0.0:
+            return CastFate.OPENING if entering else CastFate.BASE, None, left
         local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
         reflectance, cosine, _, ratio = mi.fresnel(local.z, index)
-        if (local.z > 0.0) != entering or reflectance >= 1.0:
-            return None, left
+        if (local.z > 0.0) != entering:
+            return CastFate.STARTS_INSIDE if entering else CastFate.BACK_INTO_CAVITY, None, left
+        if entering and hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0:  # as ``faces_away``
+            return CastFate.STARTS_OUTSIDE, None, left
+        if reflectance >= 1.0:
+            return CastFate.TOTAL_REFLECTION, None, left
         left *= 1.0 - reflectance
         ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
     length = distance_mm - ray.o.z
     if ray.d.z <= 0.0 or length <= 0.0:
-        return None, left
-    return (ray.o.x + length / ray.d.z * ray.d.x, ray.o.y + length / ray.d.z * ray.d.y), left
-
-
-def _passage(ends: np.ndarray, flux: np.ndarray) -> Passage:
-    landed = np.isfinite(ends[:, 0])
-    fates = np.where(landed, CastFate.LANDED, CastFate.NO_HIT).astype(np.int64)
-    return Passage(landings=ends, flux=flux, fates=fates, facets_um=np.zeros((len(ends), 2)))
+        return CastFate.MISSED_RECEIVER, None, left
+    end = ray.o.x + length / ray.d.z * ray.d.x, ray.o.y + length / ray.d.z * ray.d.y
+    return CastFate.LANDED, end, left
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import at_base, indices_of, meet, refract
+from lensforge.verification.passage import at_base, faces_away, indices_of, meet, refract
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
@@ -31,7 +31,7 @@ class Cause(IntEnum):
     INNER_REFLECTION = 1  # reflected where it should have entered
     OUTER_REFLECTION = 2  # reflected in part where it should have left
     TOTAL_REFLECTION = 3  # totally reflected where it should have left
-    BASE = 4  # met a surface at or below z = 0, or came back into the cavity
+    BASE = 4  # met a surface at or below z = 0, came back into the cavity, or came from outside of the lens
     MET_AGAIN = 5  # left the lens and met it again
 
 
@@ -122,13 +122,18 @@ def follow(body: Body, rays: RayBundle, distance_mm: float, limits: Limits) -> F
 
 
 def _emitted(body: Body, rays: RayBundle) -> ActiveRays:
-    """Rays as they leave the source; those that meet their first facet from behind start in the material."""
+    """Rays as they leave the source; those that meet their first facet from behind start in the material.
+
+    Neither these nor those that meet the outside of the lens first are on the sequential path.
+    """
     count = len(rays)
     leg = Leg(rays.origins, rays.directions, np.zeros(count))
     hits = body.grid.first_hits(leg)
     inside = hits.found & (_along(body, leg, hits) > 0.0)
     nothing = np.zeros(count, dtype=np.int64)
-    causes = np.where(inside, Cause.BASE, Cause.SEQUENTIAL)
+    reached = np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions + leg.origins
+    outside = hits.found & faces_away(reached, body.part.mesh.face_normals[hits.triangles])
+    causes = np.where(inside | outside, Cause.BASE, Cause.SEQUENTIAL)
     return ActiveRays(
         leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, indices_of(rays, body.refractive_index)
     )

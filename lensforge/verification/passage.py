@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
 from lensforge.sources.bundle import RayBundle
@@ -26,10 +26,12 @@ class CastFate(IntEnum):
     LANDED = 0  # reached the receiver's plane
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
-    BASE = 3  # met a surface at or below z = 0 instead of an optical one
+    BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
     BACK_INTO_CAVITY = 4  # left the material through the face by which it entered
     TOTAL_REFLECTION = 5  # totally reflected on the way out
     MISSED_RECEIVER = 6  # left the lens, but never reaches the receiver's plane
+    OPENING = 7  # met a surface at or below z = 0 on the way in: the wall of the base's opening, or its bottom
+    STARTS_OUTSIDE = 8  # met the outside of the lens first: it started neither in the cavity nor below it
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,12 @@ class Passage:
     flux: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
+
+    @property
+    def fate_names(self) -> Shaped[np.ndarray, " n"]:
+        """Name of the fate of each ray."""
+        names: Shaped[np.ndarray, " n"] = np.array([fate.name.lower() for fate in CastFate])[self.fates]
+        return names
 
     @staticmethod
     def of(rays: RayBundle) -> "Passage":
@@ -173,8 +181,23 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, 
 
 def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:
     """Fates of rays from the source that hit something; LANDED: goes on."""
-    leaving = np.sum(leg.directions * part.mesh.face_normals[hits.triangles], axis=1) > 0.0
-    return np.select([leaving, at_base(part, hits)], [CastFate.STARTS_INSIDE, CastFate.BASE], CastFate.LANDED)
+    normals = part.mesh.face_normals[hits.triangles]
+    leaving = np.sum(leg.directions * normals, axis=1) > 0.0
+    outside = faces_away(leg.origins + hits.distances[:, None] * leg.directions, normals)
+    return np.select(
+        [leaving, at_base(part, hits), outside],
+        [CastFate.STARTS_INSIDE, CastFate.OPENING, CastFate.STARTS_OUTSIDE],
+        CastFate.LANDED,
+    )
+
+
+def faces_away(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """True where a surface with ``normals`` out of the material faces away from the origin, as the lens's outside does.
+
+    Both surfaces are star-shaped about the origin, and the material lies between them.
+    """
+    away: Bool[np.ndarray, " n"] = np.sum(points * normals, axis=1) > 0.0
+    return away
 
 
 def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.ndarray, " n"]:

@@ -17,7 +17,7 @@ from lensforge.records import (
     Positive,
     Record,
     Share,
-    StageResult,
+    SimulatedResult,
     Text,
 )
 
@@ -36,12 +36,22 @@ class LandingDeviation(Record):
     p99: NotNegative
 
 
+class FatePair(Record):
+    """Rays that design and part give different fates: both by name, their number and share of the emitted flux."""
+
+    design: Text
+    part: Text
+    rays: Count
+    flux: Share
+
+
 class Agreement(Record):
     """Distances (mm) between landings of part and design, for rays that both land on the receiver.
 
     ``flux``: sum of the differences of flux over the sum of flux. ``fates``: number of rays that one lands on the
-    receiver and the other loses; ``fates_flux``: their share of the emitted flux. Where no ray lands in both, the
-    distances are the receiver's diagonal and ``flux`` is 1.
+    receiver and the other loses; ``fates_flux``: their share of the emitted flux; ``pairs``: the same by the fates in
+    both, the largest share first. Where no ray lands in both, the distances are the receiver's diagonal and ``flux``
+    is 1.
     """
 
     compared: Count
@@ -51,6 +61,7 @@ class Agreement(Record):
     flux: NotNegative
     fates: Count
     fates_flux: Share
+    pairs: tuple[FatePair, ...] = ()
 
 
 class PlainCast(Record):
@@ -94,16 +105,20 @@ class PartFlux(Record):
 
 
 class PartMissed(Record):
-    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux."""
+    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux.
+
+    ``base``: met on the way in or in the body. ``starts_outside``: met the outside of the lens before the inside.
+    """
 
     no_hit: Share
     starts_inside: Share
+    starts_outside: Share = 0.0
     base: Share
     back_into_cavity: Share
     missed_receiver: Share
 
 
-class Proof(StageResult):
+class Proof(SimulatedResult):
     """Rays through the exported part, against the same rays through the design.
 
     ``irradiance``, ``design_irradiance``: W/m^2 [row y, column x]. ``gaps_*_mm``: quantiles at 0, 0.2 ... 100 % of the
@@ -131,6 +146,7 @@ class Proof(StageResult):
     flux_deviation: NotNegative
     fate_disagreements: Count
     fate_disagreement_flux: Share
+    fate_pairs: tuple[FatePair, ...] = ()
     flux: PartFlux
     missed_by_cause: PartMissed
     plain_cast: PlainCast
@@ -191,7 +207,7 @@ class StraySpread(Record):
     peak_of_mean: NotNegative | None
 
 
-class StrayLight(StageResult):
+class StrayLight(SimulatedResult):
     """Stray light, which the sequential design leaves out: reflections, the base, absorption.
 
     ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) [row y, column x]. ``misplaced_flux``: flux that lands on

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.records import Extent
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.brep_cast import RAYS, brep_criteria, cast_brep
+from lensforge.verification.advice import Evidence, form_of_mesh
+from lensforge.verification.brep_cast import RAYS, brep_criteria, brep_evidence, cast_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
 from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm, within
@@ -24,7 +25,7 @@ from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria
 from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.plain_cast import cast_plain
-from lensforge.verification.proof import Agreement, BrepCast, Gaps, LandingDeviation, MitsubaCast, PlainCast, Proof
+from lensforge.verification.proof import BrepCast, Gaps, LandingDeviation, MitsubaCast, PlainCast, Proof
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
 # surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
@@ -55,8 +56,9 @@ class Case:
             ("design_irradiance", self.expected.irradiance, (pixels, pixels)),
             ("design_hits", self.expected.landings, (count, 2)),
             ("design_flux", self.expected.flux, (count,)),
+            ("design_fates", self.expected.fates, (count,)),
         ):
-            if array.shape != shape:
+            if array is not None and array.shape != shape:
                 raise InputError(f"{name}: shape {array.shape}, must be {shape}; trace the design with the same rays")
         flux = float(self.rays.flux.sum())
         if not flux > 0.0:
@@ -75,6 +77,7 @@ def verify_part(
     design_irradiance: Float[np.ndarray, "pixels pixels"],
     design_hits: Float[np.ndarray, "hits 2"],
     design_flux: Float[np.ndarray, " k"],
+    design_fates: Shaped[np.ndarray, " f"] | None = None,
     filter_variance: float = 1.0,
     plain_rays: int = 200,
     step: bytes | None = None,
@@ -86,7 +89,8 @@ def verify_part(
     """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
 
     ``design_irradiance`` (W/m^2, [y, x]) is the design's, under the same 3 x 3 filter of ``filter_variance``
-    (0: none); ``design_hits`` (mm) and ``design_flux`` (W) are where it lands the same rays. Efficiency counts the
+    (0: none); ``design_hits`` (mm) and ``design_flux`` (W) are where it lands the same rays, and ``design_fates`` the
+    names of their fates, by which rays are named that only one of both loses. Efficiency counts the
     centred square of ``window_mm``. trimesh's own ray cast traces ``plain_rays`` of the rays, to verify the grid.
     ``step``: the bytes of the same part's STEP file, through which the CAD kernel casts ``step_rays`` of the rays;
     without it ``brep`` is None. Mitsuba casts ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded,
@@ -96,7 +100,7 @@ def verify_part(
     misses its criteria instead.
     """
     started = perf_counter()
-    expected = Expected(design_irradiance, design_hits, design_flux)
+    expected = Expected(design_irradiance, design_hits, design_flux, design_fates)
     receiver = ImagePlane(receiver_mm, pixels, filter_variance)
     case = Case(rays, refractive_index, distance_mm, receiver, window_mm, expected)
     part = read_part_mesh(stl)
@@ -121,6 +125,10 @@ class _OtherCasts:
     plain: PlainCast
     brep: tuple[BrepCast, Gaps] | None = None
     mitsuba: tuple[MitsubaCast, Gaps] | None = None
+
+    def step_lands_alike(self, distance_mm: float) -> bool | None:
+        """True where the rays through the STEP file land where the design's do; None where it was not cast."""
+        return brep_evidence(self.brep[0], distance_mm).lands_alike if self.brep else None
 
     def criteria(self, distance_mm: float) -> list[Criterion]:
         """Acceptance criteria of these casts; ``distance_mm``: to the receiver."""
@@ -165,7 +173,10 @@ def _proof(
     agreement = compare(case.rays, passage, case.expected, case.receiver.side_mm)
     flux, missed = flux_budget(case.rays, passage, case.window_mm)
     in_window = within(case.expected.landings, case.window_mm)
-    criteria = _criteria(case, part.open_edges, agreement, seen) + others.criteria(case.distance_mm)
+    others_met = others.criteria(case.distance_mm)
+    form = form_of_mesh(part.open_edges, others.step_lands_alike(case.distance_mm))
+    evidence = Evidence(agreement, DEVIATION_PER_DISTANCE * case.distance_mm, FLUX_SHARE, FATE_SHARE, form)
+    criteria = _criteria(part.open_edges, evidence, seen) + others_met
     return Proof(
         inputs=inputs,
         rays=len(case.rays),
@@ -185,6 +196,7 @@ def _proof(
         flux_deviation=agreement.flux,
         fate_disagreements=agreement.fates,
         fate_disagreement_flux=agreement.fates_flux,
+        fate_pairs=agreement.pairs,
         flux=flux,
         missed_by_cause=missed,
         plain_cast=others.plain,
@@ -200,16 +212,17 @@ def _proof(
     )
 
 
-def _criteria(case: Case, open_edges: int, agreement: Agreement, seen: _Irradiance) -> list[Criterion]:
-    floor, farthest = seen.noise_floor_nmse, DEVIATION_PER_DISTANCE * case.distance_mm
-    again = "export with a finer mesh; if it stays, the file is not the lens of lens.json"
-    evaluate = "evaluate the design with more rays and the same filter, or verify with more rays"
+def _criteria(open_edges: int, found: Evidence, seen: _Irradiance) -> list[Criterion]:
+    floor, agreement = seen.noise_floor_nmse, found.agreement
+    same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
+    noise = "evaluate the design with more rays and the same filter, or verify with more rays"
+    light = noise if seen.nmse_same_rays <= same_rays else found.of_pixels()
     limits: list[tuple[str, float, float, str, str]] = [
         ("open_edges", open_edges, 0.0, "edges", "export again: the mesh is not closed"),
-        ("deviation_rms", agreement.rms, farthest, "mm", again),
-        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", again),
-        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", again),
-        ("nmse_same_rays", seen.nmse_same_rays, SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE, "", again),
-        ("nmse_vs_design", seen.nmse_vs_design, noise_limit(floor), "", evaluate),
+        ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
+        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
+        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
+        ("nmse_same_rays", seen.nmse_same_rays, same_rays, "", found.of_pixels()),
+        ("nmse_vs_design", seen.nmse_vs_design, noise_limit(floor), "", light),
     ]
     return [at_most(*limit) for limit in limits]

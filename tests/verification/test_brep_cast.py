@@ -86,11 +86,12 @@ def test_a_wrong_step_fails(tmp_path, name):
 
 
 def test_rays_that_cannot_pass_say_why(lens_step):
-    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5]])
-    towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5], [0.0, 0.0, 20.0], [0.3, 5.3, 0.3]])
+    towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.1, 0.0, -1.0], [1.0, 0.0, -0.1]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(3)), INDEX, DISTANCE)
-    assert passage.fates.tolist() == [CastFate.BASE, CastFate.STARTS_INSIDE, CastFate.NO_HIT]
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), INDEX, DISTANCE)
+    fates = [CastFate.OPENING, CastFate.STARTS_INSIDE, CastFate.NO_HIT, CastFate.STARTS_OUTSIDE, CastFate.BASE]
+    assert passage.fates.tolist() == fates
 
 
 def test_verify_reports_the_step_beside_the_mesh(lens_step):

@@ -71,6 +71,19 @@ def test_rays_with_an_index_each_are_bent_by_it():
         np.testing.assert_array_equal(own.landings, given.landings)
 
 
+def test_rays_that_cannot_pass_say_why():
+    start = [[0, 0, 0], [0, 0, 9], [40, 0, 0.5], [0, 0, 20], [0.3, 5.3, 0.5], [0, 0, 5], [0, 0, 5]]
+    towards = [[0.999, 0, -0.0447], [0, 0, 1], [0, 1, 0], [0.1, 0, -1], [1, 0, -0.1], [1, 0, -0.02], [1, 0, -0.9]]
+    directions = np.array(towards, dtype=float)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    _, passage = send_through_mitsuba(
+        part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), INDEX, DISTANCE
+    )
+    assert [CastFate(fate).name for fate in passage.fates] == [
+        "OPENING", "STARTS_INSIDE", "NO_HIT", "STARTS_OUTSIDE", "BASE", "LANDED", "OPENING",
+    ]  # fmt: skip
+
+
 def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")

@@ -91,18 +91,52 @@ def test_a_prism_of_45_degrees_reflects_totally_from_the_square_root_of_two_on(i
         ([0.0, 0.0, 0.0], [0.1, 0.0, 1.0], CastFate.LANDED),
         ([0.0, 0.0, -1.0], [0.2, 0.1, 1.0], CastFate.LANDED),  # from within the opening of the base
         ([0.0, 0.0, -9.0], [0.0, 0.01, 1.0], CastFate.LANDED),  # from below the part, up through the opening
-        ([0.0, 0.0, -1.0], [1.0, 0.0, 0.05], CastFate.BASE),  # into the wall of the opening
-        ([9.0, 0.0, -5.0], [0.1, 0.0, 1.0], CastFate.BASE),  # into the base from below
+        ([0.0, 0.0, -1.0], [1.0, 0.0, 0.05], CastFate.OPENING),  # into the wall of the opening
+        ([9.0, 0.0, -5.0], [0.1, 0.0, 1.0], CastFate.OPENING),  # into the base from below
         ([0.0, 0.0, 0.5], [0.0, 0.2, -1.0], CastFate.NO_HIT),  # back down through the opening
         ([0.0, 0.0, 100.0], [0.0, 0.0, 1.0], CastFate.NO_HIT),
         ([9.0, 0.0, 1.0], [0.0, 0.0, 1.0], CastFate.STARTS_INSIDE),
-        ([40.0, 0.0, 10.0], [-1.0, 0.0, 0.0], CastFate.BACK_INTO_CAVITY),  # it enters the dome and leaves by the dome
+        ([0.0, 0.0, 5.0], [1.0, 0.0, -0.05], CastFate.LANDED),  # down to the cavity's wall, which bends it up
+        ([0.0, 0.0, 3.0], [1.0, 0.0, -0.2], CastFate.MISSED_RECEIVER),  # the same, but not enough
+        ([0.0, 0.0, 3.0], [1.0, 0.0, -0.55], CastFate.OPENING),  # down through z = 0 to the wall of the opening
+        ([0.0, 5.5, 0.3], [1.0, 0.0, -0.1], CastFate.BASE),  # through the cavity's wall, and in the body into the base
+        ([40.0, 0.0, 10.0], [-1.0, 0.0, 0.0], CastFate.STARTS_OUTSIDE),  # from beside the lens
+        ([0.0, 0.0, 30.0], [0.1, 0.0, -1.0], CastFate.STARTS_OUTSIDE),  # from above it, down
         ([0.0, 0.0, 12.0], [0.0, 0.0, -1.0], CastFate.STARTS_INSIDE),
     ],
 )
 def test_every_start_has_its_fate(origin, direction, fate):
     mesh = lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 24, (16.0, 2.0))
     assert send(mesh, one_ray(origin, direction)).fates[0] == fate
+
+
+def test_rays_that_start_high_and_go_down_agree_with_their_closed_form():
+    """Level and downward rays through both surfaces, some of which the lens bends up to the receiver."""
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(3000, 3))
+    directions[:, 2] = -0.3 * np.abs(directions[:, 2])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = rng.uniform(-0.3, 0.3, (3000, 3))
+    origins[:, 2] += 5.0
+    rays = RayBundle(origins, directions, np.full(3000, 1.0 / 3000))
+    landings, flux, _ = oracle(INNER, OUTER, rays, INDEX, 30.0)
+    got = send(lens_mesh(INNER.radius, OUTER.radius, 60, (16.0, 2.0)), rays, distance=30.0)
+    lands = np.isfinite(landings[:, 0])
+    assert 0.2 < lands.mean() < 0.9
+    assert np.mean(lands != np.isfinite(got.landings[:, 0])) < 2e-3
+    central = lands & np.isfinite(got.landings[:, 0]) & (np.abs(landings) < 300.0).all(axis=1)
+    assert central.sum() > 200
+    assert np.sqrt(np.mean(np.sum((got.landings - landings)[central] ** 2, axis=1))) < 2e-3
+    np.testing.assert_allclose(got.flux[central], flux[central], rtol=1e-4)
+    assert set(got.fates.tolist()) >= {CastFate.LANDED, CastFate.OPENING, CastFate.BASE}
+
+
+def test_a_ray_that_leaves_by_the_face_by_which_it_entered_is_back_in_the_cavity():
+    def dented(u):
+        return 6.0 - 2.0 * np.exp(-((np.arctan2(u[:, 0], u[:, 2]) / 0.15) ** 2))  # a furrow of the wall along y
+
+    got = send(lens_mesh(dented, sphere(13.7).radius, 40), one_ray([-3.0, 0.3, 4.5], [1.0, 0.0, 0.0]))
+    assert got.fates[0] == CastFate.BACK_INTO_CAVITY
 
 
 def test_a_ray_that_leaves_downwards_misses_the_receiver():

@@ -22,12 +22,12 @@ def verified(tmp_path_factory):
     run_export(folder)
     done = CliRunner().invoke(cli, ["verify", str(folder), "--rays", "2048", "--stray", "--base", "black"])
     assert done.exit_code == 0, (done.output, done.exception)
-    return folder, dict(line.split("\t") for line in done.output.splitlines())
+    return folder, dict(line.split("\t") for line in done.stdout.splitlines())
 
 
 def test_the_step_is_cast_beside_the_mesh(verified):
     folder, printed = verified
-    brep = json.loads((folder / "verify_other.json").read_text(encoding="utf-8"))["brep"]
+    brep = json.loads((folder / "verify_2048rays.json").read_text(encoding="utf-8"))["brep"]
     assert brep["rays"] == 1024
     assert brep["against_design"]["rms"] < 5e-5 * 100.0
     assert float(printed["brep.against_design.rms"]) == brep["against_design"]["rms"]
@@ -35,14 +35,14 @@ def test_the_step_is_cast_beside_the_mesh(verified):
 
 def test_stray_light_is_followed_with_what_the_spec_absorbs(verified):
     folder, printed = verified
-    stray = json.loads((folder / "stray.json").read_text(encoding="utf-8"))
+    stray = json.loads((folder / "stray_2048rays.json").read_text(encoding="utf-8"))
     assert (stray["base"], stray["absorption_per_mm"]) == ("black", 0.002)
     assert sum(stray["flux"].values()) == pytest.approx(1.0, abs=1e-9)
     # About 3 mm of way through the bulk: 1 - exp(-0.006) of the flux, and little more by reflections.
     assert 0.004 < stray["flux"]["absorbed"] < 0.012
     assert stray["flux"]["base"] > 0.0
     assert float(printed["stray_light.efficiency"]) == stray["efficiency"]
-    verify = json.loads((folder / "verify_other.json").read_text(encoding="utf-8"))
+    verify = json.loads((folder / "verify_2048rays.json").read_text(encoding="utf-8"))
     assert stray["efficiency_sequential"] == pytest.approx(verify["efficiency"], rel=1e-12)
-    with np.load(folder / "stray.npz") as images:
+    with np.load(folder / "stray_2048rays.npz") as images:
         assert images["stray"].shape == images["sequential"].shape == (16, 16)
