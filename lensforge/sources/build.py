@@ -2,8 +2,11 @@
 
 from lensforge.optics.materials import Material
 from lensforge.sources.bundle import Source
+from lensforge.sources.dispersion import DispersedSource
+from lensforge.sources.flux import emitter_flux
+from lensforge.sources.placement import placed_source
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.sources.spectrum import DispersedSource, spectrum_of
+from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.source import RadianceSource, SourceSpec, SquareSource
@@ -20,7 +23,7 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
 
             return load_ray_set(spec, material)
         case SquareSource():
-            emitter: Source = SquareEmitter(spec.side_mm, spec.flux_w)
+            emitter: Source = SquareEmitter(spec.side_mm, emitter_flux(spec).flux_w)
         case RadianceSource():
             from lensforge.sources.radiance import radiance_emitter
 
@@ -29,6 +32,7 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
             from lensforge.sources.planar import planar_emitter
 
             emitter = planar_emitter(spec)
+    emitter = placed_source(emitter, spec)
     if material is None or spec.spectrum is None:
         return emitter
     return DispersedSource(emitter, spectrum_of(spec.spectrum), material)
@@ -37,10 +41,17 @@ def build_source(spec: SourceSpec, material: Material | None = None) -> Source:
 def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
     """Summarise ``source``, built from ``spec``; of a ray set also its files, and all that was done to them."""
     if isinstance(source, DispersedSource):
-        found = source.index_range
-        update = {"wavelengths_nm": found.wavelengths_nm, "refractive_indices": found.refractive_indices}
-        return summarise(source.source, spec).model_copy(update=update)
+        found, plain = source.index_range, summarise(source.source, spec)
+        warnings = (*plain.warnings, *found.warnings(source.material))
+        return plain.model_copy(update={**found.fields(), "warnings": warnings})
     known = getattr(source, "summary", None)  # ray sets have one; their module is loaded for them alone
     if isinstance(known, SourceSummary):
         return known
-    return SourceSummary(title=spec.title, flux_w=source.flux_w, symmetry=source.symmetry)
+    flux = emitter_flux(spec, source.flux_w)
+    return SourceSummary(
+        title=spec.title,
+        flux_w=source.flux_w,
+        lumens_per_watt=flux.lumens_per_watt,
+        symmetry=source.symmetry,
+        warnings=flux.warnings,
+    )

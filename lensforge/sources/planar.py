@@ -8,9 +8,11 @@ from jaxtyping import Float
 from lensforge.errors import remedy
 from lensforge.sources.areas import Area, Disc, Rectangles
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.flux import chip_fluxes, emitter_flux
 from lensforge.sources.intensity import CosinePower, IntensityProfile, TabulatedIntensity
 from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.photometric import read_photometric
+from lensforge.sources.photometric.orientation import turned_over
 from lensforge.sources.qmc import sobol
 from lensforge.spec.emission import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
@@ -48,7 +50,10 @@ class PlanarEmitter:
 
 
 def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
-    """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    """Build the emitter that ``spec`` describes, in the plane z = 0.
+
+    Raises :class:`InputError` for a file that cannot be used.
+    """
     profile = _profile(spec.intensity)
     match spec:
         case RectangleSource():
@@ -61,15 +66,15 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
             with remedy("correct source.file"):
                 area = LuminanceImage.read(spec.file, spec.width_mm)
         case ChipsSource():
-            return _chips(spec, profile)
-    return PlanarEmitter(area, profile, spec.flux_w)
+            area = _chips(spec)
+    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w)
 
 
-def _chips(spec: ChipsSource, profile: IntensityProfile) -> PlanarEmitter:
-    flux = np.array([chip.flux_w for chip in spec.chips])
+def _chips(spec: ChipsSource) -> Rectangles:
+    flux = np.array([chip.flux_w for chip in chip_fluxes(spec)])
     centres = np.array([[chip.x_mm, chip.y_mm] for chip in spec.chips])
     sides = np.array([[chip.width_mm, chip.height_mm] for chip in spec.chips])
-    return PlanarEmitter(Rectangles(centres, sides, flux / flux.sum()), profile, spec.flux_w or float(flux.sum()))
+    return Rectangles(centres, sides, flux / flux.sum())
 
 
 def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple[float, float]) -> Rectangles:
@@ -84,4 +89,4 @@ def _profile(spec: IntensitySpec) -> IntensityProfile:
         return CosinePower(spec.power)
     if isinstance(spec, TableIntensity):
         return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity]))
-    return read_photometric(spec.file).intensity
+    return turned_over(read_photometric(spec.file).intensity)

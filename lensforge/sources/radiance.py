@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import remedy
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.flux import emitter_flux
 from lensforge.sources.inverse_cdf import choose, choose_each, linear_inverse
 from lensforge.sources.qmc import sobol
 from lensforge.sources.radiance_table import RadianceTable, read_radiance
@@ -114,7 +115,10 @@ class RadianceEmitter:
 
 
 def radiance_emitter(spec: RadianceSource) -> RadianceEmitter:
-    """Build the emitter that ``spec`` describes. Raises :class:`InputError` for a file that cannot be used."""
+    """Build the emitter that ``spec`` describes, in the plane z = 0, of the table's flux unless ``spec`` has one.
+
+    Raises :class:`InputError` for a file that cannot be used.
+    """
     with remedy("correct source.file"):
         table = read_radiance(spec.file)
-    return RadianceEmitter(table, spec.flux_w or table.flux())
+    return RadianceEmitter(table, emitter_flux(spec, table.flux()).flux_w)

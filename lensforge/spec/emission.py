@@ -35,7 +35,7 @@ class TableIntensity(Section):
 
 
 class PhotometricIntensity(Section):
-    """The far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, its C = 0 the x axis."""
+    """The far field in an IES LM-63 or EULUMDAT file; its gamma = 0 is the lens axis, C = 0 +x, C = 90 -y."""
 
     kind: Literal["photometric"] = "photometric"
     file: FilePath
@@ -69,21 +69,10 @@ class TableSpectrum(Section):
 
 
 class FileSpectrum(Section):
-    """Spectral table as a text file of two columns, wavelength (nm) and relative power density."""
+    """Spectral table as a text file: wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
 
     kind: Literal["file"] = "file"
     file: FilePath
 
 
 SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]
-
-
-class EmitterSection(Section):
-    """Fields of every source.
-
-    ``luminous_efficacy_lm_per_w`` of its light: with it, reports show lux, without it W/m^2. ``spectrum``: used where
-    the lens material is dispersive; for a ray file it replaces the file's own.
-    """
-
-    luminous_efficacy_lm_per_w: Annotated[float, Field(gt=0.0, le=683.0)] | None = None
-    spectrum: SpectrumSpec | None = None

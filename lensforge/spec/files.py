@@ -1,6 +1,7 @@
 """Files that a spec names: resolved against its folder, and hashed so that a result can name its inputs."""
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -31,7 +32,10 @@ def input_hashes(section: Section) -> dict[str, str]:
 
 def section_sha256(section: Section) -> str:
     """SHA-256 of the fields of a section and of the files that it names, whatever their folders."""
-    digest = hashlib.sha256(section.model_dump_json().encode())
+    content = section.model_dump_json()
+    for path in set(_paths(section)):
+        content = content.replace(json.dumps(str(path), ensure_ascii=False), json.dumps(path.name, ensure_ascii=False))
+    digest = hashlib.sha256(content.encode())
     for name, found in input_hashes(section).items():
         digest.update(f"{name}={found}".encode())
     return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""Ray sets as the ``[source]`` of a spec: ray files, and rays given as arrays; lengths in mm, powers in W."""
+"""Ray sets as the ``[source]`` of a spec: ray files, and rays given as arrays; lengths in mm, powers in W or lm."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -9,25 +9,23 @@ from numpy.typing import ArrayLike
 from pydantic import Field, PositiveFloat, model_validator
 
 from lensforge.spec.arrays import Numbers, numbers_of
-from lensforge.spec.emission import EmitterSection, SpectrumSpec
-from lensforge.spec.section import Coordinate, FilePath, Section
+from lensforge.spec.emission import SpectrumSpec
+from lensforge.spec.emitter import EmitterSection, FluxSection
+from lensforge.spec.section import Coordinate, FilePath
 
 
 class Placement(EmitterSection):
-    """Placement of a ray set in lens coordinates; the fields apply in their order.
+    """Placement of a ray set in lens coordinates; the fields apply in their order, and then those of every source.
 
     ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
     factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
-    to -x. ``rotate_z_deg``: about the lens axis. ``flux_w``: the power (W) of the whole source; without it, that
-    of the file.
+    to -x. Then ``rotate_z_deg``, ``tilt_deg`` and ``position_mm``.
     """
 
     origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
     scale: PositiveFloat = 1.0
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
     mirror: Literal["none", "x", "y"] = "none"
-    rotate_z_deg: float = 0.0
-    flux_w: PositiveFloat | None = None
 
 
 class RayfileSource(Placement):
@@ -37,19 +35,18 @@ class RayfileSource(Placement):
     file: FilePath
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"ray file {self.file.name}"
 
 
-class RayfilePart(Section):
-    """One of several ray files: its power (W), or that of the file; with ``source.flux_w`` only the ratio counts.
+class RayfilePart(FluxSection):
+    """One of several ray files: its flux, or that of the file.
 
-    ``spectrum`` replaces the file's own.
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts. ``spectrum`` replaces the file's own.
     """
 
     file: FilePath
-    flux_w: PositiveFloat | None = None
     spectrum: SpectrumSpec | None = None
 
 
@@ -60,16 +57,17 @@ class RayfilesSource(Placement):
     files: Annotated[tuple[RayfilePart, ...], Field(min_length=1)]
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"ray files {', '.join(part.file.name for part in self.files)}"
 
 
 class RaySource(Placement):
     """Ray set given as arrays, such as that of another program: start points (mm), directions, and the flux of each.
 
-    Directions need not have length 1. ``ray_flux``: W, or relative where ``flux_w`` says how much all of them carry;
-    without it all rays have the same. ``wavelengths_nm``: used where the lens material is dispersive.
+    Directions need not have length 1. ``ray_flux``: W, or relative where ``flux_w`` or ``flux_lm`` says how much all of
+    them carry; without it all rays have the same. ``wavelengths_nm``: used where the lens material is dispersive, and
+    for the luminous efficacy.
     """
 
     positional: ClassVar[str] = "rays"
@@ -96,7 +94,10 @@ class RaySource(Placement):
             axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z",
             mirror: Literal["none", "x", "y"] = "none",
             rotate_z_deg: float = 0.0,
+            tilt_deg: tuple[float, float] = (0.0, 0.0),
+            position_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
             flux_w: float | None = None,
+            flux_lm: float | None = None,
             luminous_efficacy_lm_per_w: float | None = None,
             spectrum: SpectrumSpec | None = None,
         ) -> None: ...
@@ -132,13 +133,13 @@ class RaySource(Placement):
             raise ValueError("directions: one of them is (0, 0, 0); leave that ray out")
         if self.ray_flux is not None and not (self.ray_flux.min() >= 0.0 and self.ray_flux.sum() > 0.0):
             raise ValueError("ray_flux: must be 0 or above, and not 0 for all rays")
-        if self.ray_flux is None and self.flux_w is None:
-            raise ValueError("flux_w: the power (W) of all rays is needed where ray_flux is not given")
+        if self.ray_flux is None and self.flux_w is None and self.flux_lm is None:
+            raise ValueError("flux_w or flux_lm: of all rays, is needed where ray_flux is not given")
         return self
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"{len(self.positions_mm)} given rays"
 
 

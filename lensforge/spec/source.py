@@ -1,29 +1,29 @@
-"""The ``[source]`` of a spec: an emitting area or a ray set; lengths in mm, powers in W."""
+"""The ``[source]`` of a spec: an emitting area or a ray set; lengths in mm, powers in W or lm."""
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
-from lensforge.spec.emission import CosineIntensity, EmitterSection, IntensitySpec
+from lensforge.spec.emission import CosineIntensity, IntensitySpec
+from lensforge.spec.emitter import EmitterSection, FluxSection
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
-from lensforge.spec.section import Coordinate, FilePath, Millimetres, MillimetresOrZero, Section
+from lensforge.spec.section import Coordinate, FilePath, Millimetres, MillimetresOrZero
 
 
 class SquareSource(EmitterSection):
-    """A square Lambertian emitter in the plane z = 0, centred on the axis, emitting towards +z."""
+    """A square Lambertian emitter, centred on the axis in the plane z = 0 and emitting towards +z unless placed."""
 
     kind: Literal["square"] = "square"
     side_mm: MillimetresOrZero
-    flux_w: PositiveFloat = 1.0
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"{self.side_mm:g} mm square Lambertian source" if self.side_mm else "point source"
 
 
 class _PlanarSource(EmitterSection):
-    """An emitting area in the plane z = 0, the same intensity profile at each of its points."""
+    """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
 
     intensity: IntensitySpec = Field(default_factory=CosineIntensity)
 
@@ -34,11 +34,10 @@ class RectangleSource(_PlanarSource):
     kind: Literal["rectangle"] = "rectangle"
     width_mm: Millimetres
     height_mm: Millimetres
-    flux_w: PositiveFloat = 1.0
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"{self.width_mm:g} mm × {self.height_mm:g} mm source"
 
 
@@ -47,34 +46,34 @@ class DiscSource(_PlanarSource):
 
     kind: Literal["disc"] = "disc"
     diameter_mm: Millimetres
-    flux_w: PositiveFloat = 1.0
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"{self.diameter_mm:g} mm disc source"
 
 
-class Chip(Section):
-    """A uniform rectangle with its centre at (x, y); with ``source.flux_w`` only the ratio of powers counts."""
+class Chip(FluxSection):
+    """A uniform rectangle with its centre at (x, y), of 1 W unless its flux is given.
+
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio of the chips' fluxes counts.
+    """
 
     x_mm: Coordinate
     y_mm: Coordinate
     width_mm: Millimetres
     height_mm: Millimetres
-    flux_w: PositiveFloat = 1.0
 
 
 class ChipsSource(_PlanarSource):
-    """Several chips, each with its position, size and power; ``flux_w``: of all of them together."""
+    """Several chips, each with its position, size and flux; ``flux_w``, ``flux_lm``: of all of them together."""
 
     kind: Literal["chips"] = "chips"
     chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
-    flux_w: PositiveFloat | None = None
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"source of {len(self.chips)} chips"
 
 
@@ -87,11 +86,10 @@ class ChipArraySource(_PlanarSource):
     width_mm: Millimetres
     height_mm: Millimetres
     pitch_mm: tuple[Millimetres, Millimetres]
-    flux_w: PositiveFloat = 1.0
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"source of {self.columns} × {self.rows} chips"
 
 
@@ -101,24 +99,22 @@ class LuminanceSource(_PlanarSource):
     kind: Literal["luminance"] = "luminance"
     file: FilePath
     width_mm: Millimetres
-    flux_w: PositiveFloat = 1.0
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"source of the luminance picture {self.file.name}"
 
 
 class RadianceSource(EmitterSection):
-    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); ``flux_w`` replaces the table's."""
+    """Radiance by position and direction, from a NumPy archive (docs/rayfiles.md); a given flux replaces its own."""
 
     kind: Literal["radiance"] = "radiance"
     file: FilePath
-    flux_w: PositiveFloat | None = None
 
     @property
-    def title(self) -> str:
-        """Description in a few words."""
+    def description(self) -> str:
+        """The source in a few words."""
         return f"source of the radiance table {self.file.name}"
 
 

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 from radiance_samples import write_radiance
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from lensforge import sources
 from lensforge.errors import InputError
@@ -33,43 +34,74 @@ CHIP = {"x_mm": 0.6, "y_mm": -0.3, "width_mm": 0.5, "height_mm": 0.25}
 GIVEN = np.random.default_rng(8).normal(size=(1200, 7))
 GIVEN[:, 6] = np.abs(GIVEN[:, 6])
 WHITE = {"kind": "table", "wavelength_nm": [430.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
+PLACE = {"rotate_z_deg": 25.0, "tilt_deg": [10.0, -35.0], "position_mm": [0.4, -0.7, 1.5]}
+PLACES = ({}, PLACE)
 # kind of the spec -> forms of it; a kind without a case fails the suite
 CASES = {
-    "square": [{"side_mm": 1.5, "flux_w": 2.0}, {"side_mm": 0.0}],
-    "rayfile": [{"file": LED, "flux_w": 2.0}, {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0}],
-    "rayfiles": [{"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0}],
+    "square": [
+        {"side_mm": 1.5, "flux_w": 2.0},
+        {"side_mm": 0.0},
+        {"side_mm": 1.5, "flux_lm": 200.0, "rotate_z_deg": 45.0, "position_mm": [0.0, 0.0, -0.5]},
+        {"side_mm": 1.5, "tilt_deg": [0.0, 20.0], "position_mm": [0.8, 0.0, -0.5]},
+    ],
+    "rayfile": [
+        {"file": LED, "flux_w": 2.0},
+        {"file": LED, "origin": "virtual_focus", "mirror": "x", "scale": 2.0},
+        {"file": LED, "flux_lm": 200.0, **PLACE},
+    ],
+    "rayfiles": [{"files": [{"file": LED, "flux_w": 3.0}, {"file": LED}], "flux_w": 2.0, **place} for place in PLACES],
     "rays": [
         {"rays": GIVEN, "flux_w": 2.0},
         {"rays": GIVEN[:, :6].tolist(), "flux_w": 1.0, "spectrum": WHITE},
         {"rays": GIVEN, "wavelengths_nm": np.linspace(430.0, 660.0, 1200), "origin": "virtual_focus"},
+        {"rays": GIVEN, **PLACE},
     ],
     "rectangle": [
         {"width_mm": 2.0, "height_mm": 1.0},
         {"width_mm": 1.0, "height_mm": 1.0, "intensity": TABLE},
         {"width_mm": 1.0, "height_mm": 1.0, "intensity": FAR_FIELD},
+        {"width_mm": 2.0, "height_mm": 1.0, "rotate_z_deg": 90.0, "tilt_deg": [180.0, 0.0]},
     ],
-    "disc": [{"diameter_mm": 2.0, "flux_w": 0.5, "intensity": COSINE}, {"diameter_mm": 2.0, "spectrum": WHITE}],
-    "chips": [{"chips": [CHIP, {**CHIP, "x_mm": -0.6, "flux_w": 2.0}]}, {"chips": [CHIP], "flux_w": 0.25}],
+    "disc": [
+        {"diameter_mm": 2.0, "flux_w": 0.5, "intensity": COSINE},
+        {"diameter_mm": 2.0, "spectrum": WHITE},
+        {"diameter_mm": 2.0, "spectrum": WHITE, "flux_lm": 90.0, "tilt_deg": [-30.0, 0.0], "position_mm": [0, 1, 2]},
+    ],
+    "chips": [
+        {"chips": [CHIP, {**CHIP, "x_mm": -0.6, "flux_w": 2.0}]},
+        {"chips": [CHIP], "flux_w": 0.25},
+        {"chips": [{**CHIP, "flux_lm": 100.0}], **PLACE},
+    ],
     "chip_array": [
         {"columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.25, "pitch_mm": [0.75, 0.5]},
         {"columns": 2, "rows": 2, "width_mm": 0.5, "height_mm": 0.5, "pitch_mm": [0.75, 0.75]},
+        {"columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.25, "pitch_mm": [0.75, 0.5], **PLACE},
     ],
-    "luminance": [{"file": "led.png", "width_mm": 2.0}],
-    "radiance": [{"file": "slanted.npz", "flux_w": 2.0}, {"file": "square.npz"}, {"file": "turned.npz"}],
+    "luminance": [{"file": "led.png", "width_mm": 2.0, **place} for place in PLACES],
+    "radiance": [
+        {"file": "slanted.npz", "flux_w": 2.0},
+        {"file": "square.npz"},
+        {"file": "turned.npz"},
+        {"file": "square.npz", "flux_lm": 100.0, "position_mm": [0.0, 0.5, 0.0]},
+    ],
 }
 NAMED = [(kind, index) for kind, forms in CASES.items() for index in range(len(forms))]
 
 
 @pytest.fixture
 def source(request, tmp_path):
-    kind, index = request.param
+    return _built(_fields(*request.param, tmp_path))
+
+
+def _fields(kind, index, folder):
+    """The fields of a case, its files in ``folder``."""
     fields = {"kind": kind, **CASES[kind][index]}
     if kind == "radiance":
-        fields["file"] = _radiance(tmp_path / fields["file"])
+        fields["file"] = _radiance(folder / fields["file"])
     if kind == "luminance":
-        fields["file"] = str(tmp_path / fields["file"])
+        fields["file"] = str(folder / fields["file"])
         Image.fromarray(np.array([[0, 1, 4, 1], [2, 9, 9, 2], [0, 3, 3, 0]], dtype=np.uint8)).save(fields["file"])
-    return _built(_with_far_field(fields, tmp_path))
+    return _with_far_field(fields, folder)
 
 
 def _built(fields):
@@ -114,7 +146,12 @@ def _spec(source):
     return parse_spec(content, "case").source
 
 
-every = pytest.mark.parametrize("source", NAMED, indirect=True, ids=[f"{kind}-{index}" for kind, index in NAMED])
+def _each(names):
+    return pytest.mark.parametrize("source", names, indirect=True, ids=[f"{kind}-{index}" for kind, index in names])
+
+
+every = _each(NAMED)
+at_the_origin = _each([(kind, index) for kind, index in NAMED if not set(PLACE) & set(CASES[kind][index])])
 
 
 def _emitter_classes():
@@ -162,9 +199,10 @@ def test_the_seed_decides(source):
 
 def _moments(rays, matrix):
     """Flux-weighted means of smooth functions without any symmetry, of the rays mapped by ``matrix``."""
-    x, y, _ = (rays.origins @ matrix.T).T
+    x, y, z = (rays.origins @ matrix.T).T
     kx, ky, kz = (rays.directions @ matrix.T).T
     values = [x, y, kx, ky, x * y, kx * ky, x * ky, x * x, y * y, kx * kx, ky * ky, np.exp(0.3 * x + 0.7 * ky), kz]
+    values += [z, x * z, y * z, kx * kz, ky * kz]
     return np.array([value @ rays.flux for value in values]) / rays.flux.sum()
 
 
@@ -192,14 +230,33 @@ def test_no_larger_mirror_group_would_be_true(source):
 def test_the_outline_is_a_polygon_around_where_rays_start(source):
     outline = source.outline()
     assert outline.shape[1] == 3
-    assert (outline[:, 2] == 0.0).all()
     if source.ray_count is None and np.ptp(outline) > 0.0:
-        equations = ConvexHull(outline[:, :2]).equations
-        starts = source.sample(2000, seed=2).origins[:, :2]
-        assert (starts @ equations[:, :2].T + equations[:, 2] < 1e-9).all()
+        middle = outline.mean(axis=0)
+        axes = np.linalg.svd(outline - middle)[2]  # two along the polygon, one across
+        corners, starts = ((points - middle) @ axes.T for points in (outline, source.sample(2000, seed=2).origins))
+        assert np.abs(corners[:, 2]).max() < 1e-12 and np.abs(starts[:, 2]).max() < 1e-12
+        equations = ConvexHull(corners[:, :2]).equations
+        assert (starts[:, :2] @ equations[:, :2].T + equations[:, 2] < 1e-9).all()
 
 
 @every
+def test_its_place_moves_every_ray_by_one_rotation_and_one_shift(source, request, tmp_path):
+    """The placed rays are those of the source at the origin, by scipy's rotations; so is its outline."""
+    kind, index = request.node.callspec.params["source"]
+    given = _fields(kind, index, tmp_path)
+    plain = _built({name: value for name, value in given.items() if name not in PLACE})
+    place = {name: given.get(name, 0.0) for name in PLACE}
+    turn = Rotation.from_euler("zxy", [place["rotate_z_deg"], *np.broadcast_to(place["tilt_deg"], 2)], degrees=True)
+    shift = np.broadcast_to(place["position_mm"], 3)
+    own, moved = plain.sample(500, seed=4), source.sample(500, seed=4)
+    np.testing.assert_allclose(moved.origins, turn.apply(own.origins) + shift, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(moved.directions, turn.apply(own.directions), rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(moved.flux, own.flux)
+    np.testing.assert_array_equal(moved.refractive_indices, own.refractive_indices)
+    np.testing.assert_allclose(source.outline(), turn.apply(plain.outline()) + shift, rtol=0.0, atol=1e-9)
+
+
+@at_the_origin
 def test_sampling_converges_faster_than_random_points(source):
     """Scrambled Sobol points in four dimensions: the error falls almost as 1/n; random points have n^-1/2."""
     if source.ray_count is not None:
