@@ -1,46 +1,41 @@
 """The far field of the finished lens as IES, EULUMDAT and TM-25 files, verified by reading them back.
 
 Only light that leaves the lens upwards is in the files: light that leaves it downwards meets the plane on which the
-lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the y axis.
+lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the -y axis, see
+``sources.photometric.orientation``.
 """
 
-import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge import seeds
 from lensforge.accuracy import Preset
 from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import MISSED_RECEIVER, TracedLens
-from lensforge.far_field.intensity import AngularGrid, exit_rays
-from lensforge.far_field.photometry import (
-    IES_FILE,
-    LDT_FILE,
-    TM25_FILE,
-    LostFlux,
-    Photometry,
-    WrittenFile,
-    WrittenFiles,
-)
+from lensforge.far_field.exit_light import ExitLight, trace_exit_light
+from lensforge.far_field.files import photometric_files, read_back
+from lensforge.far_field.lumens import SourceLumens
+from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, LostFlux, Photometry, WrittenFiles
+from lensforge.far_field.spectrum import spectrum_of_source
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.records import Metric
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.build import summarise
+from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
-from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
-from lensforge.sources.rayfiles import RayFile, read_rayfile, write_rayfile
-from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.sources.photometric import PhotometricFile
+from lensforge.sources.photometric.orientation import turned_over
+from lensforge.surfaces.conic import Asphere
+from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.symmetry import NAMES, contains
 
-_PARTS = 16  # independent samples: their spread is the standard error
-_FILE_RAYS = 2**17  # rays of the ray file
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
+_NOISY = 0.05  # rms of the nodes, relative; above it the files say that they are noisy
 
 
 def measure_photometry(
@@ -48,40 +43,62 @@ def measure_photometry(
 ) -> Photometry:
     """Trace the light of ``lens`` to its far field, and make the three files; ``lumens``: luminous flux of the source.
 
-    Without it, the flux follows from the spec's luminous efficacy; without that, it is 1000 lm: then candela are
-    cd/klm. Raises :class:`InputError` for lumens that are not above 0 and finite, and where no
-    light leaves the lens upwards.
+    Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
+    cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for. Raises
+    :class:`InputError` for lumens that are not above 0 and finite, and where no light leaves the lens upwards.
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
     started = time.perf_counter()
+    summary = summarise(source, lens.spec.source)
+    bright = SourceLumens.of(lumens, summary)
     radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
-    traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    light = _exit_light(traced, source, rays or preset.evaluate_rays, lens.seed, _SLACK * radius_mm)
-    table = AngularGrid().table(light.deposits.mean(axis=0))
-    lumens = float(lumens or (lens.spec.source.luminous_efficacy_lm_per_w or 0.0) * source.flux_w or 1000.0)
-    per_watt = lumens / source.flux_w
+    light = trace_exit_light(
+        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
+        source,
+        _symmetry(lens, source),
+        rays=rays,
+        first_rays=preset.evaluate_rays,
+        seed=lens.seed,
+        sphere_mm=_SLACK * radius_mm,
+    )
+    per_watt, fitted = bright.lumens / source.flux_w, light.intensity
+    table = turned_over(fitted.grid.table(fitted.values))
     candela = TabulatedIntensity(table.c_deg, table.gamma_deg, table.values * per_watt)
-    title = f"lensforge {lens.spec.name}"
-    photometric = PhotometricFile(candela, lumens, title=title, diameter_mm=2.0 * radius_mm)
-    contents = _contents(photometric, _rayfile(light.sample, title))
-    files = _read_back(contents, light.written_w, per_watt)
+    errors, node_error, peak = fitted.standard_errors, fitted.node_error, fitted.peak
+    warnings = tuple(_warnings(bright, source, light))
+    photometric = PhotometricFile(
+        candela,
+        bright.lumens,
+        title=f"lensforge {lens.spec.name}",
+        diameter_mm=2.0 * radius_mm,
+        remarks=(*warnings, *_remarks(light, per_watt)),
+    )
+    known_lm = None if bright.per_1000_lm else light.exit_w.value * per_watt
+    contents = photometric_files(photometric, light.sample, known_lm, spectrum_of_source(lens.spec.source, summary))
+    files = read_back(contents, light.exit_w.value, per_watt)
     return Photometry(
         inputs={"lens": lens.sha256},
         rays=light.rays,
         source_w=source.flux_w,
         exit_w=light.exit_w,
-        light_output_ratio=_ratio(light.exit_w, source.flux_w),
+        light_output_ratio=_scaled(light.exit_w, 1.0 / source.flux_w, ""),
         lost_w=_lost(light.by_fate_w),
-        reflected_w=source.flux_w - float(light.by_fate_w.sum()),
-        source_lm=lumens,
-        exit_lm=light.written_w * per_watt,
-        peak_cd=float(table.values.max() * lumens / source.flux_w),
+        reflected_w=max(source.flux_w - float(light.by_fate_w.sum()), 0.0),
+        source_lm=bright.lumens,
+        source_lm_from=bright.origin,
+        per_1000_lm=bright.per_1000_lm,
+        exit_lm=light.exit_w.value * per_watt,
+        peak_cd=_scaled(peak, per_watt, "cd"),
+        node_error=node_error,
+        interpolation_error=fitted.interpolation_error,
+        warnings=warnings,
         files=files,
         criteria=tuple(_criteria(files)),
         c_deg=candela.c_deg,
         gamma_deg=candela.gamma_deg,
         candela=candela.values,
+        candela_standard_error=np.zeros_like(candela.values) if errors is None else _turned_over(errors) * per_watt,
         ies=contents[IES_FILE],
         ldt=contents[LDT_FILE],
         tm25=contents[TM25_FILE],
@@ -89,99 +106,63 @@ def measure_photometry(
     )
 
 
-@dataclass(frozen=True)
-class _ExitLight:
-    """Exit light of ``rays`` rays: flux by sample and node, flux by fate, and some of the rays."""
-
-    rays: int
-    deposits: Float[np.ndarray, "parts planes nodes"]
-    by_fate_w: Float[np.ndarray, " f"]
-    sample: RayBundle
-
-    @property
-    def exit_w(self) -> Metric:
-        """Flux that leaves the lens upwards, with its standard error by the spread of the samples."""
-        exits = self.deposits.sum(axis=(1, 2))
-        error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
-        return Metric(value=float(exits.mean()), unit="W", standard_error=error)
-
-    @property
-    def written_w(self) -> float:
-        """The same flux as the sum over the rays of the sample."""
-        return float(self.sample.flux.sum())
+def _symmetry(lens: Lens, source: Source) -> str:
+    """Largest mirror group that both surfaces and the source have: the light has it, too."""
+    own = (source.symmetry, _symmetry_of(lens.inner), _symmetry_of(lens.outer))
+    return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
 
 
-def _exit_light(lens: TracedLens, source: Source, rays: int, seed: int, sphere_mm: float) -> _ExitLight:
-    grid, deposits, by_fate, kept, count = AngularGrid(), [], np.zeros(len(Fate) + 1), [], 0
-    for bundle in _bundles(source, rays, seed):
-        out = exit_rays(lens, bundle, sphere_mm)
-        deposits.append(grid.deposit(out.rays))
-        by_fate += out.by_fate_w
-        some = slice(_FILE_RAYS // _PARTS)
-        kept.append(out.rays.take(some))
-        count += len(bundle)
-    flux_w = float(np.sum(deposits) / len(deposits))
-    if not flux_w > 0.0:
-        raise InputError(f"none of {count} rays leaves the lens upwards: there is no light to write; check lens.json")
-    sample = RayBundle.joined(kept)
-    sample = replace(sample, flux=sample.flux * (flux_w / sample.flux.sum()))
-    return _ExitLight(count, np.array(deposits), by_fate / len(deposits), sample)
+def _symmetry_of(surface: Surface) -> str:
+    match surface:
+        case SrbfSurface():
+            return surface.basis.symmetry
+        case Asphere():
+            return NAMES[-1]
+        case _:
+            return NAMES[0]
 
 
-def _bundles(source: Source, rays: int, seed: int) -> Iterator[RayBundle]:
-    """Independent samples, each of the whole flux; the rays of a measured source are distributed at random."""
-    ray_count = source.ray_count
-    if ray_count is None:
-        per_part = -(-rays // _PARTS)
-        for part in range(_PARTS):
-            yield source.sample(per_part, seeds.of_far_field(seed, _PARTS, part))
+def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:
+    """Values at equal steps of C, closed at 360 degrees and turned over as their table is."""
+    closed: Float[np.ndarray, "d g"] = np.concatenate([values, values[:1]])[::-1]
+    return closed
+
+
+def _scaled(metric: Metric, factor: float, unit: str) -> Metric:
+    error = None if metric.standard_error is None else metric.standard_error * factor
+    return Metric(value=metric.value * factor, unit=unit, standard_error=error)
+
+
+def _warnings(bright: SourceLumens, source: Source, light: ExitLight) -> Iterator[str]:
+    if bright.per_1000_lm:
+        yield (
+            "luminous flux of the source not known: 1000 lm taken, so candela are per 1000 lm of the source; give "
+            "--lumens, or source.flux_lm in the spec"
+        )
+    error = light.intensity.node_error
+    if error is not None and error.rms > _NOISY:
+        remedy = "take more rays" if source.ray_count is None else f"the source has {source.ray_count} rays"
+        yield f"noise of the table {error.rms:.1%} rms where it is above a tenth of the peak; {remedy}"
+    if error is None:
+        yield f"{light.rays} ray: too few to state the noise of the table; take more rays"
+
+
+def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
+    """Lines for the files on the errors of the table."""
+    peak, error, fitted = light.intensity.peak, light.intensity.node_error, light.intensity
+    if error is None:
         return
-    everything = source.sample(min(rays, ray_count), seed)
-    order = np.random.default_rng(seed).permutation(len(everything))
-    for rows in np.array_split(order, min(_PARTS, len(order))):
-        some = everything.take(rows)
-        yield replace(some, flux=some.flux * (source.flux_w / some.flux.sum()))
+    yield (
+        f"{light.rays} rays; standard error of the candela above a tenth of the peak {error.rms:.2%} rms, "
+        f"{error.max:.2%} at most; interpolation error {fitted.interpolation_error or 0.0:.2%} of the peak, rms"
+    )
+    if peak.standard_error is not None:
+        yield f"peak without noise {peak.value * per_watt:.5g} +- {peak.standard_error * per_watt:.2g} cd"
 
 
 def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
     lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
     return LostFlux.model_validate(lost | {"missed_receiver": float(by_fate_w[MISSED_RECEIVER])})
-
-
-def _ratio(flux: Metric, whole_w: float) -> Metric:
-    error = None if flux.standard_error is None else flux.standard_error / whole_w
-    return Metric(value=flux.value / whole_w, standard_error=error)
-
-
-def _rayfile(rays: RayBundle, title: str) -> RayFile:
-    header = {"name": title, "creation_method": "simulated", "ray_file_creator": "lensforge"}
-    flux_w = float(rays.flux.sum())
-    return RayFile(rays.origins, rays.directions, rays.flux, "W", header_flux_w=flux_w, header=header)
-
-
-def _contents(photometric: PhotometricFile, rayfile: RayFile) -> dict[str, bytes]:
-    """Bytes of the three files, by name."""
-    with tempfile.TemporaryDirectory() as folder:
-        for name in (IES_FILE, LDT_FILE):
-            write_photometric(Path(folder) / name, photometric)
-        write_rayfile(Path(folder) / TM25_FILE, rayfile, "tm25")
-        return {name: (Path(folder) / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
-
-
-def _read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
-    """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
-    found = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in contents.items():
-            (Path(folder) / name).write_bytes(content)
-        for key, name in (("ies", IES_FILE), ("ldt", LDT_FILE)):
-            back = float(read_photometric(Path(folder) / name).intensity.flux())
-            found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
-        rayfile = read_rayfile(Path(folder) / TM25_FILE)
-        count, watts = len(rayfile), float(rayfile.ray_sum())
-        del rayfile  # it maps the file, which is deleted next
-    tm25 = WrittenFile(rays=count, watts=watts, relative_error=abs(watts / exit_w - 1.0))
-    return WrittenFiles(**found, tm25ray=tm25)
 
 
 def _criteria(files: WrittenFiles) -> Iterator[Criterion]:

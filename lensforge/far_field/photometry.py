@@ -1,12 +1,24 @@
 """Result of the photometry: the light of the lens as IES, EULUMDAT and TM-25 files, and the flux that they hold."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.criteria import Criterion
-from lensforge.records import Array, Count, InFile, Metric, NotNegative, Positive, Record, StageResult
+from lensforge.records import (
+    Array,
+    Count,
+    Extent,
+    Flag,
+    InFile,
+    Metric,
+    NotNegative,
+    Positive,
+    Record,
+    SimulatedResult,
+    Text,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +27,7 @@ IES_FILE, LDT_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.tm25ray"
 
 
 class WrittenFile(Record):
-    """One file as read back: its flux, in lumens or in watts, and the relative error from the rays' flux."""
+    """One file as read back: its flux, in lumens, in watts or in both, and the relative error from the rays' flux."""
 
     lumens: NotNegative | None = None
     watts: NotNegative | None = None
@@ -43,11 +55,20 @@ class LostFlux(Record):
     missed_receiver: NotNegative
 
 
-class Photometry(StageResult):
+class Photometry(SimulatedResult):
     """The light that leaves the lens upwards. ``lost_w``: the rest by fate; ``reflected_w``: lost at the surfaces.
 
-    ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the y
-    axis. ``ies``, ``ldt``, ``tm25``: the bytes of the files.
+    ``candela`` at the angles ``c_deg`` and ``gamma_deg``: gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the
+    -y axis. The table is bilinear between them, and fitted to the flux of the rays; ``candela_standard_error`` is the
+    standard error of each of its numbers by independent samples of the rays, 0 where there was only one sample.
+    ``node_error`` is the same relative to the intensity, where that is above a tenth of the peak: the largest, and the
+    root mean square over solid angle; ``interpolation_error``: rms of what a table of half the steps would add there,
+    relative to the peak, with its own standard error on top. ``peak_cd`` has the noise taken off by which the largest
+    of many numbers is too large.
+
+    ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
+    true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
+    files. ``ies``, ``ldt``, ``tm25``: the bytes of the files.
     """
 
     stage: ClassVar[str] = "photometry"
@@ -59,14 +80,20 @@ class Photometry(StageResult):
     lost_w: LostFlux
     reflected_w: NotNegative
     source_lm: Positive
+    source_lm_from: Literal["given", "spec or source file", "not known"]
+    per_1000_lm: Flag
     exit_lm: NotNegative
-    peak_cd: NotNegative
+    peak_cd: Metric
+    node_error: Extent | None
+    interpolation_error: NotNegative | None
+    warnings: tuple[Text, ...] = ()
     files: WrittenFiles
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
     c_deg: Annotated[Float[np.ndarray, " c"], Array("c")]
     gamma_deg: Annotated[Float[np.ndarray, " g"], Array("g")]
     candela: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
+    candela_standard_error: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
     ies: Annotated[bytes, InFile(IES_FILE)]
     ldt: Annotated[bytes, InFile(LDT_FILE)]
     tm25: Annotated[bytes, InFile(TM25_FILE)]

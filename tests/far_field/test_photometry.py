@@ -10,22 +10,27 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.far_field.export import measure_photometry
-from lensforge.far_field.intensity import AngularGrid, exit_rays
 from lensforge.far_field.photometry import Photometry
+from lensforge.far_field.sphere import exit_rays
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.optics.materials import normal_transmittance
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle
 from lensforge.sources.photometric import read_photometric
-from lensforge.sources.qmc import sobol
 from lensforge.sources.rayfiles import read_rayfile
 from lensforge.sources.square import SquareEmitter
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 ROUGH = Lens(random_surface(1, 3.0, 0.01), random_surface(2, 6.0, 0.01), small_spec(), seed=0, accuracy="draft")
 SHELL = Lens(sphere(3.0), sphere(6.0), small_spec(), seed=0, accuracy="draft")
+_SQUARE = SrbfBasis((4,), 1.75, "square")
+SYMMETRIC = replace(
+    SHELL,
+    inner=SrbfSurface(_SQUARE, np.zeros(_SQUARE.size), 3.0),
+    outer=SrbfSurface(_SQUARE, np.zeros(_SQUARE.size), 6.0),
+)
 THROUGH = normal_transmittance(1.4936) ** 2
 
 
@@ -51,49 +56,16 @@ def test_a_point_source_in_concentric_spheres_is_seen_as_it_is():
     out = exit_rays(traced, rays, 6.1)
     np.testing.assert_allclose(out.rays.directions, rays.directions, atol=1e-9)
     np.testing.assert_allclose(out.rays.origins, 6.1 * rays.directions, atol=1e-8)
-    table = AngularGrid(8, 30).table(AngularGrid(8, 30).deposit(out.rays))
-    expected = THROUGH / np.pi * np.cos(np.deg2rad(table.gamma_deg))
-    np.testing.assert_allclose(table.values[3, :-3], expected[:-3], rtol=0.01)
-    assert table.flux() == pytest.approx(THROUGH, rel=1e-9)
 
 
-def _aimed(directions, weights):
-    return RayBundle(np.zeros_like(directions), directions, weights)
-
-
-@pytest.mark.parametrize(("planes", "steps"), [(72, 90), (7, 5), (1, 1)])
-def test_no_flux_is_lost_between_rays_and_table(planes, steps):
-    random = np.random.default_rng(5)
-    directions = random.normal(size=(500, 3))
-    directions[:, 2] = np.abs(directions[:, 2])
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    directions[:3] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]  # the axis, the horizon, a seam
-    weights = random.uniform(0.1, 2.0, 500)
-    grid = AngularGrid(planes, steps)
-    flux = grid.deposit(_aimed(directions, weights))
-    assert flux.sum() == pytest.approx(weights.sum(), rel=1e-12)
-    assert grid.table(flux).flux() == pytest.approx(weights.sum(), rel=1e-12)
-
-
-def test_the_table_converges_to_the_intensity_with_the_square_of_its_step():
-    """A beam 30 degrees off the axis, I = exp(-(angle / 20 deg)^2), by weights of a uniform hemisphere of rays."""
-    points = sobol(2**19, 2, 2)
-    sine, azimuth = np.sqrt(1.0 - points[:, 0] ** 2), 2.0 * np.pi * points[:, 1]
-    directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), points[:, 0]], axis=1)
-    beam = np.array([0.5, 0.0, np.sqrt(0.75)])
-
-    def intensity(ways):
-        return np.exp(-((np.arccos(np.clip(ways @ beam, -1.0, 1.0)) / np.deg2rad(20.0)) ** 2))
-
-    rays = _aimed(directions, intensity(directions) * (2.0 * np.pi / len(directions)))
-    errors = []
-    for planes, steps in ((18, 15), (36, 30)):
-        table = AngularGrid(planes, steps).table(AngularGrid(planes, steps).deposit(rays))
-        c, gamma = np.deg2rad(table.c_deg[:, None]), np.deg2rad(table.gamma_deg[None])
-        ways = np.stack(np.broadcast_arrays(np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), np.cos(gamma)), -1)
-        inner = slice(2, -1)  # few rays fall to the nodes about the axis
-        errors.append(np.sqrt(np.mean((table.values - intensity(ways))[:, inner] ** 2)))
-    assert np.log2(errors[0] / errors[1]) > 1.7
+def test_the_file_of_a_point_source_in_concentric_spheres_is_its_cosine():
+    """I = T cos(gamma) / pi, in closed form: every intensity within its stated error, and what interpolation adds."""
+    found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**18, lumens=1000.0)
+    truth = 1000.0 * THROUGH / np.pi * np.cos(np.deg2rad(found.gamma_deg))
+    assert (np.abs(found.candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
+    assert found.peak_cd.value == pytest.approx(truth[0], rel=0.01)
+    assert found.node_error.rms < 0.02
+    assert found.exit_lm == pytest.approx(1000.0 * THROUGH, rel=1e-6)
 
 
 def measured(lens, **options):
@@ -113,7 +85,6 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     for name in ("lens.ies", "lens.ldt"):
         photometric = read_photometric(tmp_path / name)
         assert photometric.intensity.flux() == pytest.approx(found.exit_lm, rel=1e-6)
-        assert photometric.intensity.values.max() == pytest.approx(found.peak_cd, rel=1e-6)
         np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
         assert photometric.lamp_lumens == 250.0
@@ -148,10 +119,121 @@ def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
 def test_the_lumens_of_the_source_come_from_its_efficacy():
     bright = small_spec(source__luminous_efficacy_lm_per_w=300.0, source__flux_w=2.0)
     found = measured(replace(SHELL, spec=bright), rays=1024)
-    assert found.source_lm == 600.0
+    assert (found.source_lm, found.source_lm_from, found.per_1000_lm) == (600.0, "spec or source file", False)
+    assert all("lumin" not in line for line in found.warnings)
     assert found.light_output_ratio.value == pytest.approx(0.5 * found.exit_w.value)
     assert found.light_output_ratio.standard_error == pytest.approx(0.5 * found.exit_w.standard_error)
     assert found.exit_lm == pytest.approx(600.0 * found.light_output_ratio.value)
+
+
+def test_without_lumens_record_and_files_say_that_candela_are_relative(tmp_path):
+    found = measured(SYMMETRIC, rays=2**16)
+    found.write(tmp_path)
+    assert (found.source_lm, found.source_lm_from, found.per_1000_lm) == (1000.0, "not known", True)
+    assert len(found.warnings) == 1 and "candela are per 1000 lm of the source" in found.warnings[0]
+    assert "[OTHER] luminous flux of the source not known: 1000 lm taken" in (tmp_path / "lens.ies").read_text()
+    assert "luminous flux of the source not known" in (tmp_path / "lens.ldt").read_text().splitlines()[11]
+    assert read_rayfile(tmp_path / "lens.tm25ray").header_flux_lm is None
+    stated = measured(SYMMETRIC, rays=2**16, lumens=300.0)
+    assert (stated.source_lm_from, stated.per_1000_lm, stated.warnings) == ("given", False, ())
+    np.testing.assert_allclose(stated.candela, 0.3 * found.candela, rtol=1e-12)
+
+
+def test_the_ray_file_has_watts_and_lumens_and_the_spectrum(tmp_path):
+    wave = {"kind": "table", "wavelength_nm": [430.0, 450.0, 470.0], "weight": [0.0, 1.0, 0.5]}
+    found = measured(replace(SHELL, spec=small_spec(source__spectrum=wave)), rays=2**14, lumens=300.0)
+    found.save(tmp_path / "lens.tm25ray")
+    rayfile = read_rayfile(tmp_path / "lens.tm25ray")
+    assert rayfile.header_flux_w == pytest.approx(found.exit_w.value, rel=1e-6)
+    assert rayfile.header_flux_lm == pytest.approx(found.exit_lm, rel=1e-6)
+    (table,) = rayfile.spectral_tables
+    np.testing.assert_array_equal(table.wavelengths_nm, [430.0, 450.0, 470.0])
+    np.testing.assert_array_equal(table.power_density, [0.0, 1.0, 0.5])
+    assert found.files.tm25ray.lumens == pytest.approx(found.exit_lm, rel=1e-6)
+    line = measured(
+        replace(SHELL, spec=small_spec(source__spectrum={"kind": "line", "wavelength_nm": 589.0})), rays=2**10
+    )
+    line.save(tmp_path / "lens.tm25ray")
+    assert read_rayfile(tmp_path / "lens.tm25ray").single_wavelength == 589.0
+
+
+def test_the_default_number_of_rays_brings_the_noise_down():
+    few = replace(PRESETS["draft"], evaluate_rays=2**10)
+    found = measure_photometry(ROUGH, build_source(ROUGH.spec.source), few)
+    assert found.rays > 2**10
+    assert found.rays & (found.rays - 1) == 0
+    assert found.node_error.rms <= 0.02
+    again = measure_photometry(ROUGH, build_source(ROUGH.spec.source), few)
+    np.testing.assert_array_equal(again.candela, found.candela)
+
+
+def test_too_few_rays_are_said():
+    assert any("noise of the table" in line for line in measured(ROUGH, rays=256).warnings)
+    alone = measured(ROUGH, rays=1)
+    assert alone.rays == 16
+
+
+def test_the_light_has_the_symmetry_of_lens_and_source():
+    found = measured(SYMMETRIC, rays=2**12)
+    quarter = len(found.c_deg) // 4
+    np.testing.assert_allclose(found.candela[:quarter], found.candela[quarter : 2 * quarter], rtol=1e-9, atol=1e-9)
+    rough = measured(ROUGH, rays=2**12)
+    assert np.abs(rough.candela[:9] - rough.candela[9:18]).max() > 0.01 * rough.peak_cd.value
+
+
+def test_c_90_is_minus_y():
+    """Light that leans towards +y: turned over about the x axis, the lens sends it towards C = 270."""
+    leaning = replace(SHELL, spec=small_spec(source__side_mm=0.0, source__tilt_deg=[-30.0, 0.0]))
+    found = measured(leaning, rays=2**14)
+    cone = int(np.argmin(np.abs(found.gamma_deg - 30.0)))
+    mean = np.sum(found.candela[:-1, cone] * np.exp(1j * np.deg2rad(found.c_deg[:-1])))
+    assert np.rad2deg(np.angle(mean)) % 360.0 == pytest.approx(270.0, abs=2.0)
+    quarter = len(found.c_deg) // 4
+    beyond = int(np.argmin(np.abs(found.gamma_deg - 75.0)))  # at C = 90 below the horizon of the source
+    assert found.candela_standard_error[quarter, beyond] < 0.3 * found.candela_standard_error[3 * quarter, beyond]
+
+
+def _plain_ies(path):
+    """Candela, C and gamma of an LM-63 file, by its definition and nothing of this library."""
+    tokens = path.read_text(encoding="latin-1").split("TILT=NONE")[1].split()
+    numbers = [float(token) for token in tokens]
+    gammas, planes, kind = int(numbers[3]), int(numbers[4]), int(numbers[5])
+    assert kind == 1
+    gamma, c = numbers[13 : 13 + gammas], numbers[13 + gammas : 13 + gammas + planes]
+    candela = np.reshape(numbers[13 + gammas + planes :], (planes, gammas)) * numbers[2]
+    return np.array(c), np.array(gamma), candela, numbers[1]
+
+
+def _plain_ldt(path):
+    """The same of EULUMDAT, without symmetry."""
+    lines = path.read_bytes().decode("latin-1").split("\r\n")
+    planes, gammas, symmetry, lumens = int(lines[3]), int(lines[5]), int(lines[2]), float(lines[28])
+    assert symmetry == 0
+    numbers = np.array([float(line) for line in lines[42:] if line])
+    c, gamma, rest = np.split(numbers, [planes, planes + gammas])
+    candela = rest.reshape(planes, gammas) * lumens / 1000.0
+    return np.append(c, 360.0), gamma, np.concatenate([candela, candela[:1]]), lumens
+
+
+def _zonal_flux(c, gamma, candela):
+    """Integral of bilinear candela by 64 points in each cell of gamma: no closed form shared with the writer."""
+    mean = np.trapezoid(candela, np.deg2rad(c), axis=0)
+    share = (np.arange(64) + 0.5) / 64
+    low, high = np.deg2rad(gamma[:-1, None]), np.deg2rad(gamma[1:, None])
+    at = low + (high - low) * share
+    return float(np.sum((mean[:-1, None] * (1 - share) + mean[1:, None] * share) * np.sin(at) * (high - low) / 64))
+
+
+def test_other_readers_find_the_same_light(tmp_path):
+    found = measured(ROUGH, rays=2**16, lumens=250.0)
+    found.write(tmp_path)
+    c, gamma, candela, lumens = _plain_ies(tmp_path / "lens.ies")
+    assert lumens == 250.0
+    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm, rel=1e-4)
+    np.testing.assert_allclose(candela, found.candela, rtol=1e-6, atol=1e-9)
+    c, gamma, candela, lumens = _plain_ldt(tmp_path / "lens.ldt")
+    assert lumens == 250.0
+    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm, rel=1e-4)
 
 
 @pytest.mark.parametrize("lumens", [0.0, -5.0, np.nan, np.inf])

@@ -5,9 +5,11 @@ import pytest
 from rayfile_samples import SHARED
 
 from lensforge.errors import InputError
+from lensforge.sources.build import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
 from lensforge.sources.photometric.eulumdat import encode as encode_ldt
+from lensforge.spec.source import DiscSource
 
 FILES = SHARED / "photometry"
 real = pytest.mark.skipif(not FILES.is_dir(), reason="../shared/rayfiles is not here")
@@ -88,7 +90,7 @@ def test_ies_variants_and_refusals():
         np.testing.assert_array_equal(ies.decode(text, "here").intensity.values, plain)
     assert ies.decode(_ies(lumens=500), "here").lamp_lumens == 500.0
     for text, message in (
-        (_ies(kind=2), "type B"),
+        (_ies(kind=7), "photometric type 7"),
         (_ies()[:-6], "truncated"),
         (_ies().replace(" 3 3 1 2", " 1e9 3 1 2"), "count"),
         (_ies().replace("0 45 90", "0 90 45"), "angles must rise"),
@@ -144,3 +146,17 @@ def test_damaged_files_end_in_light_or_in_one_line(tmp_path):
             lines.append(str(error))
     assert 40 < read < 360
     assert all(line.isprintable() and len(line) < 400 for line in lines)
+
+
+def test_c_90_of_a_file_is_minus_y_of_a_lens_that_shines_up(tmp_path):
+    """Radiance's frame: a luminaire along -z, C = 0 at +x, C = 90 at +y; turned over about x it shines along +z."""
+    c_deg, gamma_deg = np.linspace(0.0, 360.0, 13), np.linspace(0.0, 90.0, 10)
+    values = np.zeros((13, 10))
+    values[3, 3:6], values[4, 3:6] = 100.0, 300.0  # C 90 and 120 degrees, linear to 0 at 60 and 150
+    write_photometric(tmp_path / "chiral.ies", PhotometricFile(TabulatedIntensity(c_deg, gamma_deg, values), 1000.0))
+    profile = {"kind": "photometric", "file": tmp_path / "chiral.ies"}
+    rays = build_source(DiscSource(diameter_mm=1e-6, intensity=profile)).sample(2**14, 0)
+    down = rays.directions * [1.0, -1.0, -1.0]
+    c = np.rad2deg(np.arctan2(down[:, 1], down[:, 0])) % 360.0
+    assert 59.9 < c.min() < c.max() < 150.1
+    assert c.mean() == pytest.approx(np.average([80.0, 107.5, 130.0], weights=[50.0, 200.0, 150.0]), abs=0.2)

@@ -1,6 +1,6 @@
 """Photometric files, the far field of a luminaire: IES LM-63 and EULUMDAT, read and written."""
 
-from lensforge.sources.photometric.reading import read_photometric, write_photometric
+from lensforge.sources.photometric.reading import is_photometric, read_photometric, write_photometric
 from lensforge.sources.photometric.record import PhotometricFile
 
-__all__ = ["PhotometricFile", "read_photometric", "write_photometric"]
+__all__ = ["PhotometricFile", "is_photometric", "read_photometric", "write_photometric"]

@@ -1,23 +1,30 @@
 """EULUMDAT (`.ldt`): one value on each line, by position; intensities in cd per 1000 lm of the lamps.
 
 Half-planes left out by the symmetry code: 1 revolution (one half-plane), 2 plane C 0 - C 180, 3 plane C 90 - C 270
-(stored from C 270 through C 0 to C 90), 4 both. Decimal commas and a byte-order mark occur.
+(stored from C 270 through C 0 to C 90), 4 both. Decimal commas occur; nothing follows the last intensity but the word
+END, which some programs write.
 """
+
+import re
 
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.sources.photometric.record import HUGE, MOST_NUMBERS, PhotometricFile, PhotometricFormat, tabulated
+from lensforge.sources.photometric.half_planes import tabulated
+from lensforge.sources.photometric.record import HUGE, MOST_NUMBERS, PhotometricFile, PhotometricFormat
 
 _HEADER_LINES = 26
 _LINES_PER_SET = 6
 _RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
-_SYMMETRY, _PLANES, _GAMMAS, _NAME, _LORL, _FACTOR, _SETS = 2, 3, 5, 8, 22, 23, 25
+_NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
+_SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _LORL, _FACTOR, _SETS = 2, 3, 5, 7, 8, 22, 23, 25
+_OPENING = 15  # length or diameter of the luminous area; its width follows, 0 for a round one
 
 
 def matches(text: str) -> bool:
     """True where the first lines hold the numbers that EULUMDAT has there."""
-    lines = text.splitlines()
+    lines = text.split("\n")
     try:
         return len(lines) > _HEADER_LINES and all(_number(lines[i], "") >= 0.0 for i in (1, 2, 3, 4, 5, 6))
     except InputError:
@@ -26,7 +33,7 @@ def matches(text: str) -> bool:
 
 def decode(text: str, name: str) -> PhotometricFile:
     """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
-    lines = text.splitlines()
+    lines = text.split("\n")
     if len(lines) < _HEADER_LINES + _LINES_PER_SET:
         raise InputError(
             f"{name}: truncated: {len(lines)} lines, the header alone has {_HEADER_LINES + _LINES_PER_SET}"
@@ -36,9 +43,17 @@ def decode(text: str, name: str) -> PhotometricFile:
     body = _HEADER_LINES + _LINES_PER_SET * sets
     stored = _stored_planes(symmetry, planes, name)
     needed = _RATIOS + planes + gammas + len(stored) * gammas
-    numbers = np.array([_number(word, name) for line in lines[body:] for word in line.split()][:needed])
-    if needed > MOST_NUMBERS or len(numbers) < needed:
-        raise InputError(f"{name}: truncated: {len(numbers)} numbers below line {body}, its header promises {needed}")
+    words = [word for line in lines[body:] for word in line.split()]
+    words = words[:-1] if words and words[-1].upper() == "END" else words
+    if needed > MOST_NUMBERS or len(words) < needed:
+        raise InputError(f"{name}: truncated: {len(words)} numbers below line {body}, its header promises {needed}")
+    if len(words) > needed:
+        raise InputError(
+            f"{name}: {len(words)} numbers below line {body}, its header promises {needed}: {len(words) - needed} too "
+            f"many; export it again"
+        )
+    _require_one_reading([*(lines[i].strip() for i in _NUMBERS), *words], name)
+    numbers = np.array([_number(word, name) for word in words])
     lumens = _lamp_lumens(lines, name)
     c_deg, gamma_deg = np.split(numbers[_RATIOS : _RATIOS + planes + gammas], [planes])
     factor = (_number(lines[_FACTOR], name) or 1.0) * lumens / 1000.0
@@ -46,12 +61,18 @@ def decode(text: str, name: str) -> PhotometricFile:
     c_deg = c_deg[stored]
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
         c_deg, candela = c_deg[::-1], candela[::-1]
+    intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
     return PhotometricFile(
-        intensity=tabulated(c_deg, gamma_deg, candela, name),
+        intensity=intensity,
         lamp_lumens=lumens,
         stated_lumens=lumens * _number(lines[_LORL], name) / 100.0,
         title=lines[_NAME].strip(),
+        diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
+        watts=_watts(lines[_HEADER_LINES + _LINES_PER_SET - 1]),
+        maker=lines[0].strip(),
+        test=lines[_TEST].strip(),
         format="eulumdat",
+        warnings=warnings,
     )
 
 
@@ -64,10 +85,11 @@ def encode(photometric: PhotometricFile) -> str:
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
     down = _share_below_horizon(photometric)
-    size = f"{photometric.diameter_mm:.6g}"
+    size, remark = f"{photometric.diameter_mm:.6g}", "".join(photometric.remarks[:1])
     lines = [
-        "lensforge", "1", "1" if revolution else "0", str(len(planes)), _step(planes), str(len(table.gamma_deg)),
-        _step(table.gamma_deg), "computed by tracing rays", photometric.title[:78], "", "", "",
+        photometric.maker[:78], "1", "1" if revolution else "0", str(len(planes)), _step(planes),
+        str(len(table.gamma_deg)), _step(table.gamma_deg), photometric.test[:78], photometric.title[:78],
+        "", "", remark[:78],
         size, "0", "0", size, "0", "0", "0", "0", "0",
         f"{100.0 * down:.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
         "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
@@ -98,6 +120,14 @@ def _lamp_lumens(lines: list[str], name: str) -> float:
     return lumens if lumens > 0.0 else 1000.0
 
 
+def _watts(line: str) -> float:
+    """Power of the first set of lamps with their ballast; 0 where the line holds none, often for want of a lamp."""
+    try:
+        return max(_number(line, ""), 0.0)
+    except InputError:
+        return 0.0
+
+
 def _share_below_horizon(photometric: PhotometricFile) -> float:
     table = photometric.intensity
     if table.gamma_deg[-1] <= 90.0:
@@ -113,10 +143,26 @@ def _step(angles: np.ndarray) -> str:
     return f"{steps[0]:.6g}" if len(steps) and np.allclose(steps, steps[0]) else "0"
 
 
+def _require_one_reading(words: list[str], name: str) -> None:
+    """Raise :class:`InputError` where points and commas both occur, and one of them may separate thousands.
+
+    A file with decimal commas only is common; beside decimal points, 1,234 can be either number.
+    """
+    if not all(any(mark in word for word in words) for mark in ".,"):
+        return
+    for mark in ".,":
+        marked = [word.lstrip("+-") for word in words if mark in word]
+        if all(_THOUSANDS.fullmatch(word) for word in marked):
+            raise InputError(
+                f"{name}: {marked[0]!r} beside numbers with a {'comma' if mark == '.' else 'point'}: in thousands, or "
+                f"with decimals? Export it with decimal points only"
+            )
+
+
 def _number(word: str, name: str) -> float:
-    word = word.strip().replace(",", ".")
+    word = word.strip()
     try:
-        number = float(word or 0.0)
+        number = float(word.replace(",", ".") or 0.0)
     except ValueError:
         raise InputError(f"{name}: {word[:20]!r} where EULUMDAT has a number; export it again") from None
     if not abs(number) < HUGE:

@@ -1,5 +1,6 @@
 """Reading and writing of photometric files; the format is recognised by the content."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from lensforge.errors import InputError
@@ -7,6 +8,7 @@ from lensforge.files import replacing
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
 from lensforge.sources.photometric.record import PhotometricFile
+from lensforge.sources.photometric.text import text_of
 
 _FORMATS = {entry.suffix: entry for entry in (IES, EULUMDAT)}
 _MOST_BYTES = 50_000_000
@@ -20,13 +22,25 @@ def read_photometric(path: Path) -> PhotometricFile:
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; not a photometric file")
-        text = path.read_bytes().removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+        text, warnings = text_of(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: not readable ({error.strerror})") from None
     for entry in _FORMATS.values():
         if entry.matches(text):
-            return entry.decode(text, str(path))
+            found = entry.decode(text, str(path))
+            return replace(found, warnings=(*warnings, *found.warnings))
     raise InputError(f"{path}: neither IES LM-63 nor EULUMDAT; export one of these")
+
+
+def is_photometric(path: Path) -> bool:
+    """True where the content of ``path`` is recognised as one of the formats; False where it cannot be read."""
+    try:
+        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+            return False
+        text, _ = text_of(path.read_bytes())
+    except OSError:
+        return False
+    return any(entry.matches(text) for entry in _FORMATS.values())
 
 
 def write_photometric(path: Path, photometric: PhotometricFile) -> None:

@@ -1,0 +1,160 @@
+"""Light that leaves the lens, traced until its intensity is known to the stated noise."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge import seeds
+from lensforge.errors import InputError
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.far_field.angular_grid import AngularGrid, finest_grid
+from lensforge.far_field.resolution import FittedIntensity, fit
+from lensforge.far_field.sphere import exit_rays
+from lensforge.kernels.fates import Fate
+from lensforge.records import Metric
+from lensforge.sources.bundle import RayBundle, Source
+
+PARTS = 16  # independent samples: their spread is the standard error
+_ROUNDS = 32  # at most, of these samples, so that every one has a seed of its own
+_FILE_RAYS = 2**17  # rays of the ray file
+_LARGEST_NODE_ERROR = 0.02  # rms, relative: more rays are traced until then; goniophotometers have about as much
+_MOST_RAYS = 2**24  # unless more are asked for: half a minute on two cores
+_MOST_AT_ONCE = 2**20  # bounds the memory
+_IN_BEAM = 0.995  # of the flux: within the angle that holds it, the grid is fine
+
+
+@dataclass(frozen=True, eq=False)
+class ExitLight:
+    """Light of ``rays`` rays: its intensity (W/sr), its flux, that of all rays by fate, and some of the rays."""
+
+    rays: int
+    intensity: FittedIntensity
+    exit_w: Metric
+    by_fate_w: Float[np.ndarray, " f"]
+    sample: RayBundle
+
+
+def trace_exit_light(
+    lens: TracedLens, source: Source, symmetry: str, *, rays: int | None, first_rays: int, seed: int, sphere_mm: float
+) -> ExitLight:
+    """Trace ``rays`` rays, or ``first_rays`` and then more until the nodes are known to 2 % rms.
+
+    ``symmetry``: mirror group of lens and source, under which the light is averaged. ``sphere_mm``: radius of the
+    sphere on which exit rays start. A measured source gives at most its own rays. Raises :class:`InputError` where no
+    light leaves the lens upwards.
+    """
+    sums, wanted = _Sums(lens, sphere_mm), rays or first_rays
+    if source.ray_count is not None:
+        sums.add(_distributed(source, min(wanted, source.ray_count), seed))
+        return sums.light(symmetry)
+    for number in range(_ROUNDS):
+        count = min(-(-(wanted - sums.rays) // PARTS), _MOST_AT_ONCE)
+        sums.add(_bundles(source, count, seed, number))
+        if sums.rays < wanted:
+            continue
+        light = sums.light(symmetry)
+        wanted = sums.rays if rays is not None else _rays_needed(light)
+        if wanted <= sums.rays:
+            break
+    return light
+
+
+def _rays_needed(light: ExitLight) -> int:
+    """Rays that bring the noise of the nodes down to its limit, by doublings: it falls with the root of the number."""
+    error, needed = light.intensity.node_error, light.rays
+    noise = 0.0 if error is None else error.rms
+    while noise > _LARGEST_NODE_ERROR and 2 * needed <= _MOST_RAYS:
+        needed, noise = 2 * needed, noise / np.sqrt(2.0)
+    return needed
+
+
+class _Sums:
+    """Sums over all rays traced so far, by sample."""
+
+    def __init__(self, lens: TracedLens, sphere_mm: float) -> None:
+        self.rays = 0
+        self._lens, self._sphere_mm = lens, sphere_mm
+        self._grid: AngularGrid | None = None
+        self._deposits: list[Float[np.ndarray, "c g"]] = []
+        self._weights: list[float] = []
+        self._by_fate: list[Float[np.ndarray, " f"]] = []
+        self._kept: list[RayBundle] = []
+
+    def add(self, bundles: Iterator[RayBundle]) -> None:
+        """Trace one more bundle for each sample; each bundle carries all the flux."""
+        for part, bundle in enumerate(bundles):
+            out = exit_rays(self._lens, bundle, self._sphere_mm)
+            if self._grid is None:
+                self._grid = finest_grid(_reach_deg(out.rays))
+            deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
+            if part == len(self._weights):
+                self._deposits.append(np.zeros_like(deposit))
+                self._by_fate.append(np.zeros(len(Fate) + 1))
+                self._weights.append(0.0)
+                self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
+            self._deposits[part] += weight * deposit
+            self._by_fate[part] += weight * out.by_fate_w
+            self._weights[part] += weight
+            self.rays += len(bundle)
+        if not any(deposit.any() for deposit in self._deposits):
+            raise InputError(
+                f"none of {self.rays} rays leaves the lens upwards: there is no light to write; check lens.json"
+            )
+
+    @property
+    def _samples(self) -> Float[np.ndarray, "p c g"]:
+        return np.stack([deposit / weight for deposit, weight in zip(self._deposits, self._weights, strict=True)])
+
+    def light(self, symmetry: str) -> ExitLight:
+        """Light by all rays so far."""
+        grid = self._grid
+        assert grid is not None
+        intensity = fit(grid, grid.images_mean(self._samples, symmetry))
+        return ExitLight(self.rays, intensity, self.exit_w, self.by_fate_w, self.file_rays)
+
+    @property
+    def exit_w(self) -> Metric:
+        """Flux that leaves the lens upwards, with its standard error by the spread of the samples."""
+        exits = self._samples.sum(axis=(1, 2))
+        error = float(exits.std(ddof=1) / np.sqrt(len(exits))) if len(exits) > 1 else None
+        return Metric(value=float(exits.mean()), unit="W", standard_error=error)
+
+    @property
+    def by_fate_w(self) -> Float[np.ndarray, " f"]:
+        """Flux (W) of all rays by fate."""
+        shares = [by_fate / weight for by_fate, weight in zip(self._by_fate, self._weights, strict=True)]
+        mean: Float[np.ndarray, " f"] = np.mean(shares, axis=0)
+        return mean
+
+    @property
+    def file_rays(self) -> RayBundle:
+        """Some of the rays, with all the flux that leaves the lens."""
+        sample = RayBundle.joined(self._kept)
+        return replace(sample, flux=sample.flux * (self.exit_w.value / sample.flux.sum()))
+
+
+def _bundles(source: Source, count: int, seed: int, number: int) -> Iterator[RayBundle]:
+    """Round ``number`` of independent bundles, one for each sample, each of the whole flux."""
+    for part in range(PARTS):
+        yield source.sample(count, seeds.of_far_field(seed, PARTS * _ROUNDS, number * PARTS + part))
+
+
+def _distributed(source: Source, count: int, seed: int) -> Iterator[RayBundle]:
+    """The rays of a measured source, distributed among the samples at random."""
+    everything = source.sample(count, seed)
+    order = np.random.default_rng(seed).permutation(len(everything))
+    for rows in np.array_split(order, min(PARTS, len(order))):
+        some = everything.take(rows)
+        yield replace(some, flux=some.flux * (source.flux_w / some.flux.sum()))
+
+
+def _reach_deg(rays: RayBundle) -> float:
+    """Angle (degrees) from the axis that holds nearly all the flux of ``rays``."""
+    if len(rays) == 0:
+        return 90.0
+    gamma = np.rad2deg(np.arccos(np.clip(rays.directions[:, 2], -1.0, 1.0)))
+    order = np.argsort(gamma)
+    held = np.cumsum(rays.flux[order])
+    return float(gamma[order[np.searchsorted(held, _IN_BEAM * held[-1])]])

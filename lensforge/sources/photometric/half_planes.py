@@ -1,0 +1,94 @@
+"""Table of a whole turn from the half-planes of a file: mirror images added, the turn closed, noise below 0 clipped."""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.record import HUGE
+
+# Share of the largest intensity. Goniophotometers leave some 0.1 % of it below 0 where stray light is taken off (-0.02
+# cd in files of 10 cd and more); ten times that is no noise but a damaged number.
+_MOST_BELOW_ZERO = 0.01
+_WIDEST_GAP = 90.0  # degrees that a file may leave open before C 360; wider, it lacks half-planes
+
+
+def tabulated(
+    c_deg: Float[np.ndarray, " c"], gamma_deg: Float[np.ndarray, " g"], candela: Float[np.ndarray, "c g"], name: str
+) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+    """Make the table, and the warnings on it; ``name`` is the file in errors.
+
+    Raises :class:`InputError` for angles that do not rise within a turn, or leave part of it out, and for intensities
+    further below 0 than noise.
+    """
+    for label, angles, most in (("C", c_deg, 360.0), ("gamma", gamma_deg, 180.0)):
+        if np.any(np.diff(angles) <= 0.0) or angles[0] < 0.0 or angles[-1] > most:
+            raise InputError(f"{name}: its {label} angles must rise within 0 to {most:g}; export it again")
+    if len(gamma_deg) < 2:
+        raise InputError(f"{name}: one gamma angle only; a far field needs two or more")
+    candela, warnings = not_below_zero(candela, name)
+    c_deg, candela = _whole_turn(c_deg, candela, name)
+    return TabulatedIntensity(c_deg, gamma_deg, candela), warnings
+
+
+def not_below_zero(candela: Float[np.ndarray, "c g"], name: str) -> tuple[Float[np.ndarray, "c g"], tuple[str, ...]]:
+    """Intensities with the noise below 0 taken as 0, and the warning that says so.
+
+    Raises :class:`InputError` where one is below 0 by more than a hundredth of the largest, or none is above 0.
+    """
+    least, largest = float(candela.min()), float(candela.max())
+    if not (0.0 < largest < HUGE and least >= -_MOST_BELOW_ZERO * largest):
+        raise InputError(
+            f"{name}: intensities from {least:g} to {largest:g} cd must lie within 0 and {HUGE:g} cd, not all 0 "
+            f"(noise down to -{_MOST_BELOW_ZERO:g} of the largest is taken as 0); export it again"
+        )
+    below = candela < 0.0
+    if not below.any():
+        return candela, ()
+    warning = (
+        f"{np.count_nonzero(below)} of {candela.size} intensities are below 0, the least {least:.3g} cd "
+        f"({-least / largest:.2g} of the largest): taken as 0"
+    )
+    return np.maximum(candela, 0.0), (warning,)
+
+
+def _whole_turn(
+    c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"], name: str
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
+    """Half-planes from 0 to 360: mirrored at 90, 180 or 270 where the file ends there, and closed."""
+    if len(c_deg) == 1:
+        return np.zeros(1), candela
+    ends = (float(c_deg[0]), float(c_deg[-1]))
+    for first, last in ((0.0, 90.0), (90.0, 270.0), (0.0, 180.0)):
+        if (c_deg[0], c_deg[-1]) == (first, last):
+            c_deg, candela = _mirrored_at(c_deg, candela, last)
+    if c_deg[0] == 0.0 and c_deg[-1] == 360.0:
+        return c_deg, candela
+    gap = float(c_deg[0] + 360.0 - c_deg[-1])
+    if gap >= _WIDEST_GAP or (c_deg[0] > 0.0 and gap > np.diff(c_deg).max() + 1e-6):
+        raise InputError(f"{name}: C angles from {ends[0]:g} to {ends[1]:g}: from 0 to 0, 90, 180 or 360")
+    return _closed(c_deg, candela)
+
+
+def _mirrored_at(
+    c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"], edge: float
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
+    """The planes and their images about the plane ``edge``, by angles within 0 and 360, each once."""
+    angles = np.concatenate([c_deg, (2.0 * edge - c_deg) % 360.0])
+    if edge == 180.0:
+        angles[len(c_deg)] = 360.0  # the image of C 0 closes the turn
+    found, rows = np.unique(np.round(angles, 9), return_index=True)
+    return found, np.concatenate([candela, candela])[rows]
+
+
+def _closed(
+    c_deg: Float[np.ndarray, " c"], candela: Float[np.ndarray, "c g"]
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "d g"]]:
+    """The planes with those at 0 and 360, interpolated between the last and the first where the file has none there."""
+    if c_deg[0] == 0.0:
+        return np.append(c_deg, 360.0), np.concatenate([candela, candela[:1]])
+    if c_deg[-1] == 360.0:
+        return np.append(0.0, c_deg), np.concatenate([candela[-1:], candela])
+    share = (360.0 - c_deg[-1]) / (c_deg[0] + 360.0 - c_deg[-1])
+    seam = (1.0 - share) * candela[-1:] + share * candela[:1]
+    return np.concatenate([[0.0], c_deg, [360.0]]), np.concatenate([seam, candela, seam])

@@ -1,0 +1,166 @@
+"""Summary of a photometric file: what an engineer checks before using it, and its polar diagram."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from pydantic import PrivateAttr
+
+from lensforge.errors import InputError
+from lensforge.records import Count, NotNegative, Number, Record, Share, StageResult, Text
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.beam import PlaneBeam, beam_in_plane, plane_profile
+from lensforge.sources.photometric.polar import draw_polar
+from lensforge.sources.photometric.reading import read_photometric
+from lensforge.sources.photometric.record import PhotometricFile
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT"}
+_PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
+_FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
+_CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
+_MOST_LM_PER_W = 683.0
+
+
+class FarFieldAngles(Record):
+    """Angles of a table: the number of half-planes C and of angles gamma, and the ends of gamma (deg)."""
+
+    planes: Count
+    gammas: Count
+    first_gamma_deg: Number
+    last_gamma_deg: Number
+
+
+class FarFieldPeak(Record):
+    """Largest intensity (cd), and the direction where the table has it first (deg)."""
+
+    intensity_cd: NotNegative
+    c_deg: Number
+    gamma_deg: Number
+
+
+class PhotometricSummary(StageResult):
+    """Summary of a photometric file.
+
+    ``lumens``: integral of the intensities over all directions. ``stated_lumens``: the luminaire's by the file's own
+    words, ``lamp_lumens``: of its lamps, ``watts`` electric; None where the file states none. ``symmetry``:
+    ``revolution``, or the largest mirror group of the light. ``share_above_90``: of the flux, at gamma above 90.
+    ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
+    """
+
+    stage: ClassVar[str] = "photometric_file"
+    command: ClassVar[str] = "rays"
+    made_from: ClassVar[tuple[str, ...]] = ()
+
+    format: Text
+    title: Text
+    luminaire: Text
+    maker: Text
+    photometric_type: Literal["A", "B", "C"]
+    symmetry: Text
+    angles: FarFieldAngles
+    lumens: NotNegative
+    lamp_lumens: NotNegative | None
+    stated_lumens: NotNegative | None
+    share_above_90: Share
+    peak: FarFieldPeak
+    axis_cd: NotNegative
+    beam_c0: PlaneBeam
+    beam_c90: PlaneBeam
+    watts: NotNegative | None
+    lumens_per_electric_watt: NotNegative | None
+    opening_diameter_mm: NotNegative
+    warnings: tuple[Text, ...]
+    _intensity: TabulatedIntensity | None = PrivateAttr(None)
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the polar diagram in both planes, gamma = 0 downwards as in data sheets.
+
+        Raises :class:`InputError` for a summary that was read from a file: it has no intensities.
+        """
+        from lensforge.figures.plots import new_axes
+
+        if self._intensity is None:
+            raise InputError("this summary was read back and holds no intensities; read the photometric file again")
+        axes = new_axes(axes)
+        curves = {f"C{c:.0f} - C{c + 180.0:.0f}": plane_profile(self._intensity, c) for c in _PLANES}
+        draw_polar(axes, curves)
+        return axes
+
+    def _repr_html_(self) -> str:
+        """Show the polar diagram and the summary as a table in a notebook."""
+        return Record._repr_html_(self) if self._intensity is None else super()._repr_html_()
+
+
+def summarise_photometric(path: Path) -> PhotometricSummary:
+    """Summarise a photometric file. Raises :class:`InputError` if it cannot be used."""
+    found = read_photometric(path)
+    table, watts = found.intensity, found.watts if found.watts > 0.0 else None
+    lumens, axis = table.flux(), bool(table.gamma_deg[0] == 0.0)
+    plane, angle = np.unravel_index(int(np.argmax(table.values)), table.values.shape)
+    summary = PhotometricSummary(
+        format=found.format,
+        title=TITLES.get(found.format, found.format),
+        luminaire=found.title,
+        maker=found.maker,
+        photometric_type=found.photometric_type,
+        symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
+        angles=FarFieldAngles(
+            planes=max(len(table.c_deg) - 1, 1),
+            gammas=len(table.gamma_deg),
+            first_gamma_deg=float(table.gamma_deg[0]),
+            last_gamma_deg=float(table.gamma_deg[-1]),
+        ),
+        lumens=lumens,
+        lamp_lumens=found.lamp_lumens,
+        stated_lumens=found.stated_lumens,
+        share_above_90=min(max(1.0 - _flux_below_90(table) / lumens, 0.0), 1.0) if lumens > 0.0 else 0.0,
+        peak=FarFieldPeak(
+            intensity_cd=float(table.values.max()),
+            c_deg=float(table.c_deg[plane]),
+            gamma_deg=float(table.gamma_deg[angle]),
+        ),
+        axis_cd=float(table.values[:, 0].mean()) if axis else 0.0,
+        beam_c0=beam_in_plane(table, _PLANES[0]),
+        beam_c90=beam_in_plane(table, _PLANES[1]),
+        watts=watts,
+        lumens_per_electric_watt=None if watts is None else lumens / watts,
+        opening_diameter_mm=max(found.diameter_mm, 0.0),
+        warnings=(*found.warnings, *_warnings(found, lumens, watts)),
+    )
+    summary._intensity = table
+    return summary
+
+
+def _flux_below_90(table: TabulatedIntensity) -> float:
+    """Flux (lm) at gamma up to 90 degrees, exact for the bilinear interpolation."""
+    if table.gamma_deg[0] >= 90.0:
+        return 0.0
+    below = table.gamma_deg < 90.0
+    if below.all():
+        return table.flux()
+    at_90 = np.array([[np.interp(90.0, table.gamma_deg, plane)] for plane in table.values])
+    values = np.concatenate([table.values[:, below], at_90], axis=1)
+    return TabulatedIntensity(table.c_deg, np.append(table.gamma_deg[below], 90.0), values).flux()
+
+
+def _warnings(found: PhotometricFile, lumens: float, watts: float | None) -> tuple[str, ...]:
+    table, warnings = found.intensity, []
+    stated, peak = found.stated_lumens, float(table.values.max())
+    if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
+        warnings.append(f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm")
+    if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
+        warnings.append(f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors")
+    last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max()) / peak
+    if last not in (90.0, 180.0) and at_last > _CUT_SHARE:
+        warnings.append(
+            f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity: light beyond "
+            "is not in the file"
+        )
+    if table.gamma_deg[0] > 0.0:
+        warnings.append(f"its first gamma is {table.gamma_deg[0]:g} degrees: no light is taken within that")
+    if watts is not None and lumens > _MOST_LM_PER_W * watts:
+        warnings.append(f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts")
+    return tuple(warnings)

@@ -1,0 +1,185 @@
+"""``rays`` on photometric files: beam, flux and peak by closed forms; conversion there and back; one-line refusals."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+from rayfile_samples import SHARED, encoded, rays
+
+import lensforge as lf
+from lensforge.cli import cli
+from lensforge.errors import InputError
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric.conversion import convert_photometric
+from lensforge.sources.photometric.summary import PhotometricSummary
+
+GAMMA = np.linspace(0.0, 180.0, 361)
+
+
+def saved(path: Path, profile, lamp_lumens=None, c_deg=(0.0,), gamma=GAMMA, **fields) -> Path:
+    """A file of ``profile(c, gamma)`` in cd, both in rad; by default a body of revolution."""
+    c = np.array(c_deg)
+    values = np.stack([profile(turn, np.deg2rad(gamma)) for turn in np.deg2rad(c)])
+    write_photometric(path, PhotometricFile(TabulatedIntensity(c, gamma, values), lamp_lumens, **fields))
+    return path
+
+
+def lambertian(c, gamma):
+    return 1000.0 * np.maximum(np.cos(gamma), 0.0)
+
+
+@pytest.mark.parametrize("suffix", [".ies", ".ldt"])
+def test_a_lambertian_emitter_has_its_closed_forms(suffix, tmp_path):
+    path = saved(tmp_path / f"led{suffix}", lambertian, 4000.0, title="Lambert", maker="Johann", watts=40.0)
+    found = lf.rays(path)
+    assert isinstance(found, PhotometricSummary)
+    assert found.lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
+    assert (found.luminaire, found.maker, found.watts, found.lamp_lumens) == ("Lambert", "Johann", 40.0, 4000.0)
+    assert found.lumens_per_electric_watt == pytest.approx(25.0 * np.pi, rel=1e-4)
+    assert (found.peak.intensity_cd, found.peak.gamma_deg, found.axis_cd) == (pytest.approx(1000.0), 0.0, found.axis_cd)
+    for beam in (found.beam_c0, found.beam_c90):
+        assert beam.beam_angle_deg == pytest.approx(120.0, abs=1e-4)
+        assert beam.field_angle_deg == pytest.approx(2.0 * np.rad2deg(np.arccos(0.1)), abs=1e-3)
+    assert (found.symmetry, found.angles.planes, found.angles.gammas) == ("revolution", 1, 361)
+    assert (found.photometric_type, found.share_above_90, found.warnings) == ("C", 0.0, ())
+
+
+def test_a_narrow_wide_beam_has_an_angle_in_each_plane(tmp_path):
+    """Half at 10 degrees in C 0 and at 30 degrees in C 90; a quarter of the sphere's flux upwards."""
+
+    def beam(c, gamma):
+        half = np.deg2rad(10.0) * np.cos(c) ** 2 + np.deg2rad(30.0) * np.sin(c) ** 2
+        return 500.0 * 2.0 ** (-((gamma / half) ** 2))
+
+    found = lf.rays(saved(tmp_path / "x.ies", beam, c_deg=np.linspace(0.0, 360.0, 73), gamma=np.linspace(0, 180, 721)))
+    assert found.beam_c0.beam_angle_deg == pytest.approx(20.0, abs=0.01)
+    assert found.beam_c90.beam_angle_deg == pytest.approx(60.0, abs=0.01)
+    assert found.beam_c90.field_angle_deg == pytest.approx(60.0 * np.sqrt(np.log2(10.0)), abs=0.02)
+    assert (found.symmetry, found.lamp_lumens, found.watts) == ("rectangle", None, None)
+    uniform = lf.rays(saved(tmp_path / "y.ies", lambda c, gamma: np.where(gamma > np.pi / 2, 3.0, 1.0)))
+    assert uniform.share_above_90 == pytest.approx(0.75, abs=0.005)
+    assert uniform.lumens == pytest.approx(8.0 * np.pi, rel=0.005)
+
+
+def test_an_off_axis_beam_is_measured_between_its_outermost_directions(tmp_path):
+    """Wings at 40 degrees, dark in the middle: the beam reaches from -45 to 45 degrees, not from the axis."""
+    wings = np.interp(GAMMA, [30.0, 40.0, 50.0], [0.0, 1.0, 0.0])
+    found = lf.rays(saved(tmp_path / "x.ies", lambda c, gamma: wings))
+    assert found.beam_c0.beam_angle_deg == pytest.approx(90.0)
+    assert found.beam_c0.field_angle_deg == pytest.approx(98.0)
+    assert (found.axis_cd, found.peak.gamma_deg) == (0.0, 40.0)
+
+
+def test_odd_files_are_warned_of(tmp_path):
+    cut = lf.rays(saved(tmp_path / "x.ies", lambertian, gamma=np.linspace(0.0, 60.0, 61)))
+    assert "its last gamma is 60 degrees, with 50 % of the largest intensity" in cut.warnings[0]
+    assert cut.beam_c0.field_angle_deg == pytest.approx(120.0)  # from end to end of the table
+    bright = lf.rays(saved(tmp_path / "x.ies", lambertian, 2000.0, watts=2.0))
+    assert [words.split(":")[-1].strip() for words in bright.warnings] == [
+        "check its factors",
+        "check its lumens and watts",
+    ]
+    text = saved(tmp_path / "x.ldt", lambertian, 4000.0).read_text(encoding="latin-1").split("\n")
+    text[22] = "50\r"
+    (tmp_path / "x.ldt").write_text("\n".join(text), encoding="latin-1", newline="")
+    (warning,) = lf.rays(tmp_path / "x.ldt").warnings
+    assert warning.startswith("its intensities integrate to 3141.") and warning.endswith("the file states 2000 lm")
+
+
+def test_there_and_back_the_light_is_the_same(tmp_path):
+    path = saved(tmp_path / "a.ldt", lambertian, 3500.0, title="t", maker="m", watts=30.0, diameter_mm=80.0)
+    there = convert_photometric(path, tmp_path / "b.ies")
+    back = convert_photometric(tmp_path / "b.ies", tmp_path / "c.ldt")
+    assert (there.from_format, there.to_format, back.to_format) == ("eulumdat", "ies", "eulumdat")
+    assert [words.split(" (")[0] for words in there.lost] == ["stated lumens of the luminaire"]
+    assert (back.lost, back.warnings) == ((), ())
+    first, last = read_photometric(path), read_photometric(tmp_path / "c.ldt")
+    np.testing.assert_allclose(last.intensity.values, first.intensity.values, rtol=0.0, atol=1e-6 * 1000.0)
+    for name in ("lamp_lumens", "title", "maker", "watts", "diameter_mm"):
+        assert getattr(last, name) == getattr(first, name), name
+    assert "converted from a.ldt" in (tmp_path / "b.ies").read_text(encoding="latin-1")
+
+
+def test_absolute_photometry_becomes_eulumdat_with_the_lumens_of_the_light(tmp_path):
+    """Not of 1000 lm: EULUMDAT holds cd per 1000 lm, and the lamps have what the luminaire has."""
+    found = convert_photometric(saved(tmp_path / "a.ies", lambertian), tmp_path / "a.ldt")
+    assert "absolute photometry" in found.warnings[0]
+    assert lf.rays(tmp_path / "a.ldt").lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
+    assert lf.rays(tmp_path / "a.ldt").lamp_lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
+
+
+def invoked(*words):
+    return CliRunner().invoke(cli, ["rays", *map(str, words)])
+
+
+def test_the_command_summarises_draws_and_converts(tmp_path):
+    path = saved(tmp_path / "led.ies", lambertian)
+    (tmp_path / "misleading.ray").write_bytes(path.read_bytes())
+    for name in ("led.ies", "misleading.ray"):
+        plain = invoked(tmp_path / name)
+        assert plain.exit_code == 0 and "beam_c0.beam_angle_deg\t120.0" in plain.output
+    assert json.loads(invoked(path, "--json").output)["peak"]["intensity_cd"] == 1000.0
+    assert invoked(path, "--plot", tmp_path / "polar.png").exit_code == 0
+    with Image.open(tmp_path / "polar.png") as picture:
+        assert len(picture.convert("RGB").getcolors(10**6)) > 10
+    assert json.loads(invoked(path, "--to", tmp_path / "led.ldt", "--json").output)["to_format"] == "eulumdat"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("led.ies", "--to", "led.tm25ray"), r"its suffix must be one of \.ies, \.ldt"),
+        (("led.ies", "--plot", "led.txt"), r"its suffix must be one of \.png, \.svg, \.pdf"),
+        (("led.ies", "--to", "x.ldt", "--format", "tm25"), "is photometric"),
+        (("rays.tm25ray", "--to", "x.ies"), "not the suffix of a ray-file format"),
+        (("none.ies",), "no such file"),
+        (("broken.ies",), "neither IES LM-63 nor EULUMDAT"),
+        (("broken.xyz",), "none of the known formats"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    saved(tmp_path / "led.ies", lambertian)
+    (tmp_path / "rays.tm25ray").write_bytes(encoded("tm25", rays()))
+    for name in ("broken.ies", "broken.xyz"):
+        (tmp_path / name).write_text("neither\nnor\n", encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    found = invoked(*words)
+    assert isinstance(found.exception, InputError)
+    with pytest.raises(InputError, match=message):
+        raise found.exception
+    assert "\n" not in str(found.exception) and sorted(tmp_path.iterdir()) == before
+
+
+def test_rays_keep_their_summary_whatever_the_name_of_the_file(tmp_path):
+    (tmp_path / "led.ies").write_bytes(encoded("tm25", rays(200)))
+    assert isinstance(lf.rays(tmp_path / "led.ies"), lf.RayFileSummary)
+
+
+def test_a_summary_is_saved_and_read_back_without_its_intensities(tmp_path):
+    found = lf.rays(saved(tmp_path / "led.ies", lambertian))
+    found.save(tmp_path / "led.json")
+    back = PhotometricSummary.read(tmp_path, "led")
+    assert back == found and "<img" in found._repr_html_() and "<img" not in back._repr_html_()
+    with pytest.raises(InputError, match="read the photometric file again"):
+        back.plot()
+    curves = {line.get_label(): line.get_ydata() for line in found.plot().lines}
+    assert curves["C0 - C180"].min() == pytest.approx(-1000.0)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
+@pytest.mark.parametrize("target", [".ies", ".ldt"])
+def test_real_files_keep_their_light(target, tmp_path):
+    for path in sorted((SHARED / "photometry").iterdir()):
+        before = lf.rays(path)
+        convert_photometric(path, tmp_path / f"out{target}")
+        after = lf.rays(tmp_path / f"out{target}")
+        assert after.lumens == pytest.approx(before.lumens, rel=1e-6)
+        assert after.beam_c0.beam_angle_deg == pytest.approx(before.beam_c0.beam_angle_deg, abs=1e-3)
+        assert (after.watts, after.luminaire) == (before.watts, before.luminaire)
+        if before.stated_lumens:
+            assert before.lumens == pytest.approx(before.stated_lumens, rel=0.01)
