@@ -12,11 +12,13 @@ from lensforge.optimisation.design import Design, Observer
 from lensforge.records import StageResult
 from lensforge.records.validation import its_type
 from lensforge.results import Results
+from lensforge.sources.inspection import inspect
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
+    from lensforge.sources.photometric.summary import PhotometricSummary
     from lensforge.sources.rayfiles.summary import RayFileSummary
     from lensforge.studies.sweep.table import Sweep
     from lensforge.studies.tradeoff.record import Tradeoff
@@ -93,10 +95,11 @@ def tradeoff(
         return measure(lens, source, Effort.up_to(most_rays), announce or (lambda _: None))
 
 
-def rays(file: Path | str) -> "RayFileSummary":
-    """Summarise a ray file: its header and the statistics of its rays."""
-    from lensforge.sources.rayfiles import describe, read_rayfile
+def rays(file: Path | str) -> "RayFileSummary | PhotometricSummary":
+    """Summarise a file of light: header and statistics of a ray file, or beam and flux of a photometric file.
 
+    The content decides, not the name. Raises :class:`InputError` for a file of no known format.
+    """
     if not isinstance(file, Path | str):
         raise InputError(f"rays: {type(file).__name__} given; give the path of a ray file")
-    return describe(read_rayfile(Path(file)))
+    return inspect(Path(file))

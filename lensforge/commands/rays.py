@@ -1,4 +1,4 @@
-"""``rays``: a ray file summarised, drawn, or converted."""
+"""``rays``: a ray file or a photometric file summarised, drawn, or converted."""
 
 import json
 from pathlib import Path
@@ -8,6 +8,11 @@ import click
 from lensforge.commands.printing import print_table
 from lensforge.errors import InputError
 from lensforge.records import Record
+from lensforge.sources.inspection import holds_far_field
+from lensforge.sources.photometric.conversion import convert_photometric
+from lensforge.sources.photometric.summary import summarise_photometric
+
+_PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 @click.command()
@@ -17,29 +22,44 @@ from lensforge.records import Record
 @click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
 @click.option("--format", "format_name", help="Format of --to, if its suffix stands for several.")
 @click.option(
-    "--plot", type=click.Path(path_type=Path), help="Draw the origins and directions of the rays; PNG or SVG."
+    "--plot",
+    type=click.Path(path_type=Path),
+    help="Draw origins and directions of the rays, or the polar diagram; PNG, SVG or PDF.",
 )
 def rays(
     file: Path, only_header: bool, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None
 ) -> None:
-    """Summarise, draw or convert a ray file."""
+    """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT)."""
     if format_name and not to:
         raise InputError(f"--format {format_name}: give --to FILE with it")
-    from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
-    from lensforge.sources.rayfiles.plot import draw
-
-    if plot:
-        draw(read_rayfile(file), plot)
-    found: Record
-    if to:
-        found = convert(file, to, format_name)
-    elif only_header:
-        found = outline(read_rayfile(file))
+    if holds_far_field(file):
+        found = _far_field(file, to, format_name, plot)
     else:
-        found = describe(read_rayfile(file))
+        found = _rays(file, only_header, to, format_name, plot)
     content = found.model_dump(mode="json", exclude={"inputs", "version"})
     if as_json:
         click.echo(json.dumps(content, indent=2, allow_nan=False))
         return
     content.get("header", {}).pop("spectral_tables", None)
     print_table(content)
+
+
+def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
+    from lensforge.sources.rayfiles import convert, describe, outline, read_rayfile
+    from lensforge.sources.rayfiles.plot import draw
+
+    if plot:
+        draw(read_rayfile(file), plot)
+    if to:
+        return convert(file, to, format_name)
+    return outline(read_rayfile(file)) if only_header else describe(read_rayfile(file))
+
+
+def _far_field(file: Path, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
+    if format_name:
+        raise InputError(f"--format {format_name}: {file} is photometric; the suffix of --to, .ies or .ldt, is enough")
+    if plot:
+        if plot.suffix.lower() not in _PLOT_SUFFIXES:
+            raise InputError(f"{plot}: its suffix must be one of {', '.join(_PLOT_SUFFIXES)}")
+        summarise_photometric(file).save(plot)
+    return convert_photometric(file, to) if to else summarise_photometric(file)

@@ -62,27 +62,45 @@ class SchottPolynomial:
 
 @dataclass(frozen=True)
 class Material:
-    """A lens material: its formula, the range (nm) in which it was measured, and its publication."""
+    """A lens material: its formula, the range (nm) in which it was measured, and its publication.
+
+    ``extrapolation_error``: by how much other formulas fitted to the same numbers differ from it at the ends of the
+    trusted range, measured by `benchmarks/extrapolation.py`.
+    """
 
     name: str
     dispersion: Dispersion
     range_nm: tuple[float, float]
     source: str
+    extrapolation_error: float
+
+    @property
+    def trusted_nm(self) -> tuple[float, float]:
+        """Range (nm) in which the formula is used: that of the measurement and 10 % more, as spectra have tails."""
+        low, high = self.range_nm
+        return low * (1.0 - _BEYOND), high * (1.0 + _BEYOND)
 
     def index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """The refractive index; up to 10 % beyond the range the formula is continued, as spectra have tails there.
-
-        Raises :class:`InputError` farther out.
-        """
+        """The refractive index at wavelengths of the trusted range. Raises :class:`InputError` for any other."""
         wavelengths = np.asarray(wavelengths_nm, dtype=np.float64)
-        low, high = self.range_nm
-        wrong = ~((wavelengths >= low * (1.0 - _BEYOND)) & (wavelengths <= high * (1.0 + _BEYOND)))
+        low, high = self.trusted_nm
+        wrong = ~((wavelengths >= low) & (wavelengths <= high))
         if wrong.any():
             raise InputError(
-                f"wavelength {wavelengths[wrong][0]:g} nm: the index of {self.name} is known from {low:g} to "
-                f"{high:g} nm; give a constant refractive index instead, or correct the spectrum"
+                f"wavelength {wavelengths[wrong][0]:g} nm: the index of {self.name} is {self.known}; give a constant "
+                "refractive index instead, or correct the spectrum"
             )
         return self.dispersion.index(wavelengths)
+
+    def nearest_index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The refractive index at any wavelength; beyond the trusted range that at its end."""
+        return self.dispersion.index(np.clip(wavelengths_nm, *self.trusted_nm))
+
+    @property
+    def known(self) -> str:
+        """The measured and the trusted range in words."""
+        (low, high), (least, most) = self.range_nm, self.trusted_nm
+        return f"known from {low:g} to {high:g} nm, and extrapolated from {least:g} to {most:g} nm"
 
     def index_at(self, wavelength_nm: float) -> float:
         """The refractive index at one wavelength."""
@@ -96,10 +114,13 @@ class Material:
 
 
 def by_abbe_number(n_d: float, abbe_number: float, name: str = "custom") -> Material:
-    """Material with n_d and V_d of a data sheet, by Cauchy's formula with two terms."""
+    """Material with n_d and V_d of a data sheet, by Cauchy's formula with two terms.
+
+    It differs from the formulas of the catalogue's materials by up to 0.005 (`benchmarks/extrapolation.py`).
+    """
     per_inverse_square = (n_d - 1.0) / abbe_number / ((1e3 / F_LINE_NM) ** 2 - (1e3 / C_LINE_NM) ** 2)
     cauchy = Cauchy((n_d - per_inverse_square * (1e3 / D_LINE_NM) ** 2, per_inverse_square))
-    return Material(name, cauchy, (400.0, 1000.0), f"n_d = {n_d:g}, V_d = {abbe_number:g}")
+    return Material(name, cauchy, (400.0, 1000.0), f"n_d = {n_d:g}, V_d = {abbe_number:g}", 0.005)
 
 
 _BEADIE = "G. Beadie, M. Brindza, R. A. Flynn, A. Rosenberg, J. S. Shirk, Appl. Opt. 54, F139 (2015)"
@@ -121,20 +142,23 @@ MATERIALS = _catalogue([
         )),
         (420.0, 1620.0),
         _BEADIE,
+        0.0011,
     ),
-    Material("PC", Sellmeier(((1.4182, 0.021304),)), (436.8, 1052.0), _SULTANOVA),
-    Material("PS", Sellmeier(((1.4435, 0.020216),)), (436.8, 1052.0), _SULTANOVA),
+    Material("PC", Sellmeier(((1.4182, 0.021304),)), (436.8, 1052.0), _SULTANOVA, 0.0002),
+    Material("PS", Sellmeier(((1.4435, 0.020216),)), (436.8, 1052.0), _SULTANOVA, 0.0002),
     Material(
         "N-BK7",
         Sellmeier(((1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653))),
         (300.0, 2500.0),
         _SCHOTT,
+        0.01,
     ),
     Material(
         "fused silica",
         Sellmeier(((0.6961663, 0.0684043**2), (0.4079426, 0.1162414**2), (0.8974794, 9.896161**2))),
         (210.0, 3710.0),
         _MALITSON,
+        0.03,
     ),
 ])  # fmt: skip
 

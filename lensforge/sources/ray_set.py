@@ -8,6 +8,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.placement import SourcePose
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec.ray_source import Placement
 
@@ -26,15 +27,12 @@ _MIRROR = {"none": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)
 
 def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Placement) -> RayBundle:
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
-    turn = _rotation_z(np.deg2rad(placement.rotate_z_deg))
-    matrix = turn @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
+    pose = SourcePose.of(placement)
+    matrix = pose.rotation @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
     origins = placement.scale * (rays.origins - origin_mm) @ matrix.T
+    if pose.position_mm.any():
+        origins = origins + pose.position_mm
     return replace(rays, origins=origins, directions=rays.directions @ matrix.T)
-
-
-def _rotation_z(angle: float) -> Float[np.ndarray, "3 3"]:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +41,14 @@ class RaySetEmitter:
 
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer counts them as lost, by
     cause. Only unusable rays are dropped; ``summary`` holds their number, and what else was done to a file: None for
-    rays made by a program.
+    rays made by a program. ``pose``: of the source in the lens, None at the origin; the outline is drawn there.
     """
 
     rays: RayBundle
     flux_w: float
     summary: SourceSummary | None = None
     symmetry: str = "none"
+    pose: SourcePose | None = None
 
     def __len__(self) -> int:
         return len(self.rays)
@@ -90,28 +89,35 @@ class RaySetEmitter:
         return self._only(np.sort(order[:training])), self._only(np.sort(order[training:]))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, the plane z = 0."""
-        forward = self.rays.directions[:, 2] > 0.0
+        """Convex hull (mm) of the points where 95 % of the forward flux crosses, or seems to cross, a plane.
+
+        It is the plane z = 0 of the source before it was turned, tilted and shifted to its place.
+        """
+        start, direction = self.rays.origins, self.rays.directions
+        if self.pose is not None:
+            start, direction = self.pose.own_points(start), self.pose.own_directions(direction)
+        forward = direction[:, 2] > 0.0
         if not forward.any():
             forward = ~forward
-        points, flux = self._crossings()[forward], self.rays.flux[forward]
+        points, flux = _crossings(start, direction)[forward], self.rays.flux[forward]
         distance = np.linalg.norm(points - _median(points, flux), axis=1)
         order = np.argsort(distance)
         inside = np.searchsorted(np.cumsum(flux[order]), _OUTLINE_SHARE * flux.sum())
         corners = _hull(points[order[: inside + 1]])
-        return np.column_stack([corners, np.zeros(len(corners))])
-
-    def _crossings(self) -> Float[np.ndarray, "n 2"]:
-        """Points (mm) where the lines of the rays meet z = 0; rays along that plane stay where they start."""
-        start, direction = self.rays.origins, self.rays.directions
-        level = np.abs(direction[:, 2]) < 1e-9
-        length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
-        crossings: Float[np.ndarray, "n 2"] = start[:, :2] + length[:, None] * direction[:, :2]
-        return crossings
+        outline = np.column_stack([corners, np.zeros(len(corners))])
+        return outline if self.pose is None else self.pose.points(outline)
 
     def _only(self, index: np.ndarray) -> "RaySetEmitter":
         part = self.rays.take(index)
         return replace(self, rays=replace(part, flux=part.flux * (self.flux_w / part.flux.sum())))
+
+
+def _crossings(start: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+    """Points (mm) where the lines of the rays meet z = 0; rays along that plane stay where they start."""
+    level = np.abs(direction[:, 2]) < 1e-9
+    length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
+    crossings: Float[np.ndarray, "n 2"] = start[:, :2] + length[:, None] * direction[:, :2]
+    return crossings
 
 
 def _median(points: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 2"]:

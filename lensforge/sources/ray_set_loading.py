@@ -11,14 +11,21 @@ from lensforge.errors import InputError, remedy
 from lensforge.optics.materials import Material
 from lensforge.records import Point
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.dispersion import IndexRange, index_of_rays
+from lensforge.sources.flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
+from lensforge.sources.placement import SourcePose
 from lensforge.sources.ray_set import RaySetEmitter, placed
+from lensforge.sources.ray_set_flux import part_flux
 from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays, causes, no_usable_ray, usable_rays
 from lensforge.sources.rayfiles.reading import read_rayfile
 from lensforge.sources.rayfiles.spectra import WAVELENGTH_SEED, wavelengths_of
+from lensforge.sources.rayfiles.sums import RaySums
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
+from lensforge.sources.rayfiles.warnings import file_warnings, ray_set_warnings
 from lensforge.sources.source_summary import AppliedPlacement, LoadedRayFile, RaysDropped, SourceSummary, as_point
-from lensforge.sources.spectrum import IndexRange, spectrum_of
+from lensforge.sources.spectrum import spectrum_of
 from lensforge.spec.emission import SpectrumSpec
+from lensforge.spec.emitter import FluxSection
 from lensforge.spec.ray_source import Placement, RayfilePart, RayfileSource, RayfilesSource, RaySetSource, RaySource
 
 
@@ -27,7 +34,7 @@ class _Loaded:
     """Usable rays of one file or array in its coordinates (mm), flux in W; ``count`` includes unusable ones."""
 
     rays: RayBundle
-    flux_w: float
+    flux: SourceFlux
     count: int
     index_range: IndexRange | None
     warnings: tuple[str, ...]
@@ -46,64 +53,63 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySet
     """
     match spec:
         case RayfileSource():
-            part = RayfilePart(file=spec.file, flux_w=spec.flux_w)
-            return _emitter([_load_file(part, spec.spectrum, material)], spec)
+            part = RayfilePart(file=spec.file, flux_w=spec.flux_w, flux_lm=spec.flux_lm)
+            return _emitter([_load_file(part, spec, material)], spec)
         case RayfilesSource():
-            parts = [_load_file(part, part.spectrum or spec.spectrum, material) for part in spec.files]
+            parts = [_load_file(part, spec, material) for part in spec.files]
             _require_same_dispersion(parts)
             return _emitter([replace(part, warnings=_with_name(part)) for part in parts], spec)
         case RaySource():
             return _emitter([_load_arrays(spec, material)], spec)
 
 
-def _load_file(part: RayfilePart, spectrum: SpectrumSpec | None, material: Material | None) -> _Loaded:
-    rayfile = read_rayfile(part.file)
+def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None) -> _Loaded:
+    rayfile, spectrum = read_rayfile(part.file), part.spectrum or spec.spectrum
     rays = usable_rays(rayfile)
     if len(rays) == 0:
         raise no_usable_ray(rayfile, rays.dropped)
-    flux_w = _flux_w(part, rayfile, float(rays.flux.sum()))
-    bundle, index_range = _bundle(rayfile, rays, flux_w, spectrum, material)
+    sums = RaySums.of_part(rays)
+    flux = part_flux(part, spec, spectrum, rayfile, rays)
+    bundle, index_range = _bundle(rayfile, rays, flux.flux_w, spectrum, material)
+    warnings = _warnings(rayfile, sums, part, index_range, material)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
         rays=len(rayfile),
         rays_dropped=RaysDropped.model_validate(rays.dropped),
         effective_rays=_effective_rays(bundle),
-        file_flux=rayfile.total_flux(),
-        file_ray_sum=float(rays.flux.sum()),
+        file_flux=rayfile.total_flux(sums.flux),
+        file_ray_sum=sums.flux,
         file_flux_unit=rayfile.flux_unit,
-        flux_w=flux_w,
+        flux_w=flux.flux_w,
         virtual_focus_mm=_focus_mm(bundle),
-        warnings=rayfile.warnings,
-        wavelengths_nm=index_range.wavelengths_nm if index_range else None,
-        refractive_indices=index_range.refractive_indices if index_range else None,
+        warnings=warnings,
     )
-    return _Loaded(bundle, flux_w, len(rayfile), index_range, rayfile.warnings, file)
+    if index_range is not None:
+        file = file.model_copy(update=index_range.fields())
+    return _Loaded(bundle, flux, len(rayfile), index_range, warnings, file)
 
 
 def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
     count = len(spec.positions_mm)
-    flux = np.ones(count) if spec.ray_flux is None else spec.ray_flux
-    given = RayFile(spec.positions_mm, spec.directions, flux, "W", spec.wavelengths_nm, path="source.rays")
+    relative = np.ones(count) if spec.ray_flux is None else spec.ray_flux
+    given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
     rays = usable_rays(given)
     if len(rays) == 0:
         raise InputError(f"source: none of the {count} rays is usable ({causes(rays.dropped)}); give others")
-    flux_w = float(rays.flux.sum()) if spec.flux_w is None else spec.flux_w
-    bundle, index_range = _bundle(given, rays, flux_w, spec.spectrum, material)
-    left_out = count - len(rays)
-    warnings = (f"{left_out} of {count} rays dropped: {causes(rays.dropped)}",) if left_out else ()
-    return _Loaded(bundle, flux_w, count, index_range, warnings)
+    flux = part_flux(spec, spec, spec.spectrum, given, rays)
+    bundle, index_range = _bundle(given, rays, flux.flux_w, spec.spectrum, material)
+    warnings = _warnings(given, RaySums.of_part(rays), spec, index_range, material)
+    return _Loaded(bundle, flux, count, index_range, warnings)
 
 
-def _flux_w(part: RayfilePart, rayfile: RayFile, ray_sum: float) -> float:
-    """Power (W) of a file: of the spec, or the file's own; lumens are never taken as watts."""
-    if part.flux_w is not None:
-        return part.flux_w
-    if rayfile.flux_unit == "W":
-        return rayfile.stated_flux or ray_sum
-    if rayfile.header_flux_w is not None:
-        return rayfile.header_flux_w
-    raise InputError(f"{part.file}: its flux is in lm; give the source's power in W as source.flux_w")
+def _warnings(
+    rayfile: RayFile, sums: RaySums, stated: FluxSection, found: IndexRange | None, material: Material | None
+) -> tuple[str, ...]:
+    """Warnings on one file or array, apart from its place in the lens."""
+    given_flux = stated.flux_w is not None or stated.flux_lm is not None
+    dispersion = () if found is None or material is None else found.warnings(material)
+    return (*file_warnings(rayfile, sums, given_flux), *dispersion)
 
 
 def _bundle(
@@ -119,8 +125,9 @@ def _bundle(
             wavelengths_nm = wavelengths_of(rayfile, rays)
     if material is None or wavelengths_nm is None:
         return bundle, None
-    indices = material.index(wavelengths_nm)
-    return replace(bundle, refractive_indices=indices), IndexRange.of(wavelengths_nm, material)
+    name = rayfile.path if spectrum is None else "source.spectrum"
+    indices, index_range = index_of_rays(wavelengths_nm, rays.flux, material, name)
+    return replace(bundle, refractive_indices=indices), index_range
 
 
 def _with_name(part: _Loaded) -> tuple[str, ...]:
@@ -139,8 +146,10 @@ def _require_same_dispersion(parts: Sequence[_Loaded]) -> None:
 
 def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     """Join ``parts``, with the power of ``spec`` if it states one, and place them in lens coordinates."""
-    total = sum(part.flux_w for part in parts)
-    flux_w = spec.flux_w or total
+    names = [f"source.files[{number}] ({part.name})" for number, part in enumerate(parts)]
+    flux = joined_flux(spec, [part.flux for part in parts], spec.luminous_efficacy_lm_per_w, names)
+    flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum))
+    total, flux_w = sum(part.flux.flux_w for part in parts), flux.flux_w
     rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
     focus_mm = _focus_mm(rays)
     origin_mm = _origin_mm(spec, focus_mm, ", ".join(part.name for part in parts))
@@ -150,17 +159,23 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     summary = SourceSummary(
         title=spec.title,
         flux_w=flux_w,
+        lumens_per_watt=flux.lumens_per_watt,
         symmetry="none",
         rays=sum(part.count for part in parts),
         effective_rays=_effective_rays(rays),
         virtual_focus_mm=focus_mm,
-        warnings=tuple(warning for part in parts for warning in part.warnings),
-        wavelengths_nm=index_range.wavelengths_nm if index_range else None,
-        refractive_indices=index_range.refractive_indices if index_range else None,
+        warnings=(
+            *(warning for part in parts for warning in part.warnings),
+            *flux.warnings,
+            *_placed_warnings(bundle, _effective_rays(rays)),
+        ),
         files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
         placement=_applied(bundle, flux_w, spec, origin_mm),
     )
-    return RaySetEmitter(bundle, flux_w, summary)
+    if index_range is not None:
+        summary = summary.model_copy(update=index_range.fields())
+    pose = SourcePose.of(spec)
+    return RaySetEmitter(bundle, flux_w, summary, pose=pose if pose.moves else None)
 
 
 def _joined(parts: Sequence[_Loaded], factor: float) -> RayBundle:
@@ -169,13 +184,25 @@ def _joined(parts: Sequence[_Loaded], factor: float) -> RayBundle:
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
-    """Least and largest wavelength of all parts, and the indices there."""
-    ranges = [part.index_range for part in parts if part.index_range is not None]
-    if not ranges:
+    """Least and largest wavelength of all parts, the indices there, and shares of the flux of all."""
+    known = [(part.index_range, part.flux.flux_w) for part in parts if part.index_range is not None]
+    if not known:
         return None
-    ends = sorted(end for each in ranges for end in zip(each.wavelengths_nm, each.refractive_indices, strict=True))
+    ends = sorted(end for each, _ in known for end in zip(each.wavelengths_nm, each.refractive_indices, strict=True))
     (low, at_low), (high, at_high) = ends[0], ends[-1]
-    return IndexRange((low, high), (at_low, at_high))
+    total = sum(flux for _, flux in known)
+    extrapolated = sum(each.extrapolated_share * flux for each, flux in known) / total
+    clamped = sum(each.clamped_share * flux for each, flux in known) / total
+    return IndexRange((low, high), (at_low, at_high), extrapolated, clamped)
+
+
+def _placed_warnings(rays: RayBundle, effective_rays: float) -> tuple[str, ...]:
+    """Warnings on the rays of a whole source at their place in the lens."""
+    side_mm = float(np.ptp(rays.origins, axis=0).max())
+    down, low = rays.directions[:, 2] < 0.0, rays.origins[:, 2] <= 0.0
+    total = float(rays.flux.sum())
+    backward, lost = (float(rays.flux[those].sum()) / total for those in (down, down & low))
+    return tuple(ray_set_warnings(side_mm, backward, effective_rays, lost))
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:
@@ -196,6 +223,8 @@ def _applied(rays: RayBundle, flux_w: float, spec: Placement, origin_mm: Float[n
         axis=spec.axis,
         mirror=spec.mirror,
         rotate_z_deg=spec.rotate_z_deg,
+        tilt_deg=spec.tilt_deg,
+        position_mm=spec.position_mm,
         backward_share=float(rays.flux[rays.directions[:, 2] < 0.0].sum() / flux_w),
         below_plane_share=float(rays.flux[rays.origins[:, 2] < 0.0].sum() / flux_w),
     )

@@ -22,7 +22,9 @@ class LoadedRayFile(Record):
     """Ray file as loaded: rays in the file, rays dropped, and the power ``flux_w`` that its rays carry.
 
     ``wavelengths_nm``: the least and the largest, ``refractive_indices``: of the lens there; None where one index is
-    taken for all light.
+    taken for all light. Shares of the flux: ``extrapolated_index_share`` has wavelengths beyond those at which the
+    index was measured, ``clamped_index_share`` even beyond those at which its formula is used, and the index at their
+    end.
     """
 
     file: Text
@@ -38,6 +40,8 @@ class LoadedRayFile(Record):
     warnings: tuple[Text, ...] = ()
     wavelengths_nm: Range | None = None
     refractive_indices: Range | None = None
+    extrapolated_index_share: Share | None = None
+    clamped_index_share: Share | None = None
 
 
 class AppliedPlacement(Record):
@@ -52,6 +56,8 @@ class AppliedPlacement(Record):
     axis: Text
     mirror: Literal["none", "x", "y"]
     rotate_z_deg: Number
+    tilt_deg: tuple[Number, Number] = (0.0, 0.0)
+    position_mm: Point = (0.0, 0.0, 0.0)
     backward_share: Share
     below_plane_share: Share
 
@@ -59,12 +65,14 @@ class AppliedPlacement(Record):
 class SourceSummary(Record):
     """Source of a design: its power, its mirror symmetry, and for a ray set the files and their placement.
 
+    ``lumens_per_watt``: its luminous efficacy, None where that is not known.
     ``rays``: of all files, dropped ones included; None where a sample may be of any size.
-    ``wavelengths_nm`` and ``refractive_indices`` as in :class:`LoadedRayFile`, of all light.
+    ``wavelengths_nm`` to ``clamped_index_share`` as in :class:`LoadedRayFile`, of all light.
     """
 
     title: Text
     flux_w: Positive
+    lumens_per_watt: Positive | None = None
     symmetry: Text
     rays: Count | None = None
     effective_rays: NotNegative | None = None
@@ -72,8 +80,15 @@ class SourceSummary(Record):
     warnings: tuple[Text, ...] = ()
     wavelengths_nm: Range | None = None
     refractive_indices: Range | None = None
+    extrapolated_index_share: Share | None = None
+    clamped_index_share: Share | None = None
     files: tuple[LoadedRayFile, ...] = ()
     placement: AppliedPlacement | None = None
+
+    @property
+    def flux_lm(self) -> float | None:
+        """Luminous flux (lm); None where the efficacy is not known."""
+        return None if self.lumens_per_watt is None else self.flux_w * self.lumens_per_watt
 
 
 def as_point(coordinates: Float[np.ndarray, " 3"]) -> Point:

@@ -1,17 +1,14 @@
-"""Spectrum of a source: wavelengths drawn from it, and the index of a dispersive lens at each."""
+"""Spectrum of a source: a density of power over wavelength, and wavelengths drawn from it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, remedy
-from lensforge.optics.materials import Material
-from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.inverse_cdf import choose, linear_inverse
-from lensforge.sources.source_summary import Range
+from lensforge.sources.spectrum_file import read_spectrum_file
 from lensforge.spec.emission import FileSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
 
 
@@ -47,6 +44,14 @@ class Spectrum:
         wavelengths: Float[np.ndarray, " n"] = low + place * (self.wavelengths_nm[cell + 1] - low)
         return wavelengths
 
+    def share_up_to(self, wavelength_nm: float) -> float:
+        """Share of the power at wavelengths up to ``wavelength_nm``, exact."""
+        waves, density = self.wavelengths_nm, self.power_density
+        if len(waves) == 1:
+            return float(waves[0] <= wavelength_nm)
+        below = np.append(waves[waves < wavelength_nm], np.clip(wavelength_nm, waves[0], waves[-1]))
+        return float(np.trapezoid(np.interp(below, waves, density), below) / self._cumulative[-1])
+
     def draw(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
         """Draw ``count`` wavelengths (nm), one from each of as many equal shares of the power, in random order.
 
@@ -66,70 +71,4 @@ def spectrum_of(spec: SpectrumSpec) -> Spectrum:
             return Spectrum(np.array(spec.wavelength_nm), np.array(spec.weight))
         case FileSpectrum():
             with remedy("correct source.spectrum.file"):
-                return _read(spec.file)
-
-
-def _read(path: Path) -> Spectrum:
-    try:
-        rows = np.loadtxt(path, ndmin=2, encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        problem = " ".join(str(error).split())[:160]
-        raise InputError(f"{path}: not two columns of numbers ({problem})") from None
-    if rows.shape[1] != 2 or len(rows) == 0:
-        raise InputError(f"{path}: {rows.shape[1]} columns; two, wavelength (nm) and relative power density")
-    return Spectrum(rows[:, 0], rows[:, 1], str(path))
-
-
-@dataclass(frozen=True)
-class IndexRange:
-    """Least and largest wavelength (nm) of some light, and the refractive index of the lens at each."""
-
-    wavelengths_nm: Range
-    refractive_indices: Range
-
-    @classmethod
-    def of(cls, wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> "IndexRange":
-        """Look up the indices of ``material`` at the ends of ``wavelengths_nm``."""
-        ends = np.array([wavelengths_nm.min(), wavelengths_nm.max()])
-        low, high = material.index(ends)
-        return cls((float(ends[0]), float(ends[1])), (float(low), float(high)))
-
-
-@dataclass(frozen=True, eq=False)
-class DispersedSource:
-    """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``."""
-
-    source: Source
-    spectrum: Spectrum
-    material: Material
-
-    @property
-    def flux_w(self) -> float:
-        """Flux (W) of the source itself."""
-        return self.source.flux_w
-
-    @property
-    def symmetry(self) -> str:
-        """Symmetry of the source itself: wavelengths are spread evenly over it."""
-        return self.source.symmetry
-
-    @property
-    def ray_count(self) -> int | None:
-        """Number of distinct rays of the source itself."""
-        return self.source.ray_count
-
-    @property
-    def index_range(self) -> IndexRange:
-        """Ends of the spectrum, and the indices there."""
-        return IndexRange.of(self.spectrum.wavelengths_nm, self.material)
-
-    def sample(self, count: int, seed: int) -> RayBundle:
-        """Draw the rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
-        rays = self.source.sample(count, seed)
-        return replace(rays, refractive_indices=self.material.index(self.spectrum.draw(count, seed)))
-
-    def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Outline of the source itself."""
-        return self.source.outline()
+                return Spectrum(*read_spectrum_file(spec.file), str(spec.file))

@@ -133,7 +133,11 @@ def test_a_spectrum_file_of_a_vendor_is_read(tmp_path):
     square = {"kind": "square", "side_mm": 1.0}
     from_file = sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})
     np.testing.assert_array_equal(from_file.refractive_indices, sample(square | {"spectrum": TABLE}).refractive_indices)
-    for content, message in ((b"a b\n", "not two columns"), (b"1 2 3\n", "3 columns"), (b"5 1\n4 1\n", "longer than")):
+    for content, message in (
+        (b"a b\n", "not two columns"),
+        (b"1 2 3\n", "3 columns"),
+        (b"450 1\n450 1\n", "longer than"),
+    ):
         (tmp_path / "led.txt").write_bytes(content)
         with pytest.raises(InputError, match=message):
             sample(square | {"spectrum": {"kind": "file", "file": str(tmp_path / "led.txt")}})

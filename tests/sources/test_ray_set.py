@@ -92,6 +92,15 @@ def test_several_files_keep_their_powers_or_the_ratio_of_them(two_files):
     assert scaled.summary.effective_rays < 100
 
 
+def test_watts_and_lumens_are_not_mixed_and_the_field_to_fill_is_named(two_files):
+    write_rayfile(two_files / "yellow", rays(60, unit="lm"), "csv")
+    files = [{"file": two_files / name} for name in ("blue", "yellow")]
+    with pytest.raises(InputError, match=r"source\.files\[1\] \(yellow\): flux known in lm alone.*give its flux_w"):
+        load_ray_set(RayfilesSource(files=files))
+    mended = load_ray_set(RayfilesSource(files=[files[0], {**files[1], "flux_w": 0.25}]))
+    assert mended.flux_w == pytest.approx(rays(40, seed=1).total_flux() + 0.25, rel=1e-6)
+
+
 def test_the_summary_names_every_file_and_comes_back_from_json(two_files):
     spec = RayfilesSource(kind="rayfiles", files=[{"file": two_files / name} for name in ("blue", "yellow")])
     summary = summarise(load_ray_set(spec), spec)
@@ -141,11 +150,12 @@ def test_parallel_rays_have_no_virtual_focus(load):
     assert load(beam).summary.virtual_focus_mm is None
 
 
-def test_power_comes_from_the_spec_or_from_watts_never_from_lumens(load):
+def test_power_comes_from_the_spec_or_from_watts_and_lumens_are_never_taken_for_them(load):
     assert load(rays()).flux_w == pytest.approx(rays().total_flux(), rel=1e-6)
     assert load(rays(), flux_w=2.5).flux_w == 2.5
-    with pytest.raises(InputError, match=r"lm; give .* source\.flux_w"):
-        load(rays(unit="lm"))
+    alone = load(rays(unit="lm"))
+    assert alone.flux_w == pytest.approx(rays(unit="lm").total_flux() / 683.002, rel=1e-6)
+    assert any("known in lm alone" in warning for warning in alone.summary.warnings)
     assert load(rays(unit="lm"), flux_w=2.5).rays.flux.sum() == pytest.approx(2.5)
 
 
@@ -273,7 +283,8 @@ def test_the_example_file_is_what_its_script_makes(tmp_path):
 def test_the_example_led_is_off_the_axis_and_below_the_plane():
     summary = load_example("led_rayfile").summary
     np.testing.assert_allclose(summary.virtual_focus_mm, [0.15, -0.10, -0.05], atol=0.01)
-    assert (summary.flux_w, summary.rays, summary.warnings) == (1.0, 20_000, ())
+    assert (summary.flux_w, summary.rays) == (1.0, 20_000)
+    assert [warning.split(":")[0] for warning in summary.warnings] == ["20000 effective rays"]
     assert 0.0 < summary.placement.backward_share < 0.005
 
 
@@ -290,9 +301,10 @@ def test_the_cavities_of_the_examples_hold_nearly_all_of_the_light(name, share):
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
 def test_unknown_totals_and_weights_of_other_formats(tmp_path):
-    """SPEOS: eleven equal weights, 1 W in the header. LightTools lumens: refused without a power."""
+    """SPEOS: eleven equal weights, 1 W in the header. LightTools: 10,000 lm by its rays, 1 lm by its header."""
     emitter = load_ray_set(RayfileSource(kind="rayfile", file=SHARED / "tiny" / "test_08_ray.ray"))
     assert emitter.flux_w == 1.0
     np.testing.assert_allclose(emitter.rays.flux, 1.0 / 11.0)
-    with pytest.raises(InputError, match="lm"):
-        load_ray_set(RayfileSource(kind="rayfile", file=SHARED / "pairs" / "Cyl10k.1.ray"))
+    lumens = load_ray_set(RayfileSource(kind="rayfile", file=SHARED / "pairs" / "Cyl10k.1.ray", flux_w=0.004))
+    assert lumens.flux_w == 0.004
+    assert lumens.summary.files[0].file_flux == 1.0

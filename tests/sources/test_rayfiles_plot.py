@@ -10,7 +10,7 @@ from rayfile_samples import rays
 
 from lensforge.cli import cli
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles import write_rayfile
+from lensforge.sources.rayfiles import describe, write_rayfile
 from lensforge.sources.rayfiles.plot import Histograms, draw
 
 
@@ -19,7 +19,8 @@ def _lambertian(count=200_000):
     sine, azimuth = np.sqrt(random.random(count)), 2.0 * np.pi * random.random(count)
     directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - sine**2)], axis=1)
     positions = random.uniform(-1.0, 1.0, (count, 3)) * [1.0, 0.5, 0.0]
-    return replace(rays(count), positions_mm=positions, directions=directions, flux=np.full(count, 2.0 / count))
+    flux = np.full(count, 2.0 / count)
+    return replace(rays(count), positions_mm=positions, directions=directions, flux=flux, header_flux_w=2.0)
 
 
 def test_intensity_of_a_lambertian_emitter_is_its_closed_form():
@@ -31,6 +32,18 @@ def test_intensity_of_a_lambertian_emitter_is_its_closed_form():
     lit = histograms.cosines[histograms.cosines > 0.0]
     assert lit.sum() == pytest.approx(2.0)  # a Lambertian emitter fills the unit disc evenly
     assert np.count_nonzero(histograms.cosines) / 64**2 == pytest.approx(np.pi / 4, rel=0.05)
+
+
+@pytest.mark.parametrize("role", ["total", "scale"])
+def test_intensity_is_absolute_where_the_fluxes_of_the_rays_are_relative(role):
+    """Fluxes that add up to 10,000 in a file of 2 W: the scale of the picture is that of 2 W."""
+    relative = replace(_lambertian(), flux=_lambertian().flux * 5000.0, header_role=role)
+    expected = Histograms.of(_lambertian())
+    for name in ("front", "side", "cosines", "rings"):
+        np.testing.assert_allclose(getattr(Histograms.of(relative), name), getattr(expected, name), rtol=1e-9)
+    rays_line, lambertian = describe(relative).plot(which="intensity").lines
+    assert rays_line.get_ydata()[5:60].mean() == pytest.approx(lambertian.get_ydata()[5:60].mean(), rel=0.02)
+    assert lambertian.get_ydata()[0] == pytest.approx(2.0 / np.pi, rel=1e-4)
 
 
 def test_the_frame_keeps_proportions_and_leaves_stray_light_out():

@@ -8,9 +8,9 @@ from rayfile_samples import rays
 from scipy.optimize import minimize
 
 from lensforge.errors import InputError
+from lensforge.optics.photopic import luminous_efficacy
 from lensforge.sources.rayfiles import RayFile, RayFileSummary, describe, outline
 from lensforge.sources.rayfiles.rayfile import usable_rays
-from lensforge.sources.rayfiles.spectra import luminous_efficacy
 from lensforge.sources.rayfiles.summary import Box, WavelengthRange
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 

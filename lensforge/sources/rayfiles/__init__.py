@@ -2,7 +2,7 @@
 
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.rayfile import RayFile
-from lensforge.sources.rayfiles.reading import convert, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.reading import convert, is_rayfile, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.statistics import describe, outline
 from lensforge.sources.rayfiles.summary import Conversion, RayFileHeader, RayFileSummary
 
@@ -14,6 +14,7 @@ __all__ = [
     "RayFileSummary",
     "convert",
     "describe",
+    "is_rayfile",
     "outline",
     "read_rayfile",
     "write_rayfile",

@@ -63,12 +63,25 @@ class FileImage:
         if count < 1:
             raise self.refuse("holds no rays (its header says 0); export it again")
         if expected != self.size:
-            fault = "truncated" if self.size < expected else "longer than that"
+            missing = expected - self.size
+            fault = f"truncated by {missing} bytes" if missing > 0 else f"{-missing} bytes more"
             raise self.refuse(
                 f"{count} rays of {columns} columns make {expected} bytes, the file has {self.size} ({fault}); "
                 "fetch or export it again"
             )
         return self.data[start : self.size - tail].view("<f4").reshape(count, columns)
+
+    def rows_to_end(self, start: int, columns: int, tail: int = 0) -> Float[np.ndarray, "n columns"]:
+        """View of the rows of float32 from ``start`` to the end or ``tail`` bytes before it, where no header counts."""
+        count, rest = divmod(self.size - tail - start, 4 * columns)
+        if rest:
+            raise self.refuse(
+                f"ends {rest} bytes after its ray {count}, a ray has {4 * columns}: truncated, or with bytes added; "
+                "fetch or export it again"
+            )
+        if count < 1:
+            raise self.refuse("holds no rays, only a header; fetch or export it again")
+        return self.rows(start, count, columns, tail)
 
 
 def known(value: float) -> float | None:

@@ -26,7 +26,10 @@ _SUFFIXES = (".png", ".svg", ".pdf")
 
 @dataclass
 class Histograms:
-    """Flux by start point (front: x and y; side: x and z), by direction cosine, and by angle from +z."""
+    """Flux by start point (front: x and y; side: x and z), by direction cosine, and by angle from +z.
+
+    :meth:`of` a file the flux is absolute, in the file's unit.
+    """
 
     low: Float[np.ndarray, " 3"]
     high: Float[np.ndarray, " 3"]
@@ -52,7 +55,7 @@ class Histograms:
         histograms = cls(middle - half, middle + half)
         for part in usable_chunks(rayfile):
             histograms.add(part.positions_mm, part.directions, part.flux)
-        return histograms
+        return histograms.scaled(rayfile.flux_factor(float(histograms.rings.sum())))
 
     def add(
         self,
@@ -69,6 +72,11 @@ class Histograms:
         self.cosines += _binned(directions[forward, 0], directions[forward, 1], unit_disc, _COSINES, flux[forward])
         gamma = np.rad2deg(np.arccos(np.clip(directions[:, 2], -1.0, 1.0)))
         self.rings += np.histogram(gamma, _RINGS, (0.0, 180.0), weights=flux)[0]
+
+    def scaled(self, factor: float) -> "Histograms":
+        """Multiply all fluxes by ``factor``."""
+        images = (self.front, self.side, self.cosines, self.rings)
+        return Histograms(self.low, self.high, *(factor * image for image in images))
 
     def intensity(self) -> Float[np.ndarray, " r"]:
         """Flux per steradian of each ring (mean over azimuth)."""
@@ -95,7 +103,8 @@ def draw(rayfile: RayFile, path: Path) -> None:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_SUFFIXES)}")
     histograms = Histograms.of(rayfile)
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
-    figure.suptitle(f"{Path(rayfile.path).name}: {len(rayfile):,} rays, {rayfile.total_flux():.4g} {rayfile.flux_unit}")
+    flux = float(histograms.rings.sum())
+    figure.suptitle(f"{Path(rayfile.path).name}: {len(rayfile):,} rays, {flux:.4g} {rayfile.flux_unit}")
     for place, which in enumerate(get_args(Panel), start=1):
         draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
     with replacing(Path(path)) as temporary:

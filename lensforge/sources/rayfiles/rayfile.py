@@ -102,26 +102,47 @@ class RayFile:
             release_pages(self.positions_mm, self.directions, self.flux, self.wavelengths_nm, self.spectrum_numbers)
 
     def ray_sum(self) -> float:
-        """Sum of the usable ray fluxes, in the unit as stored."""
+        """Sum of the fluxes of the usable rays, as stored."""
         total = 0.0
         for block in self.blocks():
-            flux = as_float64(block.flux)
-            total += float(flux[(flux > 0.0) & (flux < HUGE)].sum())
+            finite, directed, bright = _faultless(block)
+            total += float(as_float64(block.flux[finite & directed & bright]).sum())
         return total
 
-    def total_flux(self) -> float:
-        """Flux of the source in ``flux_unit``: the stated total, or the sum over the rays."""
-        return self.stated_flux or self.ray_sum()
+    def flux_factor(self, ray_sum: float | None = None, total: float | None = None) -> float:
+        """Factor from the fluxes of the rays, as stored, to ``flux_unit``: the one scale of a ray file.
 
-    def blocks_adding_up_to(self, total: float) -> Iterator["RayFile"]:
-        """Yield the blocks with fluxes scaled to ``total``; as stored, bit by bit, where they add up to it already."""
-        stored = self.ray_sum()
-        if stored == 0.0 or abs(total / stored - 1.0) < _SAME_FLUX:
+        With it the usable rays add up to ``total``; to the stated total where that is None, and where the file states
+        none the factor is 1. ``ray_sum``: :meth:`ray_sum`, where the caller has it already.
+        """
+        wanted = self.stated_flux if total is None else total
+        if wanted is None:
+            return 1.0
+        stored = self.ray_sum() if ray_sum is None else ray_sum
+        return wanted / stored if stored > 0.0 else 1.0
+
+    def total_flux(self, ray_sum: float | None = None) -> float:
+        """Flux of the source in ``flux_unit``: the stated total, or the sum over the usable rays."""
+        return self.stated_flux or (self.ray_sum() if ray_sum is None else ray_sum)
+
+    def flux_in(self, unit: FluxUnit, ray_sum: float | None = None) -> float | None:
+        """Flux of the source in ``unit``; None where that is not the unit of its rays and the header states none."""
+        if unit == self.flux_unit:
+            return self.total_flux(ray_sum)
+        return self.header_flux_w if unit == "W" else self.header_flux_lm
+
+    def absolute_blocks(self, total: float | None = None) -> Iterator["RayFile"]:
+        """Yield the blocks with fluxes that add up to ``total``, or to the flux of the source.
+
+        As stored, bit by bit, where they add up to it already.
+        """
+        factor = self.flux_factor(total=total)
+        if abs(factor - 1.0) < _SAME_FLUX:
             yield from self.blocks()
             return
         for block in self.blocks():
             with np.errstate(invalid="ignore", over="ignore"):
-                flux = (as_float64(block.flux) * (total / stored)).astype(self.flux.dtype)
+                flux = (as_float64(block.flux) * factor).astype(self.flux.dtype)
             yield replace(block, flux=flux)
 
     @property
@@ -164,19 +185,13 @@ def usable_rays(rayfile: RayFile) -> UsableRays:
     Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
     ``no_flux`` (zero or negative).
     """
-    positions, directions = as_float64(rayfile.positions_mm), as_float64(rayfile.directions)
-    flux = as_float64(rayfile.flux)
-    finite = _finite(positions).all(axis=1) & _finite(directions).all(axis=1) & _finite(flux)
-    directions[~finite] = 0.0
-    length = np.linalg.norm(directions, axis=1)
-    directed = length > _NO_DIRECTION
-    with np.errstate(invalid="ignore"):
-        bright = flux > 0.0
+    finite, directed, bright = _faultless(rayfile)
     keep = finite & directed & bright
+    directions = as_float64(rayfile.directions[keep])
     return UsableRays(
-        positions_mm=positions[keep],
-        directions=directions[keep] / length[keep, None],
-        flux=flux[keep],
+        positions_mm=as_float64(rayfile.positions_mm[keep]),
+        directions=directions / np.linalg.norm(directions, axis=1)[:, None],
+        flux=as_float64(rayfile.flux[keep]),
         wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm[keep]),
         spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[keep]),
         dropped={
@@ -185,6 +200,21 @@ def usable_rays(rayfile: RayFile) -> UsableRays:
             "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
         },
     )
+
+
+Rows = Bool[np.ndarray, " n"]
+
+
+def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
+    """Masks of the rays with finite numbers, with a direction, and with flux, from the numbers as stored."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        finite = (np.abs(rayfile.flux) < HUGE) & np.ones(len(rayfile), dtype=bool)
+        squared = np.zeros(len(rayfile))
+        for axis in range(3):
+            along = rayfile.directions[:, axis]
+            finite &= (np.abs(along) < HUGE) & (np.abs(rayfile.positions_mm[:, axis]) < HUGE)
+            squared += np.square(along, dtype=np.float64)
+        return finite, squared > _NO_DIRECTION**2, rayfile.flux > 0.0
 
 
 def usable_chunks(rayfile: RayFile) -> Iterator[UsableRays]:
@@ -201,9 +231,3 @@ def no_usable_ray(rayfile: RayFile, dropped: dict[str, int]) -> InputError:
 def causes(dropped: dict[str, int]) -> str:
     """List counts and causes in words."""
     return ", ".join(f"{count} {cause.replace('_', ' ')}" for cause, count in dropped.items() if count)
-
-
-def _finite(values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
-    with np.errstate(invalid="ignore"):
-        finite: Bool[np.ndarray, "*n"] = np.abs(values) < HUGE
-        return finite

@@ -13,7 +13,7 @@ from lensforge.sources.rayfiles.binary import FileImage, release_pages, scaled
 from lensforge.sources.rayfiles.format import HEAD_BYTES, Format
 from lensforge.sources.rayfiles.formats import FORMATS
 from lensforge.sources.rayfiles.formats.zemax_binary import NM_PER_MICRON
-from lensforge.sources.rayfiles.rayfile import RayFile
+from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile
 from lensforge.sources.rayfiles.summary import Conversion
 
 # Suffixes of formats whose layout is not public, and the programs that write them.
@@ -28,6 +28,7 @@ _PRIVATE = {
 }
 _MICRONS_BELOW = 100.0  # no light has a wavelength of less than 100 nm here; such a number is in µm
 _COPIED = 2**24  # bytes copied at a time
+_SAME_TOTAL = 1e-5  # totals of float32 numbers that agree this well are the same total
 _SAMPLE = 1000  # wavelengths looked at to tell µm from nm
 
 
@@ -38,6 +39,15 @@ def read_rayfile(path: Path) -> RayFile:
     """
     image = FileImage.open(path)
     return decode(image)
+
+
+def is_rayfile(path: Path) -> bool:
+    """True where the content of ``path`` is recognised as one of the formats, damaged or not."""
+    try:
+        image = FileImage.open(path)
+    except InputError:
+        return False
+    return _matching(image) is not None
 
 
 def decode(image: FileImage) -> RayFile:
@@ -70,28 +80,52 @@ def _bytes(content: UInt8[np.ndarray, " bytes"]) -> Iterator[memoryview]:
 
 
 def convert(path_in: Path, path_out: Path, format: str | None = None) -> Conversion:
-    """Convert ``path_in`` to ``path_out``; report the formats, the number of rays, and any lost data."""
+    """Convert ``path_in`` to ``path_out``; report the formats, the number of rays, and all that was lost on the way.
+
+    Rays, and the total in their unit, are kept by every format; the total in the other unit, wavelengths and spectra
+    are kept where the new format has a place for them.
+    """
     rayfile = read_rayfile(path_in)
     chosen = write_rayfile(path_out, rayfile, format)
-    back = read_rayfile(path_out)
-    lost = ["wavelengths"] * (rayfile.wavelengths_nm is not None and back.wavelengths_nm is None)
-    lost += ["spectral tables"] * (bool(rayfile.spectral_tables) and "spectral_tables" not in back.header)
-    lost += ["spectral table of each ray"] * (rayfile.spectrum_numbers is not None and back.spectrum_numbers is None)
     return Conversion(
         from_format=rayfile.format,
         to_format=chosen.name,
         rays=len(rayfile),
         bytes=Path(path_out).stat().st_size,
-        lost=tuple(lost),
+        lost=tuple(_lost(rayfile, read_rayfile(path_out))),
         warnings=rayfile.warnings,
     )
 
 
-def _format_of(image: FileImage) -> Format:
+def _lost(before: RayFile, after: RayFile) -> Iterator[str]:
+    """List the statements of ``before`` that ``after``, the same rays in another format, does not make."""
+    if after.format == before.format:
+        return  # copied byte for byte
+    units: tuple[FluxUnit, ...] = ("W", "lm")
+    for unit in units:
+        had, has = before.flux_in(unit), after.flux_in(unit)
+        if had and (has is None or abs(has / had - 1.0) > _SAME_TOTAL):
+            yield f"total flux in {unit} ({had:.6g})"
+    if before.wavelengths_nm is not None and after.wavelengths_nm is None:
+        yield "wavelengths"
+    if before.spectral_tables and not after.spectral_tables:
+        yield "spectral tables"
+    if before.spectrum_numbers is not None and after.spectrum_numbers is None:
+        yield "spectral table of each ray"
+    columns = before.header.get("unused_columns")
+    if isinstance(columns, list) and columns:
+        yield f"columns: {', '.join(map(str, columns))}"
+
+
+def _matching(image: FileImage) -> Format | None:
     head = image.part(0, HEAD_BYTES)
-    for entry in FORMATS.values():
-        if entry.matches(head, image.size):
-            return entry
+    return next((entry for entry in FORMATS.values() if entry.matches(head, image.size)), None)
+
+
+def _format_of(image: FileImage) -> Format:
+    found = _matching(image)
+    if found is not None:
+        return found
     suffix = image.path.suffix.lower()
     known = ", ".join(entry.title for entry in FORMATS.values())
     if suffix in _PRIVATE:
@@ -122,12 +156,22 @@ def _format_for(path: Path) -> Format:
 
 def _in_nanometres(rayfile: RayFile) -> RayFile:
     """Convert wavelengths that can only be µm, whatever their format says, to nm, with a warning."""
-    if rayfile.wavelengths_nm is None:
-        return rayfile
-    with np.errstate(invalid="ignore"):
-        sample = np.nan_to_num(rayfile.wavelengths_nm[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)
-    if not 0.0 < sample.max() < _MICRONS_BELOW:
-        return rayfile
-    warning = f"wavelengths below {_MICRONS_BELOW:g} nm: taken as µm"
-    nanometres = scaled(rayfile.wavelengths_nm, NM_PER_MICRON)
-    return replace(rayfile, wavelengths_nm=nanometres, warnings=(*rayfile.warnings, warning))
+    warnings, header, waves = list(rayfile.warnings), dict(rayfile.header), rayfile.wavelengths_nm
+    if waves is not None:
+        with np.errstate(invalid="ignore"):
+            sample = np.nan_to_num(waves[:_SAMPLE].astype(np.float64), posinf=0.0, neginf=0.0)
+        if 0.0 < sample.max() < _MICRONS_BELOW:
+            warnings.append(f"wavelengths below {_MICRONS_BELOW:g} nm: taken as µm")
+            waves = scaled(waves, NM_PER_MICRON)
+    tables = rayfile.spectral_tables
+    longest = max((float(table.wavelengths_nm.max(initial=0.0)) for table in tables), default=0.0)
+    if 0.0 < longest < _MICRONS_BELOW:
+        warnings.append(f"wavelengths of the spectral tables below {_MICRONS_BELOW:g} nm: taken as µm")
+        header["spectral_tables"] = [
+            {
+                "wavelength_nm": (NM_PER_MICRON * table.wavelengths_nm).tolist(),
+                "weight": (table.power_density / NM_PER_MICRON).tolist(),
+            }
+            for table in tables
+        ]
+    return replace(rayfile, wavelengths_nm=waves, header=header, warnings=tuple(warnings))

@@ -44,7 +44,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         raise InputError(f"{FORMAT.title} files count to {2**31 - 1} rays, these are {len(rayfile)}; convert to tm25")
     title = str(rayfile.header.get("name") or rayfile.header.get("description") or "")
     yield _HEADER.pack(_MARK, title.encode("latin-1", "replace")[:24].ljust(24), -len(rayfile))
-    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+    for block in rayfile.absolute_blocks():
         yield float_rows(block.positions_mm, block.directions, block.flux)
 
 

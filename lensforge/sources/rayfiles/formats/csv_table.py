@@ -57,7 +57,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     flux_name = next(name for name, unit in _FLUX.items() if unit == rayfile.flux_unit)
     names = [*_POSITION, *_DIRECTION, flux_name, *([] if rayfile.wavelengths_nm is None else [_WAVELENGTH])]
     yield (",".join(names) + "\n").encode("ascii")
-    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+    for block in rayfile.absolute_blocks():
         yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm, delimiter=",")
 
 

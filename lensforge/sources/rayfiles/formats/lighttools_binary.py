@@ -10,12 +10,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, scaled
 from lensforge.sources.rayfiles.format import Format
 from lensforge.sources.rayfiles.rayfile import RayFile
 
 _HEADER = struct.Struct("<4s6I4f")
 _MAGIC, _END = b"LTRF", b"LTRFEND"
+_SEARCHED = 4096  # bytes at the end in which the mark is looked for
 _MM_PER_UNIT = {0: 1.0, 1: 1.0, 2: 10.0, 3: 1000.0, 4: 25.4, 5: 304.8, 6: 1e-3, 7: 1e-6}  # 0 is the model's own unit
 _SYSTEM_UNIT, _MILLIMETRES = 0, 1
 _NO_COLOUR, _WAVELENGTH = 0, 2
@@ -39,10 +41,9 @@ def _decode(image: FileImage) -> RayFile:
                 f"{name} {value}: only {', '.join(map(str, allowed))} can be read; export it so, or as TM-25"
             )
     if image.part(image.size - len(_END), image.size) != _END:
-        raise image.refuse("truncated: it does not end with LTRFEND; fetch or export it again")
+        raise _wrong_end(image)
     columns = 7 - 3 * far_field + (colour == _WAVELENGTH)
-    count = (image.size - _HEADER.size - len(_END)) // (4 * columns)
-    rows = image.rows(_HEADER.size, count, columns, tail=len(_END))
+    rows = image.rows_to_end(_HEADER.size, columns, tail=len(_END))
     warnings = ["far-field data: all rays start at the file's data origin"] * bool(far_field)
     if unit_code == _SYSTEM_UNIT:
         warnings.append("lengths are in the unit of the model that wrote it: taken as mm")
@@ -65,6 +66,14 @@ def _decode(image: FileImage) -> RayFile:
     )
 
 
+def _wrong_end(image: FileImage) -> InputError:
+    """Tell bytes behind the end mark from rays without one."""
+    _, mark, behind = image.part(image.size - _SEARCHED, image.size).rpartition(_END)
+    if mark:
+        return image.refuse(f"{len(behind)} bytes behind LTRFEND, where it should end; fetch or export it again")
+    return image.refuse("truncated: it does not end with LTRFEND; fetch or export it again")
+
+
 def _starts(origin: list[float], rows: np.ndarray) -> np.ndarray:
     """All rays from one point, as a view that takes no memory; its unit is not documented, so it is taken as mm."""
     return np.broadcast_to(np.array(origin, dtype=np.float32), (len(rows), 3))
@@ -74,7 +83,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     colour = _NO_COLOUR if rayfile.wavelengths_nm is None else _WAVELENGTH
     total = rayfile.total_flux()
     yield _HEADER.pack(_MAGIC, 2, 0, int(rayfile.flux_unit == "lm"), 0, colour, _MILLIMETRES, 0.0, 0.0, 0.0, total)
-    for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
+    for block in rayfile.absolute_blocks(total * len(rayfile)):
         yield float_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm)
     yield _END
 

@@ -93,7 +93,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     }
     lines = [f"{key}: {value}" for key, value in header.items()]
     yield "\n".join([*lines, "lt_startofdata", ""]).encode("ascii", "replace")
-    for block in rayfile.blocks_adding_up_to(total * len(rayfile)):
+    for block in rayfile.absolute_blocks(total * len(rayfile)):
         yield print_rows(block.positions_mm, block.directions, block.flux, block.wavelengths_nm)
     yield _END + b"\n"
 

@@ -31,7 +31,7 @@ def _matches(head: bytes, size: int) -> bool:
 
 def _decode(image: FileImage) -> RayFile:
     watts, *_, lumens = image.unpack(_HEADER)
-    rows = image.rows(_HEADER.size, (image.size - _HEADER.size) // 32, 8)
+    rows = image.rows_to_end(_HEADER.size, 8)
     warnings = () if known(watts) else ("the header states no power: the energies are taken as W",)
     return RayFile(
         positions_mm=rows[:, 0:3],
@@ -51,7 +51,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_and_wavelengths(rayfile)
     total = rayfile.total_flux()
     yield _HEADER.pack(total, *(2.0,) * 5, rayfile.header_flux_lm or 0.0)
-    for block in rayfile.blocks_adding_up_to(total):
+    for block in rayfile.absolute_blocks():
         yield float_rows(block.positions_mm, block.directions, block.wavelengths_nm, block.flux)
 
 

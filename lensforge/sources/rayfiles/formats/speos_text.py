@@ -39,7 +39,8 @@ def _decode(image: FileImage) -> RayFile:
     if rows.shape[1] not in _WIDTHS:
         raise image.refuse(f"line 2: {rows.shape[1]} numbers; {_WIDTHS[0]} or {_WIDTHS[1]}")
     if len(rows) != count:
-        raise image.refuse(f"line 1 promises {count:.0f} rays, the file holds {len(rows)}; fetch or export it again")
+        fault = "truncated" if len(rows) < count else "more than that"
+        raise image.refuse(f"line 1 promises {count:.0f} rays, the file holds {len(rows)} ({fault}); fetch it again")
     unused = ("columns 10 to 14 are not used here, and lost when converted",) if rows.shape[1] > _WIDTHS[0] else ()
     return RayFile(
         positions_mm=rows[:, 1:4],
@@ -48,6 +49,7 @@ def _decode(image: FileImage) -> RayFile:
         flux_unit="W",
         wavelengths_nm=rows[:, 7],
         format=FORMAT.name,
+        header={"unused_columns": ["10 to 14"]} if unused else {},
         warnings=(
             "SPEOS text is experimental: lengths are taken as mm and energies as W, check both",
             *unused,
@@ -60,7 +62,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_and_wavelengths(rayfile)
     yield f"{len(rayfile)}\n".encode("ascii")
     number = 1
-    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+    for block in rayfile.absolute_blocks():
         numbered = np.arange(number, number + len(block), dtype=np.float64)
         yield print_rows(numbered, block.positions_mm, block.directions, block.wavelengths_nm, block.flux)
         number += len(block)

@@ -145,7 +145,7 @@ def _wavelengths(fields: _Fields, rows: np.ndarray) -> np.ndarray | None:
 def _warnings(fields: _Fields) -> Iterator[str]:
     if fields.version != _VERSION:
         yield f"TM-25 version {fields.version}: read as {_VERSION}, because its size fits that layout"
-    unused = [name for name in _NOT_USED if fields.flags[name]] + ["extra"] * bool(fields.extra_columns)
+    unused = _unused(fields)
     if unused:
         yield f"columns not used here, and lost when converted: {', '.join(unused)}"
     if fields.flags["radiant"] and fields.flags["luminous"]:
@@ -156,6 +156,10 @@ def _warnings(fields: _Fields) -> Iterator[str]:
         yield "the spectrum-index column and spectral identifier 4 go together; this file has only one of them"
     if fields.flags["wavelength"] != (fields.spectral_id == 2):
         yield "the wavelength column and spectral identifier 2 go together; this file has only one of them"
+
+
+def _unused(fields: _Fields) -> list[str]:
+    return [name for name in _NOT_USED if fields.flags[name]] + ["extra"] * bool(fields.extra_columns)
 
 
 def _describe(
@@ -175,22 +179,27 @@ def _describe(
     for index, name in enumerate(_TEXTS):
         at = _FIXED.size + index * _TEXT_BYTES
         content[name] = plain_text(image.part(at, at + _TEXT_BYTES), "utf-32-le")
+    also_lm = ["luminous"] * bool(fields.flags["radiant"] and fields.flags["luminous"])
+    content["unused_columns"] = [*_unused(fields), *also_lm]
     return {**content, "spectral_tables": tables, "extra_columns": labels, "extra_text": extra_text}
 
 
 def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(_without_shared_wavelength(rayfile), FORMAT.title)
+    if rayfile.spectrum_numbers is not None and rayfile.flux_unit == "lm":
+        raise InputError(f"{FORMAT.title} holds a spectrum for each ray only with W, these rays are in lm; give W")
     header = rayfile.header
     tables = rayfile.spectral_tables
     per_ray = rayfile.wavelengths_nm is not None and rayfile.single_wavelength is None
-    total = rayfile.total_flux()
-    yield _fixed_bytes(rayfile, total, len(tables), per_ray)
+    by_number = rayfile.spectrum_numbers is not None and bool(tables) and not per_ray
+    yield _fixed_bytes(rayfile, len(tables), per_ray, by_number)
     for name in _TEXTS:
         yield _padded_text(str(header.get(name, "")))
     block = b"".join(_table_bytes(table) for table in tables)
     yield block.ljust(_padded(_TABLES_START + len(block)) - _TABLES_START, b"\0")
-    for rays in rayfile.blocks_adding_up_to(total):
-        yield float_rows(rays.positions_mm, rays.directions, rays.flux, rays.wavelengths_nm if per_ray else None)
+    for rays in rayfile.absolute_blocks():
+        waves, numbers = rays.wavelengths_nm if per_ray else None, rays.spectrum_numbers if by_number else None
+        yield float_rows(rays.positions_mm, rays.directions, rays.flux, waves, numbers)
 
 
 def _without_shared_wavelength(rayfile: RayFile) -> RayFile:
@@ -200,16 +209,15 @@ def _without_shared_wavelength(rayfile: RayFile) -> RayFile:
     return RayFile(rayfile.positions_mm, rayfile.directions, rayfile.flux, rayfile.flux_unit)
 
 
-def _fixed_bytes(rayfile: RayFile, total: float, tables: int, per_ray: bool) -> bytes:
+def _fixed_bytes(rayfile: RayFile, tables: int, per_ray: bool, by_number: bool) -> bytes:
     header, watts = rayfile.header, rayfile.flux_unit == "W"
     single = rayfile.single_wavelength
-    spectral_id = 2 if per_ray else 1 if single is not None else 3 if tables else 0
-    flags = (1, 1, watts, per_ray, not watts, 0, 0, 0)
+    spectral_id = 2 if per_ray else 4 if by_number else 1 if single is not None else 3 if tables else 0
+    flags = (1, 1, watts, per_ray, not watts, 0, 0, by_number)
     nan = float("nan")
     return _FIXED.pack(
         b"TM25", _VERSION, {"simulated": 0, "measured": 1}.get(str(header.get("creation_method")), -1),
-        (rayfile.header_flux_lm or nan) if watts else total,
-        total if watts else (rayfile.header_flux_w or nan),
+        rayfile.flux_in("lm") or nan, rayfile.flux_in("W") or nan,
         len(rayfile), str(header.get("date", "")).encode("ascii", "replace"), header.get("start_position", 0),
         spectral_id, single or nan, header.get("wavelength_min_nm") or nan, header.get("wavelength_max_nm") or nan,
         tables, 0, 0, *flags,

@@ -81,7 +81,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
         *(0.0,) * 6, *(1.0,) * 3, *(0.0,) * 4,
         _SPECTRAL if spectral else _FLUX_ONLY, int(rayfile.flux_unit == "lm"), 0, 0,
     )  # fmt: skip
-    for block in rayfile.blocks_adding_up_to(total):
+    for block in rayfile.absolute_blocks():
         waves_nm = block.wavelengths_nm if spectral else None
         microns = None if waves_nm is None else scaled(waves_nm, 1.0 / NM_PER_MICRON)
         yield float_rows(block.positions_mm, block.directions, block.flux, microns)

@@ -39,7 +39,8 @@ def _decode(image: FileImage) -> RayFile:
     if rows.shape[1] not in (7, 8):
         raise image.refuse(f"line 2: {rows.shape[1]} numbers; 7, or 8 with a wavelength")
     if len(rows) != rays:
-        raise image.refuse(f"line 1 promises {rays:.0f} rays, the file holds {len(rows)}; fetch or export it again")
+        fault = "truncated" if len(rows) < rays else "more than that"
+        raise image.refuse(f"line 1 promises {rays:.0f} rays, the file holds {len(rows)} ({fault}); fetch it again")
     spectral = rows.shape[1] == 8
     unit: FluxUnit = "lm" if flux_type == 1.0 and not spectral else "W"
     mm_per_unit = MM_PER_UNIT[int(unit_code)]
@@ -59,7 +60,7 @@ def _encode(rayfile: RayFile) -> Iterator[bytes]:
     require_watts_with_wavelengths(rayfile, FORMAT.title)
     spectral = rayfile.wavelengths_nm is not None
     yield f"{len(rayfile)} {MILLIMETRES} {2 if spectral else 0} {int(rayfile.flux_unit == 'lm')}\n".encode("ascii")
-    for block in rayfile.blocks_adding_up_to(rayfile.total_flux()):
+    for block in rayfile.absolute_blocks():
         microns = None if block.wavelengths_nm is None else scaled(block.wavelengths_nm, 1.0 / NM_PER_MICRON)
         yield print_rows(block.positions_mm, block.directions, block.flux, microns)
 

@@ -1,0 +1,169 @@
+"""Index of a dispersive lens at the wavelengths of a source, with an account of the light at which it is not known."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.errors import InputError
+from lensforge.optics.materials import Material
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.source_summary import Range
+from lensforge.sources.spectrum import Spectrum
+
+_MOST_CLAMPED = 0.01
+"""Largest share of the flux whose index may be taken at the end of the range: it bounds the error of the efficiency by
+as much, and a design is not decided by it; measured LEDs have less than that in their tails."""
+_MENTIONED = 0.01  # share of the flux with an extrapolated index above which a warning says so
+_NO_LIGHT_NM = 1e7  # wavelengths from here on, 1 cm, come from a damaged file
+
+
+@dataclass(frozen=True)
+class IndexRange:
+    """Least and largest wavelength (nm) of some light, and the refractive index of the lens at each.
+
+    ``extrapolated_share`` of the flux has wavelengths beyond those at which the index was measured, ``clamped_share``
+    even beyond the trusted range, or none that is usable; its rays have the index at the end of that range, or at the
+    mean wavelength.
+    """
+
+    wavelengths_nm: Range
+    refractive_indices: Range
+    extrapolated_share: float = 0.0
+    clamped_share: float = 0.0
+
+    @classmethod
+    def of(cls, low_nm: float, high_nm: float, material: Material, extrapolated: float, clamped: float) -> "IndexRange":
+        """Look up the indices of ``material`` at the ends, for light of the given shares."""
+        low, high = material.nearest_index(np.array([low_nm, high_nm])).tolist()
+        return cls((low_nm, high_nm), (low, high), extrapolated, clamped)
+
+    def fields(self) -> dict[str, Range | float]:
+        """Fields of a record about the light, by name."""
+        return {
+            "wavelengths_nm": self.wavelengths_nm,
+            "refractive_indices": self.refractive_indices,
+            "extrapolated_index_share": self.extrapolated_share,
+            "clamped_index_share": self.clamped_share,
+        }
+
+    def warnings(self, material: Material) -> tuple[str, ...]:
+        """Say how much of the flux has an index that is not one of the measured range."""
+        found = []
+        if self.extrapolated_share > _MENTIONED:
+            low, high = material.range_nm
+            found.append(
+                f"{100.0 * self.extrapolated_share:.3g} % of the flux is outside {low:g} to {high:g} nm, where the "
+                f"index of {material.name} was measured: it is extrapolated, to about {material.extrapolation_error:g}"
+            )
+        if self.clamped_share > 0.0:
+            low, high = material.trusted_nm
+            found.append(
+                f"{100.0 * self.clamped_share:.3g} % of the flux is outside {low:g} to {high:g} nm, where the index "
+                f"of {material.name} is known: it is traced with the index at the end of that range"
+            )
+        return tuple(found)
+
+
+def index_of_rays(
+    wavelengths_nm: Float[np.ndarray, " n"], flux: Float[np.ndarray, " n"], material: Material, name: str
+) -> tuple[Float[np.ndarray, " n"], IndexRange]:
+    """Look up the index of ``material`` for each ray of ``flux``, any unit; ``name`` is the source in errors.
+
+    Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
+    """
+    total, usable = float(flux.sum()), (wavelengths_nm > 0.0) & (wavelengths_nm < _NO_LIGHT_NM)
+    if not usable.any():
+        raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
+    waves = np.where(usable, wavelengths_nm, np.average(wavelengths_nm[usable], weights=flux[usable]))
+
+    def share(rays: Bool[np.ndarray, " n"]) -> float:
+        return float(flux[rays].sum()) / total
+
+    outside = ~_within(waves, material.trusted_nm)
+    clamped, low, high = share(outside | ~usable), float(waves.min()), float(waves.max())
+    _require_few(clamped, low, high, material, name)
+    extrapolated = share(usable & ~outside & ~_within(waves, material.range_nm))
+    return material.nearest_index(waves), IndexRange.of(low, high, material, extrapolated, clamped)
+
+
+def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
+    """Account for the power of ``spectrum`` by what is known of ``material``; shares are exact integrals.
+
+    Raises :class:`InputError` where more than 1 % of the power is beyond the material's trusted range.
+    """
+    lit = np.flatnonzero(spectrum.power_density)
+    first, last = max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(spectrum.wavelengths_nm) - 1)
+    low, high = float(spectrum.wavelengths_nm[first]), float(spectrum.wavelengths_nm[last])
+    trusted, measured = (
+        spectrum.share_up_to(ends[1]) - spectrum.share_up_to(np.nextafter(ends[0], 0.0))
+        for ends in (material.trusted_nm, material.range_nm)
+    )
+    clamped = max(1.0 - trusted, 0.0) if not _all_within(low, high, material.trusted_nm) else 0.0
+    extrapolated = max(trusted - measured, 0.0) if not _all_within(low, high, material.range_nm) else 0.0
+    _require_few(clamped, low, high, material, spectrum.name)
+    return IndexRange.of(low, high, material, extrapolated, clamped)
+
+
+def _within(waves: Float[np.ndarray, " n"], ends: tuple[float, float]) -> Bool[np.ndarray, " n"]:
+    within: Bool[np.ndarray, " n"] = (waves >= ends[0]) & (waves <= ends[1])
+    return within
+
+
+def _all_within(low: float, high: float, ends: tuple[float, float]) -> bool:
+    return ends[0] <= low and high <= ends[1]
+
+
+def _require_few(clamped: float, low: float, high: float, material: Material, name: str) -> None:
+    if clamped <= _MOST_CLAMPED:
+        return
+    raise InputError(
+        f"{name}: wavelengths from {low:g} to {high:g} nm; the index of {material.name} is {material.known}, and "
+        f"{100.0 * clamped:.3g} % of the flux is outside, at most {100.0 * _MOST_CLAMPED:g} % may be; give a constant "
+        "lens.refractive_index instead of a material, or correct the spectrum"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class DispersedSource:
+    """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``.
+
+    Raises :class:`InputError` for a spectrum of which too much is beyond what is known of the material.
+    """
+
+    source: Source
+    spectrum: Spectrum
+    material: Material
+
+    def __post_init__(self) -> None:
+        _ = self.index_range
+
+    @property
+    def flux_w(self) -> float:
+        """Flux (W) of the source itself."""
+        return self.source.flux_w
+
+    @property
+    def symmetry(self) -> str:
+        """Symmetry of the source itself: wavelengths are spread evenly over it."""
+        return self.source.symmetry
+
+    @property
+    def ray_count(self) -> int | None:
+        """Number of distinct rays of the source itself."""
+        return self.source.ray_count
+
+    @cached_property
+    def index_range(self) -> IndexRange:
+        """Ends of the spectrum, the indices there, and the power at which the index is not known."""
+        return index_of_spectrum(self.spectrum, self.material)
+
+    def sample(self, count: int, seed: int) -> RayBundle:
+        """Draw the rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
+        rays = self.source.sample(count, seed)
+        return replace(rays, refractive_indices=self.material.nearest_index(self.spectrum.draw(count, seed)))
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline of the source itself."""
+        return self.source.outline()

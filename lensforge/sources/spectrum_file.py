@@ -1,0 +1,111 @@
+"""Text files of a spectrum: two columns, as LED manufacturers publish them, OPTIS/SPEOS and LightTools spectra.
+
+- Two columns, wavelength (nm) and relative power density, separated by blanks, tabs, semicolons, or commas; comments
+  start with ``#``, and one line of column names may come first. Verified with two files of OSRAM.
+- OPTIS spectrum (``.spectrum``): a line ``OPTIS - Spectrum file v1.0``, a line of text, the number of samples, and a
+  row of wavelength (nm) and value for each. SPEOS itself reads a misspelt ``fie``; values are percent, here relative.
+- LightTools spectrum (``.sre``): comments, ``dfat 1.0``, ``dataname: ...``, ``continuous`` or ``discrete``,
+  ``radiometric``, and rows of wavelength (nm) and value.
+
+Of the last two the layouts are those of public programs that read and write them; no file of their makers was at hand.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+
+_OPTIS = re.compile(r"OPTIS\s*-\s*Spectrum\b", re.IGNORECASE)
+_LIGHTTOOLS = re.compile(r"(dfat|dataname|continuous|discrete|radiometric|photometric)\b", re.IGNORECASE)
+_MOST_BYTES = 10_000_000  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
+_LEAST_NM = 100.0  # below that are µm: no light here is shorter
+
+Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
+
+
+def read_spectrum_file(path: Path) -> Columns:
+    """Read wavelengths (nm), rising, and relative power densities. Raises :class:`InputError`, one line."""
+    lines = _lines(Path(path))
+    if lines and _OPTIS.match(lines[0]):
+        rows = _optis_rows(lines, path)
+    elif lines and lines[0].upper().startswith("OPTIS -"):
+        raise InputError(f"{path}: {_shown(lines[0])!r}: an OPTIS file, but not a spectrum; export the spectrum")
+    elif any(_LIGHTTOOLS.match(line) for line in lines if not line.startswith("#")):
+        rows = _lighttools_rows(lines, path)
+    else:
+        rows = _plain_rows(lines, path)
+    found = np.array(rows)
+    if (np.diff(found[:, 0]) < 0.0).all():
+        found = found[::-1]  # from red to blue
+    if found[:, 0].max() < _LEAST_NM:
+        raise InputError(
+            f"{path}: wavelengths from {found[:, 0].min():g} to {found[:, 0].max():g}: nm are expected, µm can be one "
+            "cause; multiply them by 1000"
+        )
+    return found[:, 0], found[:, 1]
+
+
+def _lines(path: Path) -> list[str]:
+    """The lines that are not empty, without the blanks around them."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; not a spectrum")
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: not readable ({error.strerror})") from None
+    if b"\0" in raw:
+        raise InputError(f"{path}: not a text file; export the spectrum as text, two columns")
+    text = raw.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+    return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+
+
+def _optis_rows(lines: list[str], path: Path) -> list[list[float]]:
+    """Rows below the count, which is the second line where the line of text is empty."""
+    at = next((place for place in (1, 2) if place < len(lines) and lines[place].isdigit()), 0)
+    if at == 0:
+        raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
+    count, rows = int(lines[at]), [_row(line, path) for line in lines[at + 1 :]]
+    if len(rows) != count or not rows:
+        raise InputError(f"{path}: {count} samples announced, {len(rows)} found; export it again")
+    return rows
+
+
+def _lighttools_rows(lines: list[str], path: Path) -> list[list[float]]:
+    kept = [line for line in lines if not line.startswith("#")]
+    for line in kept:
+        if line.lower().startswith(("discrete", "photometric")):
+            raise InputError(f"{path}: {line.split()[0]}: only continuous, radiometric spectra are read; export it so")
+    rows = [_row(line, path) for line in kept if not _LIGHTTOOLS.match(line)]
+    if not rows:
+        raise InputError(f"{path}: no rows of wavelength and value below its header; export it again")
+    return rows
+
+
+def _plain_rows(lines: list[str], path: Path) -> list[list[float]]:
+    kept = [line for line in lines if not line.startswith("#")]
+    if kept and not any(character.isdigit() for character in kept[0].split()[0]):
+        kept = kept[1:]  # names of the columns
+    if not kept:
+        raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
+    return [_row(line, path) for line in kept]
+
+
+def _row(line: str, path: Path) -> list[float]:
+    """Two numbers separated by blanks or a semicolon, then with a point or a comma as decimal sign, or by a comma."""
+    words = [word.strip(",") for word in re.split(r"[\s;]+", line) if word.strip(",")]
+    words = [word.replace(",", ".") for word in words] if len(words) > 1 else line.split(",")
+    if len(words) != 2:
+        raise InputError(f"{path}: {_shown(line)!r}: {len(words)} columns; two, wavelength (nm) and relative power")
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise InputError(f"{path}: {_shown(line)!r}: not two columns of numbers; wavelength (nm) and power") from None
+
+
+def _shown(line: str) -> str:
+    return "".join(character if character.isprintable() else "?" for character in line[:40])

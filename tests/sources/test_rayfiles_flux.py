@@ -1,0 +1,171 @@
+"""Flux and spectrum of a ray file: one scale for summary, picture, conversion and source; nothing lost unsaid."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rayfile_samples import encoded, image, rays, with_spectrum_numbers
+
+from lensforge.errors import InputError
+from lensforge.sources.ray_set_loading import load_ray_set
+from lensforge.sources.rayfiles import FORMATS, convert, describe, read_rayfile, write_rayfile
+from lensforge.sources.rayfiles.plot import Histograms
+from lensforge.sources.rayfiles.reading import decode
+from lensforge.spec.ray_source import RayfileSource
+
+TABLE = {"wavelength_nm": [530.0, 550.0, 570.0], "weight": [0.0, 1.0, 0.0]}
+LM_PER_W = 676.0  # about that of the table
+
+
+def stated(unit, wavelengths="none", table=False):
+    """Rays whose fluxes are relative, with both totals in the header: 2.5 W and 1690 lm."""
+    header = {"name": "both", **({"spectral_tables": [TABLE]} if table else {})}
+    both = replace(rays(40, unit, wavelengths), header_flux_w=2.5, header_flux_lm=2.5 * LM_PER_W, header=header)
+    return replace(both, flux=both.flux * np.float32(1e4))
+
+
+ORIGINALS = {
+    f"{unit}, wavelengths {waves}{', table' * table}": stated(unit, waves, table)
+    for unit in ("W", "lm")
+    for waves in ("none", "one", "each")
+    for table in (False, True)
+    if not (table and waves != "none")
+}
+
+
+def known(rayfile):
+    """Everything that a file says of its light, by the words under which a loss of it is listed."""
+    found = {f"total flux in {unit}": rayfile.flux_in(unit) for unit in ("W", "lm")}
+    if rayfile.wavelengths_nm is not None:
+        found["wavelengths"] = np.asarray(rayfile.wavelengths_nm, dtype=float)
+    if rayfile.spectral_tables:
+        found["spectral tables"] = np.array([t["weight"] for t in rayfile.header["spectral_tables"]])
+    if rayfile.spectrum_numbers is not None:
+        found["spectral table of each ray"] = np.asarray(rayfile.spectrum_numbers, dtype=float)
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def holds(name, rayfile):
+    """True where the format can hold the rays; False where it refuses them and names a format that can."""
+    try:
+        encoded(name, rayfile)
+    except InputError as error:
+        refused = str(error)
+    else:
+        return True
+    assert "convert to" in refused
+    return False
+
+
+def cannot_hold(name, unit):
+    """Facts for which a format has no place, as the guide's table lists them."""
+    other = {"W": "total flux in lm", "lm": "total flux in W"}[unit]
+    return {
+        *([other] if name not in ("tm25", "speos") else []),
+        *(["wavelengths"] if name == "asap" else []),
+        *(["spectral tables", "spectral table of each ray"] if name != "tm25" else []),
+    }
+
+
+@pytest.mark.parametrize("target", list(FORMATS))
+@pytest.mark.parametrize("source", list(FORMATS))
+def test_totals_and_spectrum_survive_any_conversion_or_are_listed(source, target, tmp_path):
+    """Every pair of formats, every kind of rays that the first can hold: a fact is in the new file, or in ``lost``."""
+    held = 0
+    for original in ORIGINALS.values():
+        if not holds(source, original):
+            continue
+        (tmp_path / "in").write_bytes(encoded(source, original))
+        before = read_rayfile(tmp_path / "in")
+        if not holds(target, before):
+            continue
+        report = convert(tmp_path / "in", tmp_path / "out", target)
+        held += 1
+        after, facts = known(read_rayfile(tmp_path / "out")), known(before)
+        listed = [words.split(" (")[0] for words in report.lost]
+        for name, value in facts.items():
+            survives = name in after and np.allclose(after[name], value, rtol=1e-5)
+            assert survives != (name in listed), (name, report.lost)
+        assert set(listed) == set(facts) & (set() if source == target else cannot_hold(target, before.flux_unit))
+        own = f"total flux in {before.flux_unit}"
+        assert own not in listed and after[own] == pytest.approx(facts[own], rel=1e-5)
+    assert held or {source, target} & {"asap", "speos", "speos_text"}
+
+
+@pytest.mark.parametrize("unit", ["W", "lm"])
+def test_tm25_keeps_both_totals_and_the_spectrum(unit, tmp_path):
+    write_rayfile(tmp_path / "led.tm25ray", stated(unit, table=True))
+    back = read_rayfile(tmp_path / "led.tm25ray")
+    assert (back.header_flux_w, back.header_flux_lm) == (2.5, pytest.approx(2.5 * LM_PER_W))
+    np.testing.assert_array_equal(back.header["spectral_tables"][0]["weight"], TABLE["weight"])
+    assert float(np.sum(back.flux, dtype=float)) == pytest.approx(back.flux_in(unit), rel=1e-6)
+
+
+def test_the_table_of_each_ray_is_written_again():
+    """Not a copy of the bytes: encoded by our writer, spectral identifier 4."""
+    numbers = [1, 2, 2, 1, 2]
+    back = decode(image(encoded("tm25", decode(image(with_spectrum_numbers(numbers))))))
+    assert (back.spectrum_numbers.tolist(), len(back.spectral_tables), back.warnings) == (numbers, 2, ())
+    with pytest.raises(InputError, match="only with W"):
+        encoded("tm25", replace(back, flux_unit="lm"))
+
+
+@pytest.mark.parametrize("role", ["total", "scale", "ignored"])
+def test_one_flux_in_summary_picture_conversion_and_source(role, tmp_path, monkeypatch):
+    """A ray without a direction carries half of the stored flux: nobody counts it, and so nobody disagrees."""
+    random = rays(300)
+    flux, directions = np.array(random.flux), np.array(random.directions)
+    flux[7], directions[7] = flux.sum(dtype=float) - flux[7], 0.0
+    stored = replace(
+        random, flux=flux, directions=directions, header_flux_w=0.75, header_role=role, positions_mm=random.positions_mm
+    )
+    usable = float(np.delete(flux, 7).astype(float).sum())
+    truth = usable if role == "ignored" else 0.75
+    assert describe(stored).flux.total == pytest.approx(truth, rel=1e-9)
+    assert Histograms.of(stored).rings.sum() == pytest.approx(truth, rel=1e-9)
+    assert stored.total_flux() == pytest.approx(truth, rel=1e-9)
+    for name in ("tm25", "zemax_binary", "csv", "lighttools_binary"):
+        (tmp_path / "led").write_bytes(encoded(name, stored))
+        assert load_ray_set(RayfileSource(file=tmp_path / "led")).flux_w == pytest.approx(truth, rel=1e-6)
+        kept = read_rayfile(tmp_path / "led")
+        assert kept.flux_factor() * kept.ray_sum() == pytest.approx(truth, rel=1e-6)
+
+
+def test_the_mean_wavelength_is_that_of_the_rays_that_have_one():
+    """Half of the flux has no wavelength: the mean was 250 nm, that of the others is 500 nm."""
+    waves = np.array([400.0, 600.0, np.nan, -1.0])
+    four = replace(rays(4), flux=np.ones(4), header_flux_w=4.0, wavelengths_nm=waves)
+    summary = describe(four)
+    assert summary.wavelengths_nm.mean == pytest.approx(500.0)
+    assert any("50 % of the flux has no usable wavelength" in warning for warning in summary.warnings)
+
+
+BINARY = {"tm25": 28, "zemax_binary": 28, "lighttools_binary": 28, "asap": 28, "speos": 32}
+
+
+@pytest.mark.parametrize("name", list(BINARY))
+def test_a_file_too_short_is_not_called_too_long_nor_the_reverse(name):
+    content = encoded(name, rays(9, wavelengths="each" if name == "speos" else "none"))
+    for cut in (1, 5, BINARY[name] - 1):
+        words = refusal(content[:-cut])
+        assert "truncated" in words and "more" not in words and "longer" not in words, words
+    for extra in (1, 5):
+        words = refusal(content + b"\1" * extra)
+        assert any(each in words for each in ("bytes more", "bytes behind LTRFEND", "with bytes added")), words
+        assert name == "speos" or "truncated" not in words, words
+    if name == "lighttools_binary":
+        assert "truncated" in refusal(content[:-12] + content[-7:])
+        assert "5 bytes behind" in refusal(content + b"abcde")
+
+
+@pytest.mark.parametrize("name", ["zemax_text", "speos_text"])
+def test_a_text_with_another_count_says_which_way(name):
+    lines = encoded(name, rays(9, wavelengths="each")).splitlines(keepends=True)
+    assert "holds 8 (truncated)" in refusal(b"".join(lines[:-1]))
+    assert "holds 10 (more than that)" in refusal(b"".join([*lines, lines[-1]]))
+
+
+def refusal(content):
+    with pytest.raises(InputError) as caught:
+        decode(image(content))
+    return str(caught.value)

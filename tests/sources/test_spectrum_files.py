@@ -1,0 +1,116 @@
+"""Spectra as files: two columns of a vendor, OPTIS/SPEOS, LightTools; refused in one line where they are none."""
+
+import numpy as np
+import pytest
+from rayfile_samples import SHARED
+
+from lensforge.errors import InputError
+from lensforge.sources.spectrum import spectrum_of
+from lensforge.sources.spectrum_file import read_spectrum_file
+from lensforge.spec.emission import FileSpectrum
+
+ROWS = ([440.5, 450.0, 480.25], [0.0, 2.0, 1.0])
+TABBED = "440.5\t0\n450\t2\n480.25\t1\n"
+OPTIS = "OPTIS - Spectrum file v1.0\nBlue LED, 20 mA\n3\n" + TABBED
+LIGHTTOOLS = (
+    "# LightTools spectrum file, created 13-Oct-2019\n# name: blue 5\ndfat 1.0\ndataname: 450 nm\ncontinuous\n"
+    "radiometric\n" + TABBED
+)
+
+
+def read(folder, content):
+    path = folder / "led.txt"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode("latin-1"))
+    return read_spectrum_file(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        TABBED,
+        TABBED.replace("\n", "\r\n"),
+        TABBED.replace("\n", "\r"),
+        "\xef\xbb\xbf" + TABBED,
+        "# a comment 1 2 3\n\nwavelength (nm)\tpower\n" + TABBED,
+        "Wavelength;Power\n440,5;0\n450,0;2,0\n480,25;1\n",
+        "440,5 0\n450 2,0\n480,25 1,0\n",
+        "440.5,0\n450,2\n480.25,1.0\n",
+        "440.5, 0\n450, 2\n480.25, 1.0\n",
+        "480.25 1\n450 2\n440.5 0\n",
+        OPTIS,
+        OPTIS.replace("file", "fie"),
+        OPTIS.replace("v1.0", "v1").replace("Blue LED, 20 mA", ""),
+        OPTIS.replace("\n", "\r\n") + "\r\n",
+        LIGHTTOOLS,
+        LIGHTTOOLS.replace("\n", "\r\n"),
+        "dfat 1.0\t\ndataname:\t led\ncontinuous\t\nradiometric\t\n" + TABBED,
+    ],
+)
+def test_the_same_three_rows_in_every_dress(content, tmp_path):
+    waves, power = read(tmp_path, content)
+    np.testing.assert_array_equal((waves, power), ROWS)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "it has none"),
+        ("a b\n", "not two columns"),
+        ("450 1 2\n", "3 columns"),
+        ("450\n", "1 columns"),
+        ("450 1\n460 x\n", "not two columns of numbers"),
+        ("0.44 0\n0.45 1\n0.46 0\n", "nm are expected, µm"),
+        (b"450 1\0\n", "not a text file"),
+        (OPTIS.replace("\n3\n", "\n4\n"), "4 samples announced, 3 found"),
+        (OPTIS.replace("\n3\n", "\n2\n"), "2 samples announced, 3 found"),
+        (OPTIS.replace("\n3\n", "\n"), "the number of its samples"),
+        ("OPTIS - Spectrum file v1.0\n", "the number of its samples"),
+        (LIGHTTOOLS.replace("continuous", "discrete"), "discrete: only continuous, radiometric"),
+        (LIGHTTOOLS.replace("radiometric", "photometric"), "photometric: only continuous"),
+        ("dfat 1.0\ndataname: led\ncontinuous\n", "no rows"),
+        ("OPTIS - Material file v13\n\n0\n", "an OPTIS file, but not a spectrum"),
+    ],
+)
+def test_what_is_no_spectrum_is_one_line(content, message, tmp_path):
+    with pytest.raises(InputError, match=message) as caught:
+        read(tmp_path, content)
+    assert str(caught.value).isprintable() and str(tmp_path / "led.txt") in str(caught.value)
+
+
+def test_the_spec_reads_it_and_names_its_field(tmp_path):
+    (tmp_path / "led.spectrum").write_text(OPTIS, encoding="latin-1")
+    spectrum = spectrum_of(FileSpectrum(file=tmp_path / "led.spectrum"))
+    np.testing.assert_array_equal(spectrum.power_density, ROWS[1])
+    (tmp_path / "led.spectrum").write_text(OPTIS.replace("\t2\n", "\t-2\n"), encoding="latin-1")
+    with pytest.raises(InputError, match=r"led\.spectrum: power densities .*; correct source\.spectrum\.file"):
+        spectrum_of(FileSpectrum(file=tmp_path / "led.spectrum"))
+
+
+def test_damaged_files_end_in_rows_or_in_one_line(tmp_path):
+    random = np.random.default_rng(5)
+    for case in range(400):
+        content = bytearray((OPTIS, LIGHTTOOLS, TABBED)[case % 3].encode("latin-1"))
+        for _ in range(random.integers(1, 5)):
+            at = int(random.integers(0, len(content)))
+            if random.random() < 0.5:
+                content[at : at + 1] = random.bytes(1)
+            else:
+                del content[at : at + int(random.integers(1, 20))]
+        try:
+            waves, power = read(tmp_path, bytes(content))
+        except InputError as error:
+            line = str(error)
+        else:
+            assert len(waves) == len(power) > 0
+            continue
+        assert line.isprintable() and len(line) < 600
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
+def test_the_published_spectra_of_a_white_led():
+    for name, peak_nm in (("blue", 448.9), ("yellow", 554.0)):
+        (path,) = (SHARED / "osram").glob(f"*white-{name}*spectrum.txt")
+        waves, power = read_spectrum_file(path)
+        words = [float(word) for word in path.read_text(encoding="latin-1").split()]
+        np.testing.assert_array_equal((waves, power), (words[::2], words[1::2]))
+        assert abs(float(waves[np.argmax(power)]) - peak_nm) < 8.0
