@@ -1,16 +1,16 @@
 """Evaluation of a finished lens by the paper's protocol: rays in independent replicates, metrics, :class:`Light`."""
 
 import time
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
 from lensforge.criteria import Criterion, at_most
-from lensforge.evaluation.light import Flux, Light, MissedByCause, TableErrors
-from lensforge.evaluation.metrics import jackknife, jackknife_metric, nmse, relative_deviation, uniformity
+from lensforge.evaluation.light import Flux, Light, MissedByCause, RawMetrics, TableErrors
+from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.minimum import uniformity_without_noise
+from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import MISSED_RECEIVER, Simulation, TracedLens, simulate
 from lensforge.kernels.fates import Fate
@@ -21,10 +21,7 @@ from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
-
-IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where it is brighter than that
-
-Images = Float[np.ndarray, "r p p"]
+from lensforge.spec.target import IN_TARGET
 
 
 def evaluate_lens(
@@ -51,7 +48,10 @@ def evaluate_lens(
 def evaluate_traced(
     traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int, pixels: int | None = None
 ) -> Light:
-    """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``."""
+    """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
+
+    The luminous efficacy is left open: it is not one of the emitter.
+    """
     started = time.perf_counter()
     receiver = PlaneReceiver.of(spec.target, pixels or spec.evaluate.pixels)
     grid = receiver.grid
@@ -60,14 +60,15 @@ def evaluate_traced(
     images = np.stack([gaussian3(image, spec.evaluate.filter_variance) for image in simulation.images])
     target, mean, raw = target_irradiance(spec.target, grid), images.mean(axis=0), simulation.images.mean(axis=0)
     area, uniform_mm = receiver.pixel_measure, spec.target.uniform_mm
-    mask = None if uniform_mm is None else grid.square_mask(uniform_mm)
+    mask = None if uniform_mm is None else _lit(grid.square_mask(uniform_mm), mean)
     flux, missed = _flux_budget(simulation)
     return Light(
-        nmse=jackknife_metric(images, partial(nmse, target=target)),
+        nmse=nmse_without_noise(images, target),
         efficiency=_share(simulation.window, simulation.emitted_w),
         share_in_target=_share(_in_target(simulation.images, target), simulation.emitted_w),
-        uniformity=_in_mask(images, uniformity, mask),
-        rsd=_in_mask(images, relative_deviation, mask),
+        uniformity=None if mask is None else uniformity_without_noise(images, mask),
+        rsd=None if mask is None else rsd_without_noise(images, mask),
+        raw=_raw(mean, target, mask),
         nmse_of_noise=_noise(images),
         flux=flux,
         missed_by_cause=missed,
@@ -79,7 +80,7 @@ def evaluate_traced(
         window_mm=window_mm,
         uniform_mm=uniform_mm,
         distance_mm=spec.target.distance_mm,
-        lumens_per_watt=spec.source.luminous_efficacy_lm_per_w,
+        lumens_per_watt=None,
         table_nodes=traced.scene.grid.nodes,
         table_error_nm=TableErrors.model_validate(traced.table_error_nm),
         preset_error=None,
@@ -93,15 +94,20 @@ def evaluate_traced(
     )
 
 
-def _in_mask(
-    images: Images,
-    statistic: Callable[..., float],
-    mask: Bool[np.ndarray, "p p"] | None,
-) -> Metric | None:
-    """``statistic`` in the mask; None without a mask, or where no pixel lies in it or no light falls anywhere."""
-    if mask is None or not mask.any() or not images.sum() > 0.0:
-        return None
-    return jackknife_metric(images, partial(statistic, mask=mask))
+def _lit(mask: Bool[np.ndarray, "p p"], mean: Float[np.ndarray, "p p"]) -> Bool[np.ndarray, "p p"] | None:
+    """``mask``; None where no pixel lies in it, or no light falls anywhere."""
+    return mask if mask.any() and mean.sum() > 0.0 else None
+
+
+def _raw(
+    mean: Float[np.ndarray, "p p"], target: Float[np.ndarray, "p p"], mask: Bool[np.ndarray, "p p"] | None
+) -> RawMetrics:
+    """Metrics of the mean image, with its noise."""
+    return RawMetrics(
+        nmse=nmse(mean, target),
+        uniformity=None if mask is None else uniformity(mean, mask),
+        rsd=None if mask is None else relative_deviation(mean, mask),
+    )
 
 
 def _share(flux_w: Float[np.ndarray, " r"], emitted_w: float) -> Metric:

@@ -15,7 +15,7 @@ from lensforge.records import (
     Positive,
     Record,
     Share,
-    StageResult,
+    SimulatedResult,
     Text,
 )
 
@@ -80,14 +80,28 @@ class PresetError(Record):
     evaluation: TableError
 
 
-class Light(StageResult):
+class RawMetrics(Record):
+    """Metrics of the picture as it was binned and filtered: with ray noise, which raises NMSE and RSD, and darkens the
+    darkest pixel. ``uniformity`` and ``rsd`` are None where the spec names no mask.
+    """
+
+    nmse: NotNegative
+    uniformity: NotNegative | None
+    rsd: NotNegative | None
+
+
+class Light(SimulatedResult):
     """The light of a lens on its receiver, simulated with independent replicates of rays.
 
     ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2) [row y, column x] after the filter, before it, and of the
     target, scaled to the flux there; ``axis_mm``: centres of the pixels along either axis. ``nmse``: Eq. (7) with the
-    target scaled to the flux that arrives; ``nmse_of_noise``: the part due to ray noise. ``efficiency``: share
-    of the emitted flux in the window; ``share_in_target``: where the target is above a tenth of its maximum.
-    ``uniformity``, ``rsd``: in the centred square of ``uniform_mm``, None where the spec names none.
+    target scaled to the flux that arrives. ``efficiency``: share of the emitted flux in the window;
+    ``share_in_target``: where the target is above a tenth of its maximum. ``uniformity``, ``rsd``: least over mean, and
+    standard deviation over mean, in the centred square of ``uniform_mm``; None where the spec names none.
+
+    ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
+    Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
+    ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -98,6 +112,7 @@ class Light(StageResult):
     share_in_target: Metric
     uniformity: Metric | None
     rsd: Metric | None
+    raw: RawMetrics
     nmse_of_noise: NotNegative | None
     flux: Flux
     missed_by_cause: MissedByCause
@@ -133,7 +148,8 @@ class Light(StageResult):
     def __str__(self) -> str:
         named = {"NMSE": self.nmse, "uniformity": self.uniformity, "efficiency": self.efficiency}
         figures = ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
-        return f"light: {figures} ({self.rays} rays, {self.pixels} x {self.pixels} pixels, {self.filter})"
+        where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
+        return f"light{where}: {figures} ({self.rays} rays, {self.pixels} x {self.pixels} pixels, {self.filter})"
 
     def plot(self, axes: "Axes | None" = None, *, which: Picture = "map") -> "Axes":
         """The light on the receiver in false colour with its scale, in lux where the source's lumens are known.

@@ -1,7 +1,8 @@
 """Error of an accuracy preset on this scene: light through its tables against light through the exact surfaces.
 
 The same rays pass through both, so that no noise enters; they come in independent scrambles, which give the standard
-error. The noise of the rays that evaluate a lens is not included: that is ``nmse_of_noise``.
+error. The noise of the rays that evaluate a lens is not included: that is in the
+standard errors of its metrics.
 """
 
 from dataclasses import dataclass

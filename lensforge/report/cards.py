@@ -54,16 +54,17 @@ def _light_cards(results: Results) -> Iterator[Card]:
     light = results.find(Light)
     if light is None:
         return
-    yield Card("NMSE", number(light.nmse.value, 3), "", f"{_error(light.nmse)}error of the pattern, 0 is perfect")
+    note = _light_note(light.nmse, light.raw.nmse, "error of the pattern, 0 is perfect")
+    yield Card("NMSE", number(light.nmse.value, 3), "", note)
     window = f"of the emitted flux within {light.window_mm:g} × {light.window_mm:g} mm"
     error = light.efficiency.standard_error
     spread = f"± {percent(error, 3)}; " if error else ""
     yield Card("Efficiency", percent(light.efficiency.value), "", f"{spread}{window}")
     if light.uniformity is not None:
-        note = f"{_error(light.uniformity)}least over mean irradiance in the mask"
+        note = _light_note(light.uniformity, light.raw.uniformity, "least over mean irradiance in the mask")
         yield Card("Uniformity", number(light.uniformity.value, 3), "", note)
     if light.rsd is not None:
-        note = f"{_error(light.rsd)}standard deviation over mean in the mask"
+        note = _light_note(light.rsd, light.raw.rsd, "standard deviation over mean in the mask")
         yield Card("RSD", number(light.rsd.value, 3), "", note)
     if light.preset_error is not None:
         left = light.preset_error.evaluation
@@ -75,6 +76,13 @@ def _light_cards(results: Results) -> Iterator[Card]:
         yield Card("Simulation error", number(left.irradiance_nmse.value, 2), "", note)
 
 
+def _light_note(metric: Metric, raw: float | None, meaning: str) -> str:
+    """Error and meaning of a metric of the light, and its value with ray noise where it has been taken off."""
+    if metric.standard_error is None:
+        return f"{meaning}; with ray noise, too few rays to take it off"
+    return f"{_error(metric)}{meaning}; with ray noise {number(raw, 3)}"
+
+
 def _error(metric: Metric) -> str:
     return f"± {number(metric.standard_error, 2)}; " if metric.standard_error else ""
 
@@ -84,7 +92,7 @@ def _level_cards(results: Results) -> Iterator[Card]:
     light = results.find(Light)
     if light is None:
         return
-    unit = unit_of_light(results.spec)
+    unit = unit_of_light(results)
     if light.uniform_mm is None:
         label, watts, where = f"Peak {unit.quantity}", float(light.map.max()), "on the receiver"
     else:

@@ -30,8 +30,8 @@ def measure_sensitivity(
 ) -> Sensitivity:
     """Trace the lens with each error of ``amounts``, always with the same rays.
 
-    Changes are from the lens as designed: with common rays most of the noise of both cancels. ``progress`` is called
-    after each lens with the number of lenses traced and of all.
+    Changes are from the lens as designed: with common rays most of the noise of NMSE and efficiency cancels.
+    ``progress`` is called after each lens with the number of lenses traced and of all.
     """
     started = time.perf_counter()
     amounts = amounts or Amounts()

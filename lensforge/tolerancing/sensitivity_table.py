@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from lensforge.evaluation.light import LightMetrics
-from lensforge.records import Count, NotNegative, Number, Record, StageResult, Text
+from lensforge.records import Count, NotNegative, Number, Record, SimulatedResult, Text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,11 @@ class Amounts(Record):
 
 
 class Change(Record):
-    """Change of the metrics from the lens as designed, with the same rays: most of the noise of both cancels."""
+    """Change of the metrics from the lens as designed, with the same rays.
+
+    Most of the noise of NMSE and efficiency cancels. That of uniformity and RSD does not, since each lens has its own
+    darkest pixels: a change is told from noise where it exceeds their standard errors.
+    """
 
     uniformity: Number | None
     rsd: Number | None
@@ -42,7 +46,7 @@ class ErrorRow(Record):
     change: Change
 
 
-class Sensitivity(StageResult):
+class Sensitivity(SimulatedResult):
     """Small manufacturing and alignment errors of given ``amounts``, and the change of the light by each."""
 
     stage: ClassVar[str] = "sensitivity"

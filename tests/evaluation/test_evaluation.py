@@ -82,6 +82,26 @@ def test_standard_errors_tell_the_truth() -> None:
         assert 0.5 < stated / scatter < 2.0, metric
 
 
+def test_the_figures_of_few_rays_are_those_of_many_but_for_their_errors() -> None:
+    """With 2^14 rays each pixel has a noise of 0.2; the picture as binned looks worse than the light is."""
+    spec = small_spec(evaluate__pixels=48)
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")
+    few, many = (_evaluate(lens, rays=rays) for rays in (2**14, 2**20))
+    for name, worse_by in (("nmse", 5.0), ("rsd", 5.0), ("uniformity", 1.0)):  # standard errors
+        rough, fine = getattr(few, name), getattr(many, name)
+        error = np.hypot(rough.standard_error, fine.standard_error)
+        assert abs(rough.value - fine.value) < 3.0 * error, name
+        assert abs(getattr(few.raw, name) - fine.value) > worse_by * error, name
+    assert few.nmse_of_noise is not None
+    assert few.raw.nmse == pytest.approx(few.nmse.value + few.nmse_of_noise, abs=0.25 * few.nmse_of_noise)
+
+
+def test_a_single_replicate_has_raw_figures_only() -> None:
+    light = _evaluate(Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft"), rays=1)
+    assert light.nmse.value == light.raw.nmse
+    assert light.nmse.standard_error is None
+
+
 def test_qmc_beats_plain_monte_carlo_by_its_order() -> None:
     """The window is an edge in four dimensions: theory promises N^-5/8 where plain Monte Carlo has N^-1/2."""
     spec = small_spec()

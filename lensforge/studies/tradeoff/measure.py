@@ -66,7 +66,8 @@ def run_tradeoff(
         require_same_scene(lens, spec, source, str(path))
     else:
         announce("no lens yet: a draft is designed")
-        lens = write_design(design(spec, accuracy="draft"), directory).lens
+        draft = design(spec, accuracy="draft", warn=lambda words: announce(f"warning: {words}"))
+        lens = write_design(draft, directory).lens
     found = measure(lens, source, effort or Effort(), announce)
     found.write(directory)
     with replacing(directory / PAGE) as temporary:

@@ -6,12 +6,12 @@ where the bias is below the noise.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.metrics import jackknife_error, nmse
+from lensforge.evaluation.metrics import jackknife_error
+from lensforge.evaluation.noise_free import Images, nmse_without_noise
 from lensforge.receivers.pixels import PixelGrid, bin_flux, gaussian3, splat_flux
 from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
@@ -22,8 +22,6 @@ from lensforge.studies.tradeoff.runs import TracedRun
 PIXELS = (16, 32, 64, 128, 256)
 VARIANCES = (0.0, 0.25, 0.5, 1.0, 2.0)
 _MOST_PARTS = 8
-
-Images = Float[np.ndarray, "r p p"]
 
 
 def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] = PIXELS) -> ConvergenceStudy:
@@ -39,14 +37,12 @@ def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] =
         with Meter() as meter:
             bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
         splats = np.stack([_splat(run, grid) for run in runs])
-        target = target_irradiance(spec.target, grid)
-        found[pixels] = bins, splats, partial(_nmse_without_noise, target=target), meter
+        found[pixels] = bins, splats, nmse_without_noise(bins, target_irradiance(spec.target, grid)), meter
     finest = max(settings)
-    finest_nmse = found[finest][2](found[finest][0])
+    finest_nmse = found[finest][2].value
     levels = []
-    for pixels, (bins, splats, to_target, meter) in found.items():
+    for pixels, (bins, splats, shift, meter) in found.items():
         splat_error = with_error(np.stack([splats, bins], axis=1), lambda both: bias(both[:, 0], both[:, 1]))
-        shift = with_error(bins, to_target)
         shifted = Metric(value=shift.value - finest_nmse, standard_error=shift.standard_error)
         errors = {"splat_nmse": splat_error, "nmse_shift": Metric(value=0.0) if pixels == finest else shifted}
         levels.append(_level(pixels, meter, len(runs), errors, {"nmse": shift.value}, spec))
@@ -146,13 +142,6 @@ def with_error(runs: Float[np.ndarray, "r *shape"], statistic: Callable[[np.ndar
 
 def _noise(images: Images) -> float:
     return float(images.var(axis=0, ddof=1).sum())
-
-
-def _nmse_without_noise(images: Images, target: Float[np.ndarray, "p p"]) -> float:
-    """NMSE of the mean image minus the contribution of noise."""
-    mean = images.mean(axis=0)
-    wanted = target * (mean.sum() / target.sum())
-    return nmse(mean, target) - _noise(images) / len(images) / float(np.sum(wanted**2))
 
 
 def _splat(run: TracedRun, grid: PixelGrid) -> Float[np.ndarray, "p p"]:

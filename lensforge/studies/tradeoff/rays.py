@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.metrics import nmse
+from lensforge.evaluation.noise_free import nmse_without_noise
 from lensforge.evaluation.simulate import REPLICATES, TracedLens
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import PlaneReceiver
@@ -28,24 +29,21 @@ MOST_AT_ONCE = 2**20  # longer runs are made of scrambles of this many rays, as 
 
 @dataclass(frozen=True)
 class _Scores:
-    """Efficiency, filtered image (W) and NMSE against the target of each run of a level; NMSE of the mean image."""
+    """Efficiency, filtered image (W) and NMSE against the target of each run of a level; that of all without noise."""
 
     efficiency: Float[np.ndarray, " r"]
     images: Float[np.ndarray, "r p p"]
     nmse: Float[np.ndarray, " r"]
-    nmse_of_mean: float
+    nmse_without_noise: float
 
     @staticmethod
     def of(pictures: Sequence[RunPicture], spec: Spec) -> "_Scores":
         """Scores of ``pictures`` against the target of ``spec``."""
         target = target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels))
-
-        def to_target(image: Float[np.ndarray, "p p"]) -> float:
-            return nmse(image, target) if image.any() else 1.0
-
         images = np.stack([picture.image for picture in pictures])
         efficiency = np.array([picture.efficiency for picture in pictures])
-        return _Scores(efficiency, images, np.array([to_target(image) for image in images]), to_target(images.mean(0)))
+        to_target = np.array([nmse(image, target) for image in images])
+        return _Scores(efficiency, images, to_target, nmse_without_noise(images, target).value)
 
 
 _MeasuredLevel = tuple[int, _Scores, TracedRun | Cost]
@@ -134,7 +132,7 @@ def _level(rays: int, series: str, scores: _Scores, reference: _Scores, run: Tra
     errors = {
         "efficiency": Metric(value=spread, unit=_OF_SOURCE, standard_error=spread / float(np.sqrt(2.0 * (count - 1)))),
         "irradiance_nmse": _mean(noise),
-        "nmse_raised": _mean(scores.nmse - reference.nmse_of_mean),
+        "nmse_raised": _mean(scores.nmse - reference.nmse_without_noise),
     }
     return RefinementLevel(
         setting=rays,
