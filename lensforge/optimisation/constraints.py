@@ -18,9 +18,8 @@ from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
 from lensforge.optimisation.surface_shape import draft_sine, least_curvature
 from lensforge.spec import Spec
 
-# The search aims this far inside the limits, relative to the largest radius, to the cutter's curvature, and in
-# degrees: its last steps still move by that much, and a peak lies between the points.
-_LENGTH_MARGIN = 3e-4
+# The search aims this far inside the limits, relative to the cutter's curvature, and in degrees: its last steps still
+# move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
 _CURVATURE_MARGIN = 0.01
 _DRAFT_MARGIN_DEG = 0.1
 # What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
@@ -78,7 +77,7 @@ def _of_paper(spec: Spec) -> list[Constraint]:
         Constraint,
         unit="mm",
         factor=1.0 / limits.max_radius_mm,
-        margin=_LENGTH_MARGIN * limits.max_radius_mm,
+        margin=limits.margin_mm,
         tolerance=limits.tolerance_mm,
     )
     return [

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.criteria import Criterion, at_least
+from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
@@ -29,6 +30,7 @@ _ZOOM_POINTS = 21
 _ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
 _ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
 _STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
+_HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of steps finds its way out of fewer
 
 
 def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
@@ -90,6 +92,45 @@ def project_to_feasible(
 
     Least squares in the relative parameters, by augmented Lagrangian. Returned unchanged where that does not succeed.
     """
+    moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _ACCEPTED)
+    if shortfall > 1.0:
+        return weights, offsets
+    return weights + moved[1:], offsets + moved[0]
+
+
+def require_feasible_start(spec: Spec, parametrisation: Parametrisation, constraints: AugmentedLagrangian) -> None:
+    """Raise :class:`InputError` where no lens is found that keeps all limits, before a search for the best of them.
+
+    For limits of shape, and fixed surfaces; of the others the spec knows all. The starting lens is projected, at first
+    by the functions of the first level, then by all.
+    """
+    limits, lens = spec.constraints, spec.lens
+    if lens.fixed == (None, None) and not any(constraint.derivatives for constraint in constraints.constraints):
+        return
+    offsets = torch.ones(2, dtype=torch.float64)
+    for functions in (parametrisation.levels[0].functions, parametrisation.basis.size):
+        weights = torch.zeros(functions, 2, dtype=torch.float64)
+        moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
+        if shortfall <= _HOPELESS:
+            return
+    least = constraints.least(constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0])))
+    given = ", ".join(f"{name} = {value:g}" for name, value in limits.model_dump(exclude_none=True).items())
+    missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
+    words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
+    raise InputError(f"constraints: no lens was found that keeps all of {given}; the nearest one has {words}")
+
+
+def _least_move(
+    parametrisation: Parametrisation,
+    constraints: AugmentedLagrangian,
+    weights: Float[Tensor, "m 2"],
+    offsets: Float[Tensor, "2"],
+    accepted: float,
+) -> tuple[Float[Tensor, "k 2"], float]:
+    """Least change of offsets (first row) and weights to the feasible set, and the margins that are still missing.
+
+    It ends where no more than ``accepted`` margins are missing.
+    """
     constraints = constraints.fresh(_PENALTY)
     moved = torch.zeros(len(weights) + 1, 2, dtype=torch.float64, requires_grad=True)
 
@@ -98,7 +139,7 @@ def project_to_feasible(
 
     shortfall = constraints.shortfall(fields())
     for _ in range(_ROUNDS):
-        if shortfall <= _ACCEPTED:
+        if shortfall <= accepted:
             break
         optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
 
@@ -115,6 +156,4 @@ def project_to_feasible(
         before, shortfall = shortfall, constraints.shortfall(now)
         if shortfall > _STALLED * before:
             break
-    if shortfall > 1.0:
-        return weights, offsets
-    return weights + moved[1:].detach(), offsets + moved[0].detach()
+    return moved.detach(), shortfall

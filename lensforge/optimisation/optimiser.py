@@ -18,9 +18,15 @@ from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.checkpoint import fingerprint, load_checkpoint, save_checkpoint
 from lensforge.optimisation.design import Design, Level, Observer, Progress
-from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints, project_to_feasible
+from lensforge.optimisation.feasibility import (
+    constraint_criteria,
+    measure_constraints,
+    project_to_feasible,
+    require_feasible_start,
+)
 from lensforge.optimisation.merit import Evaluated, MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.scene_check import SceneCheck
 from lensforge.optimisation.schedule import Stage, plan, rays_ahead
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import summarise
@@ -68,8 +74,11 @@ def search(
     ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on.
     ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and ends
     with the same bits as an uninterrupted one. ``progress`` is called after every gradient step; where it returns
-    False, the search raises :class:`Cancelled`.
+    False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the lens, or a
+    target that no lens can light.
     """
+    scene = SceneCheck.of(spec, source, start)
+    scene.require_light()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     stages = plan(spec, preset) if start is None else plan(spec, preset)[-1:]
     parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
@@ -79,16 +88,19 @@ def search(
     state = _fresh_state(parametrisation, constraints, start)
     if resume and checkpoint is not None:
         state = _State(**load_checkpoint(checkpoint, key))
+    elif start is None:
+        require_feasible_start(spec, parametrisation, constraints)
     run = _Search(source, merit, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
     run.run(checkpoint, key)
     state = run.state
     weights, offsets = project_to_feasible(parametrisation, constraints, state.weights, state.offsets)
     lens = parametrisation.lens(weights, offsets, spec, seed, accuracy)
-    return _design(lens, source, state, stages[-1].rays)
+    return _design(lens, source, state, stages[-1].rays, scene.warnings())
 
 
-def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> Design:
-    """The record of a finished search."""
+def _design(lens: Lens, source: Source, state: _State, rays_per_step: int, warnings: tuple[str, ...]) -> Design:
+    """The record of a finished search; ``warnings`` on its scene go with those on its source."""
+    summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     radius, margins = lens.outer.radius(directions), measure_constraints(lens)
     steps = sum(len(level["nmse"]) for level in state.history)
@@ -102,7 +114,7 @@ def _design(lens: Lens, source: Source, state: _State, rays_per_step: int) -> De
         max_radius_mm=float(radius.max()),
         height_mm=float((radius * directions[:, 2]).max()),
         constraints=margins,
-        source=summarise(source, lens.spec.source),
+        source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
         history=tuple(_level(level) for level in state.history),
         criteria=constraint_criteria(lens.spec, margins),

@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.records.validation import its_type
+from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
 from lensforge.spec.part import BaseSection, ManufactureSection
@@ -81,20 +82,8 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
-    def _fixed_surfaces_fit(self) -> "Spec":
-        limits, fixed_inner, fixed_outer = self.constraints, self.lens.fixed_inner, self.lens.fixed_outer
-        if fixed_inner is not None:
-            inside = fixed_inner.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
-            if inside < 0.0:
-                raise ValueError(
-                    f"lens.fixed_inner cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = "
-                    f"{limits.cavity_height_mm:g} and cavity_radius_mm = {limits.cavity_radius_mm:g}"
-                )
-        if fixed_outer is not None and fixed_outer.largest_mm > limits.max_radius_mm:
-            raise ValueError(
-                f"lens.fixed_outer reaches {fixed_outer.largest_mm:.6g} mm from the origin, "
-                f"constraints.max_radius_mm = {limits.max_radius_mm:g}"
-            )
+    def _limits_can_be_kept(self) -> "Spec":
+        require_feasible(self.lens, self.constraints, self.manufacture)
         return self
 
 

@@ -1,5 +1,6 @@
 """The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
+from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydantic import Field, model_validator
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
 from lensforge.spec.section import Coordinate, Millimetres, Section
-from lensforge.surfaces.conic import Asphere, sphere
+from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import SrbfBasis
 
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
@@ -17,10 +18,11 @@ _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored be
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
 
 
-def _meridian() -> Float[np.ndarray, "n 3"]:
-    """Directions from the axis to the horizon; a fixed surface is the same all around."""
-    polar = np.linspace(0.0, 0.5 * np.pi, 2001)
-    return np.stack([np.sin(polar), np.zeros_like(polar), np.cos(polar)], axis=1)
+_MERIDIAN = np.linspace(0.0, 0.5 * np.pi, 2001)  # angles (rad) from the axis to the horizon
+
+
+def _directions(polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
+    return np.stack([np.sin(polar_rad), np.zeros_like(polar_rad), np.cos(polar_rad)], axis=1)
 
 
 class _Fixed(Section):
@@ -34,16 +36,41 @@ class _Fixed(Section):
         """Height of its vertex on the axis."""
         return self.surface.vertex_mm
 
+    def on_meridian_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Distance (mm) from the origin at angles from the axis; the surface is the same all around."""
+        return self.surface.radius(_directions(polar_rad))
+
     @property
     def largest_mm(self) -> float:
         """Largest distance from the origin, z = 0 and above."""
-        return float(self.surface.radius(_meridian()).max())
+        return float(self.on_meridian_mm(_MERIDIAN).max())
 
     def clearance_mm(self, height_mm: float, radius_mm: float) -> float:
         """Least height above the paraboloid of that height and radius, Eq. (12); below 0 where it cuts in."""
-        u = _meridian()
-        points = self.surface.radius(u)[:, None] * u
+        points = self.on_meridian_mm(_MERIDIAN)[:, None] * _directions(_MERIDIAN)
         return float((height_mm / radius_mm**2 * points[:, 0] ** 2 + points[:, 2] - height_mm).min())
+
+    def least_draft_deg(self, polar_rad: Float[np.ndarray, " k"]) -> float:
+        """Least draft (deg) along the axis: 90 degrees less the angle from the axis to the normal."""
+        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
+        rise = radius * np.cos(polar_rad) + slope * np.sin(polar_rad)
+        return float(np.rad2deg(np.arcsin(rise / np.hypot(radius, slope))).min())
+
+    def curvatures_per_mm(self, polar_rad: Float[np.ndarray, " k"]) -> tuple[float, float]:
+        """Least and largest principal curvature (1/mm), along and across the meridian; positive where it bulges."""
+        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
+        length = np.hypot(radius, slope)
+        along = (radius**2 + 2.0 * slope**2 - radius * np.gradient(slope, polar_rad, edge_order=2)) / length**3
+        off_axis = np.maximum(np.sin(polar_rad), 1e-9)
+        across = (radius * np.sin(polar_rad) - slope * np.cos(polar_rad)) / (radius * off_axis * length)
+        both = np.concatenate([along, across[1:]])  # on the axis the two are equal
+        return float(both.min()), float(both.max())
+
+    def _slope_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Derivative of the radius by the polar angle (mm/rad)."""
+        down = np.stack([np.cos(polar_rad), np.zeros_like(polar_rad), -np.sin(polar_rad)], axis=1)
+        slope: Float[np.ndarray, " k"] = np.sum(self.surface.gradient(_directions(polar_rad)) * down, axis=1)
+        return slope
 
     @model_validator(mode="after")
     def _is_star_shaped(self) -> "_Fixed":
@@ -64,7 +91,7 @@ class FixedSphere(_Fixed):
     @property
     def surface(self) -> Asphere:
         """Surface about the axis."""
-        return sphere(self.radius_mm, self.centre_z_mm)
+        return _asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm, 0.0, ())
 
 
 class FixedAsphere(_Fixed):
@@ -82,7 +109,10 @@ class FixedAsphere(_Fixed):
     @property
     def surface(self) -> Asphere:
         """Surface about the axis."""
-        return Asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+        return _asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+
+
+_asphere = lru_cache(maxsize=16)(Asphere)  # a spec asks for its surfaces many times; their profile takes 0.1 s
 
 
 FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")]

@@ -2,9 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveInt, model_validator
 
-from lensforge.spec.section import Millimetres, MillimetresOrZero, Section
+from lensforge.spec.section import Millimetres, MillimetresOrZero, Section, rounded_up
 
 Accuracy = Literal["draft", "standard", "reference"]
 DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
@@ -30,6 +30,27 @@ class ConstraintsSection(Section):
     def tolerance_mm(self) -> float:
         """Excess over a limit that still counts as feasible: a micrometre for a lens of 14 mm."""
         return 7e-5 * self.max_radius_mm
+
+    @property
+    def margin_mm(self) -> float:
+        """Distance that the search keeps from each limit: its last steps move by that much, and peaks lie between its
+        points.
+        """
+        return 3e-4 * self.max_radius_mm
+
+    @model_validator(mode="after")
+    def _cavity_and_wall_fit(self) -> "ConstraintsSection":
+        """Refuse what no lens keeps: the paraboloid is furthest from the origin at its apex or its rim."""
+        name = max("cavity_height_mm", "cavity_radius_mm", key=lambda field: float(getattr(self, field)))
+        reach: float = getattr(self, name)
+        needed = reach + self.min_thickness_mm + 3.0 * self.margin_mm  # one for each of the three limits
+        if needed > self.max_radius_mm:
+            least = (reach + self.min_thickness_mm) / (1.0 - 3.0 * self.margin_mm / self.max_radius_mm)
+            raise ValueError(
+                f"{name} = {reach:g} and min_thickness_mm = {self.min_thickness_mm:g} do not fit into max_radius_mm = "
+                f"{self.max_radius_mm:g}: make it at least {rounded_up(least)}, or lower one of the two"
+            )
+        return self
 
 
 class OptimiseSection(Section):

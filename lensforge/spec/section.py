@@ -1,5 +1,6 @@
 """The base of every section of a spec, and the types of its lengths and file names."""
 
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,6 +64,12 @@ class Section(_Model):
 def spec_error(error: ValidationError, origin: str) -> InputError:
     """One line for the first wrong field of what ``origin`` names, its path as the user wrote it."""
     return input_error(error, origin, unions=_UNIONS)
+
+
+def rounded_up(value: float, digits: int = 4) -> str:
+    """``value`` > 0 to ``digits`` significant digits, rounded up: a least value in a message must itself be allowed."""
+    unit = 10.0 ** (floor(log10(value)) + 1 - digits)
+    return f"{ceil(value / unit * (1.0 - 1e-12)) * unit:.{digits}g}"
 
 
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from lensforge.spec.arrays import Numbers
 from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
 
+IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where the target is brighter than that
+
 
 class _Target(Section):
     distance_mm: Millimetres

@@ -1,4 +1,4 @@
-"""The search from hopeless starts: dark receivers, empty masks, clipped sources; it goes on with finite numbers."""
+"""The search from hopeless starts: dark receivers, empty masks, clipped sources; refused, or finite numbers."""
 
 import numpy as np
 from extremes import fuzzed
@@ -6,6 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import small_spec
 
+from lensforge.errors import InputError
 from lensforge.optimisation.optimiser import search
 from lensforge.sources.square import SquareEmitter
 
@@ -21,6 +22,7 @@ from lensforge.sources.square import SquareEmitter
     seed=st.integers(0, 2**20),
 )
 @example(index=1.4936, side=1.0, receiver=1e-2, mask=0.5, pixels=4, levels=[1], seed=0)  # all dark
+@example(index=1.4936, side=0.0, receiver=1e-2, mask=0.5, pixels=4, levels=[1], seed=0)  # but no bound: searched
 def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels, levels, seed) -> None:
     spec = small_spec(
         source={"kind": "square", "side_mm": side},
@@ -31,6 +33,13 @@ def test_a_search_from_anywhere_stays_finite(index, side, receiver, mask, pixels
         target__uniform_mm=mask * receiver,
         optimise={"steps_per_level": [3] * len(levels), "rays": 64, "pixels": pixels, "uniformity_steps": 2},
     )
-    found = search(spec, SquareEmitter(side), accuracy="draft", seed=seed)
+    found, refused = None, ""
+    try:
+        found = search(spec, SquareEmitter(side), accuracy="draft", seed=seed)
+    except InputError as refusal:
+        refused = str(refusal)
+    if found is None:
+        assert "of the light" in refused, "none in the lens, or a target that no lens can light"
+        return
     assert np.isfinite([value for level in found.history for value in level.nmse + level.efficiency]).all()
     assert np.isfinite([value for value in found.constraints.model_dump().values() if value is not None]).all()

@@ -44,11 +44,16 @@ SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
 DARK = torch.zeros(4, 4, dtype=torch.float64)
 
 
+def _times(length: Any, factor: float) -> Any:
+    """A length, or a position, times ``factor``."""
+    return [each * factor for each in length] if isinstance(length, list) else length * factor
+
+
 def _scaled(spec: Spec, factor: float) -> Spec:
     """Every length of source, lens, constraints and target times ``factor``."""
 
     def grown(table: dict[str, Any]) -> dict[str, Any]:
-        return {k: v * factor if k.endswith("_mm") and v is not None else v for k, v in table.items()}
+        return {k: _times(v, factor) if k.endswith("_mm") and v is not None else v for k, v in table.items()}
 
     content = spec.model_dump(mode="json")
     for section in ("source", "constraints", "target"):
@@ -109,7 +114,12 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
     spec = _point_spec(
         lens__inner_offset_mm=0.5 * radius,
         lens__outer_offset_mm=radius,
-        constraints__max_radius_mm=radius,
+        constraints={
+            "cavity_height_mm": 0.1 * radius,
+            "cavity_radius_mm": 0.2 * radius,
+            "min_thickness_mm": 0.1 * radius,
+            "max_radius_mm": radius,
+        },
         target__distance_mm=distance,
         target__receiver_mm=2.0 * x * distance,
         target__half_width_mm=x * distance,

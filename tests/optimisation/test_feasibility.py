@@ -3,9 +3,17 @@ import pytest
 import torch
 from scenes import small_spec
 
+from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints, project_to_feasible
+from lensforge.optimisation.feasibility import (
+    constraint_criteria,
+    measure_constraints,
+    project_to_feasible,
+    require_feasible_start,
+)
+from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 
 
@@ -53,8 +61,29 @@ def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:
 
 
 def test_what_cannot_be_mended_still_fails_by_name() -> None:
-    spec = small_spec(constraints__min_thickness_mm=6.9, lens__symmetry="square")
+    spec = small_spec(lens__symmetry="square")
+    impossible = spec.constraints.model_copy(update={"min_thickness_mm": 6.9})  # refused where a spec is read
+    spec = spec.model_copy(update={"constraints": impossible})
     parametrisation, constraints, weights, offsets = scene(spec, 0.0, 1.0)
     moved = project_to_feasible(parametrisation, constraints, weights, offsets)
     assert torch.equal(moved[0], weights)
     assert failing(parametrisation, spec, *moved)
+
+
+def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_before_the_search() -> None:
+    """A cavity of 5.5 mm nowhere tighter than 5.5 mm, 1 mm of wall and 25 degrees of draft need 6.5 / cos(25 deg)."""
+    limits = {"constraints__cavity_height_mm": 5.5, "constraints__inner_concave_radius_mm": 5.5}
+    spec = small_spec(**limits, constraints__outer_draft_deg=25.0, lens__symmetry="square")
+    parametrisation, constraints, _, _ = scene(spec, 0.0, 1.0)
+    with pytest.raises(InputError, match=r"no lens was found that keeps all of .*outer_draft_deg = 25") as refusal:
+        require_feasible_start(spec, parametrisation, constraints)
+    assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
+    begun: list[object] = []
+    with pytest.raises(InputError, match="no lens was found"):
+        search(spec, build_source(spec.source), accuracy="draft", progress=begun.append)
+    assert not begun
+    wider = small_spec(
+        **limits, constraints__outer_draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square"
+    )
+    parametrisation, constraints, _, _ = scene(wider, 0.0, 1.0)
+    require_feasible_start(wider, parametrisation, constraints)  # 7.17 mm of radius are enough

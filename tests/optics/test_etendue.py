@@ -1,0 +1,55 @@
+"""Étendue of a ball and a plane: closed forms against integrals, and limits of the deviation of a ray."""
+
+from math import asin, pi
+
+import numpy as np
+import pytest
+
+from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball, largest_deviation_rad
+
+
+def test_solid_angles_of_cells_add_up_and_have_closed_forms() -> None:
+    edges = np.linspace(-3.0, 5.0, 9)
+    cells = cell_solid_angles(edges, np.linspace(-2.0, 4.0, 4), 7.0)
+    assert cells.shape == (3, 8)
+    assert cells.sum() == pytest.approx(cell_solid_angles(np.array([-3.0, 5.0]), np.array([-2.0, 4.0]), 7.0)[0, 0])
+    # one face of a cube about the origin is a sixth of the sphere, an endless plane half of it
+    assert cell_solid_angles(np.array([-1.0, 1.0]), np.array([-1.0, 1.0]), 1.0)[0, 0] == pytest.approx(4.0 * pi / 6.0)
+    assert cell_solid_angles(np.array([-1e9, 1e9]), np.array([-1e9, 1e9]), 1e-3)[0, 0] == pytest.approx(2.0 * pi)
+    # far away it is area over distance squared
+    assert cell_solid_angles(np.array([0.0, 2.0]), np.array([0.0, 3.0]), 1e6)[0, 0] == pytest.approx(6e-12, rel=1e-5)
+
+
+def test_etendue_of_a_ball_against_an_integral_over_its_rays() -> None:
+    """Rays from points of the plane in all directions below it: those that meet the ball, by their projected angle."""
+    radius, distance, rng = 3.0, 8.0, np.random.default_rng(5)
+    count = 400_000
+    x, y = rng.uniform(2.0, 6.0, count), rng.uniform(-4.0, 4.0, count)
+    sine, azimuth = np.sqrt(rng.random(count)), 2.0 * pi * rng.random(count)  # Lambertian: pi sr of projected angle
+    directions = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), -np.sqrt(1.0 - sine**2)], axis=1)
+    points = np.stack([x, y, np.full(count, distance)], axis=1)
+    nearest = np.linalg.norm(np.cross(points, directions), axis=1)
+    found = 32.0 * pi * (nearest < radius).mean()
+    solid_angle = cell_solid_angles(np.array([2.0, 6.0]), np.array([-4.0, 4.0]), distance)[0, 0]
+    assert etendue_from_ball(radius, solid_angle) == pytest.approx(found, rel=0.01)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.2, 1.4936, 2.0])
+def test_two_refractions_turn_a_ray_by_no_more_and_almost_as_much(index: float) -> None:
+    """Snell's law at both faces, each between grazing and normal incidence in air."""
+    air = np.linspace(0.0, 0.5 * pi, 2001)
+    one = np.abs(air - np.arcsin(np.sin(air) / index))
+    assert 2.0 * one.max() == pytest.approx(largest_deviation_rad(index), abs=1e-12)
+    assert largest_deviation_rad(index) == pytest.approx(pi - 2.0 * asin(1.0 / index))
+
+
+def test_a_cone_holds_its_cells() -> None:
+    edges = np.linspace(-10.0, 10.0, 5)
+    cells = np.zeros((4, 4), dtype=bool)
+    cells[3, 3] = True  # x and y from 5 to 10
+    axis, half = cone_around(edges, edges, 20.0, cells)
+    middle = np.array([7.5, 7.5, 20.0])
+    assert axis @ middle / np.linalg.norm(middle) > 0.999
+    corners = np.array([[x, y, 20.0] for x in (5.0, 10.0) for y in (5.0, 10.0)])
+    angles = np.arccos(corners @ axis / np.linalg.norm(corners, axis=1))
+    assert angles.max() == pytest.approx(half, rel=1e-6)

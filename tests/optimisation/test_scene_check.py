@@ -1,0 +1,109 @@
+"""Scenes that no search can serve are refused before it; others are described by their shares."""
+
+import time
+from math import sqrt
+
+import numpy as np
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.kernels.fates import Fate
+from lensforge.lens import Lens
+from lensforge.optimisation.optimiser import search
+from lensforge.optimisation.scene_check import SceneCheck
+from lensforge.sources.build import build_source
+from lensforge.spec import Spec
+from lensforge.spec.ray_source import RaySource
+from lensforge.surfaces.conic import sphere
+
+
+def check(spec: Spec, start: Lens | None = None) -> SceneCheck:
+    return SceneCheck.of(spec, build_source(spec.source), start)
+
+
+def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: object) -> RaySource:
+    """Ten thousand parallel rays within 1 mm; a share of them reversed."""
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-0.5, 0.5, (10_000, 2)), np.zeros(10_000)])
+    directions = np.tile(np.array(direction, dtype=np.float64), (10_000, 1))
+    directions[: round(backward * 10_000)] *= -1.0
+    return RaySource(positions_mm=points, directions=directions, flux_w=1.0, **more)
+
+
+def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
+    found = check(small_spec())
+    assert found.entering == 1.0 and found.possible.value > 0.99
+    assert found.warnings() == ()
+    found.require_light()
+
+
+def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() -> None:
+    """A square of 6 mm around a cavity of 1.5 mm radius: pi 1.5^2 of its 36 mm^2 starts inside."""
+    spec = small_spec(source__side_mm=6.0, lens__inner_offset_mm=1.5)
+    found = check(spec)
+    inside = np.pi * 1.5**2 / 36.0
+    assert found.entering == pytest.approx(inside, abs=4.0 * sqrt(inside * (1.0 - inside) / 2**14))
+    assert found.lost[Fate.OUTSIDE_CAVITY] == pytest.approx(1.0 - found.entering)
+    assert "a larger lens.inner_offset_mm" in found.warnings()[0]
+    wide = Lens(sphere(5.0), sphere(6.5), spec, 0, "draft")
+    assert check(spec, wide).entering == 1.0, "the lens to begin from decides"
+
+
+def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> None:
+    most = check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.98)))
+    most.require_light()
+    assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
+    assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
+    with pytest.raises(InputError, match=r"0 % of the light enters.*100 % goes backward.*source\.axis") as refusal:
+        check(small_spec().replace(source=beam((0.0, 0.0, -1.0)))).require_light()
+    assert "(0.00, 0.00, -1.00)" in str(refusal.value) and "\n" not in str(refusal.value)
+    with pytest.raises(
+        InputError, match=r"100 % starts outside the cavity or misses its opening; try source\.scale, source\.origin"
+    ):
+        check(small_spec().replace(source=beam((0.0, 0.0, 1.0), position_mm=(10.0, 0.0, 0.0)))).require_light()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source__tilt_deg": [180.0, 0.0]}, r"100 % goes backward, towards -z; try source\.tilt_deg"),
+        ({"target__distance_mm": 1e5}, r"target: at most 0\.0\d+ % \(by étendue\).*at least 1 %.*target\.distance_mm"),
+        (
+            {"target__half_width_mm": 0.08, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
+            r"at most 0\.0\d+ % \(by étendue\)",
+        ),
+        (
+            {"lens__refractive_index": 1.0, "lens__material": "nothing", "target__distance_mm": 2000.0},
+            r"by the largest deviation in two refractions",
+        ),
+    ],
+)
+def test_a_wrong_place_or_unit_is_refused_before_the_search(changes: dict[str, object], message: str) -> None:
+    spec = small_spec(**changes)
+    begun = []
+    with pytest.raises(InputError, match=message) as refusal:
+        lf.design(spec, accuracy="draft", progress=begun.append)
+    assert not begun and "\n" not in str(refusal.value)
+
+
+def test_the_search_itself_refuses_too_and_at_once() -> None:
+    spec = small_spec(target__distance_mm=1e5)
+    check(spec)  # kernels compiled
+    started = time.perf_counter()
+    with pytest.raises(InputError, match="étendue"):
+        search(spec, build_source(spec.source), accuracy="draft")
+    assert time.perf_counter() - started < 5.0  # a tenth of a second on an idle machine
+
+
+def test_a_point_source_has_no_etendue_and_so_no_bound() -> None:
+    assert check(small_spec(source__side_mm=0.0, target__distance_mm=1e5)).possible.value == 1.0
+
+
+def test_warnings_stand_in_the_record_of_the_design() -> None:
+    spec = small_spec(target__distance_mm=3000.0, target__half_width_mm=150.0, target__receiver_mm=400.0)
+    said: list[str] = []
+    found = lf.design(spec, accuracy="draft", warn=said.append)
+    assert any("étendue" in words for words in said)
+    assert tuple(said) == found.source.warnings
