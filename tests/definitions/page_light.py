@@ -1,0 +1,164 @@
+"""Receiver, target and figures of the light by sections 8 to 10 of docs/definitions.md alone."""
+
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from page_tracer import FATES, LANDED, trace
+from PIL import Image, ImageDraw, ImageFont
+from scipy import ndimage
+
+# -- Section 8: receiver and pixels ------------------------------------------------------------------------------------
+
+
+def hard_bins(lens, place, flux):
+    """Flux of the pixels, [row, column]."""
+    n, side = lens["spec"]["evaluate"]["pixels"], lens["spec"]["target"]["receiver_mm"]
+    j, i = np.floor((place / side + 0.5) * n).astype(int).T
+    on = (j >= 0) & (j < n) & (i >= 0) & (i < n)
+    return np.bincount(i[on] * n + j[on], weights=flux[on], minlength=n * n).reshape(n, n)
+
+
+def filtered(lens, image):
+    variance = lens["spec"]["evaluate"]["filter_variance"]
+    if variance == 0:
+        return image
+    e = np.exp(-1 / (2 * variance))
+    taps = np.array([e, 1, e]) / (1 + 2 * e)
+    wide = np.pad(image, 1, mode="edge")
+    rows = sum(tap * wide[i : i + len(image)] for i, tap in enumerate(taps))
+    return sum(tap * rows[:, i : i + len(image)] for i, tap in enumerate(taps))
+
+
+# -- Section 9: target -------------------------------------------------------------------------------------------------
+
+
+def glyphs(text):
+    font = ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), 1024)
+    box = font.getbbox(text)
+    canvas = Image.new("L", (box[2] + 64, box[3] + 64))
+    ImageDraw.Draw(canvas).text((32, 32), text, fill=255, font=font)
+    return np.asarray(canvas.crop(canvas.getbbox())) / 255
+
+
+def luma(file):
+    red, green, blue = np.moveaxis(np.asarray(Image.open(file).convert("RGB")).astype(int), -1, 0)
+    return (19595 * red + 38470 * green + 7471 * blue + 32768) // 65536 / 255
+
+
+def pattern(target, x, y, folder):
+    kind = target["kind"]
+    if kind == "flat_top":
+        return np.exp(-(abs(x / target["half_width_mm"]) ** target["exponent"])
+                      - abs(y / target["half_width_mm"]) ** target["exponent"])  # fmt: skip
+    if kind == "cross":
+        long, short = target["length_mm"] / 2, target["stroke_mm"] / 2
+        return ((abs(x) <= long) & (abs(y) <= short) | (abs(x) <= short) & (abs(y) <= long)).astype(float)
+    picture = glyphs(target["text"]) if kind == "text" else luma(Path(folder) / target["file"])
+    h, w = picture.shape
+    column = np.floor(x * w / target["width_mm"] + w / 2).astype(int) + 0 * y.astype(int)
+    row = np.floor(-y * w / target["width_mm"] + h / 2).astype(int) + 0 * x.astype(int)
+    on = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    return np.where(on, picture[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)], 0.0)
+
+
+def target_image(lens, folder):
+    """T: the pixels add up to 1."""
+    target, n = lens["spec"]["target"], lens["spec"]["evaluate"]["pixels"]
+    k = max(1, min(max(8, 512 // n), 4096 // n))
+    centres = ((np.arange(n * k) + 0.5) / (n * k) - 0.5) * target["receiver_mm"]
+    fine = pattern(target, centres[None, :], centres[:, None], folder)
+    q = (target.get("edge_mm") or 0) * k * n / target["receiver_mm"]
+    if q > 0 and target["kind"] != "flat_top":
+        i = np.arange(-np.floor(4 * q + 0.5), np.floor(4 * q + 0.5) + 1)
+        taps = np.exp(-(i**2) / (2 * q**2))
+        for axis in (0, 1):
+            fine = ndimage.convolve1d(fine, taps / taps.sum(), axis=axis, mode="constant")
+    image = fine.reshape(n, k, n, k).mean(axis=(1, 3))
+    return image / image.sum()
+
+
+# -- Section 10: figures of the light ----------------------------------------------------------------------------------
+
+
+def uniform_mask(lens):
+    n, target = lens["spec"]["evaluate"]["pixels"], lens["spec"]["target"]
+    near = abs(((np.arange(n) + 0.5) / n - 0.5) * target["receiver_mm"]) <= target["uniform_mm"] / 2
+    return near[:, None] & near[None, :]
+
+
+def raw_nmse(image, t):
+    s = image.sum() / t.sum()
+    return ((image - s * t) ** 2).sum() / ((s * t) ** 2).sum() if s else 1.0
+
+
+def raw_rsd(image, mask):
+    return np.sqrt(((image[mask] - image[mask].mean()) ** 2).mean()) / image[mask].mean()
+
+
+def raw_uniformity(image, mask):
+    return image[mask].min() / image[mask].mean()
+
+
+def over_pairs(images):
+    """Mean over pairs k != l of sum(A_k A_l)."""
+    r = len(images)
+    return ((sum(images) ** 2).sum() - sum((a**2).sum() for a in images)) / (r * (r - 1))
+
+
+def nmse(images, t):
+    scales = np.array([image.sum() / t.sum() for image in images])
+    return over_pairs([i - s * t for i, s in zip(images, scales, strict=True)]) / (over_pairs(scales) * (t**2).sum())
+
+
+def rsd(images, mask):
+    values = [image[mask] for image in images]
+    spread = over_pairs([v - v.mean() for v in values]) / mask.sum()
+    return np.sqrt(max(spread / over_pairs(np.array([v.mean() for v in values])), 0))
+
+
+def uniformity(images, mask):
+    values = np.array([image[mask] / image[mask].mean() for image in images])
+    assert len(values) == 16
+
+    def darkest(blocks):
+        pairs = []
+        for block in blocks:
+            mean, others = values[list(block)].mean(axis=0), np.delete(values, list(block), axis=0).mean(axis=0)
+            pairs.append((mean.min(), others[mean.argmin()]))
+        return np.mean(pairs, axis=0)
+
+    fours = [b for b in combinations(range(16), 4) if b[0] ^ b[1] ^ b[2] ^ b[3] == 0]
+    eights = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
+    (u_4, v_4), (u_8, v_8) = darkest(fours), darkest(eights)
+    below = (v_4 - u_4) - (v_8 - u_8)
+    return u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
+
+
+def share_in_target(image, t):
+    """Of the flux 1 that the source has."""
+    return image[t > 0.1 * t.max()].sum()
+
+
+def budget(lens, fate, place, flux):
+    """Shares of the emitted flux; rays have equal flux."""
+    window = lens["spec"]["evaluate"]["window_mm"] or lens["spec"]["target"]["receiver_mm"]
+    within = (fate == LANDED) & (abs(place) <= window / 2).all(axis=1)
+    shares = {name: flux[fate == i].sum() / len(fate) for i, name in enumerate(FATES)}
+    shares |= {"detected": flux[within].sum() / len(fate)}
+    shares["outside"] = shares.pop("landed") - shares["detected"]
+    return shares | {"reflected": 1 - sum(shares.values())}
+
+
+def light(lens, pair, rays, folder="."):
+    """Figures of the replicates, each a tuple (positions, directions, wavelengths) of rays in the lens's frame."""
+    t, bins, budgets = target_image(lens, folder), [], []
+    for p, d, nm in rays:
+        fate, place, flux = trace(lens, pair, p, d, nm)
+        landed = fate == LANDED
+        bins.append(hard_bins(lens, place[landed], flux[landed]) / len(p))
+        budgets.append(budget(lens, fate, place, flux) | {"share_in_target": share_in_target(bins[-1], t)})
+    images = [filtered(lens, image) for image in bins]
+    figures = {name: np.array([b[name] for b in budgets]) for name in budgets[0]}
+    return {"target": t, "bins": bins, "images": images, "figures": figures}

@@ -1,0 +1,319 @@
+"""A ray tracer written from docs/definitions.md alone. It shares no code with lensforge, and imports none of it.
+
+The radius and its gradient are exact sums. For many rays they are interpolated by splines of degree 5, with an error
+that a test holds far below the ray noise.
+"""
+
+import numpy as np
+from scipy import ndimage
+from scipy.stats import qmc
+
+NODES, REACH = 129, 1.2  # nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
+FATES = ["landed", "backward", "outside_cavity", "surfaces_intersect", "base", "total_reflection", "missed_receiver"]
+LANDED, BACKWARD, OUTSIDE_CAVITY, INTERSECT, BASE, TOTAL, MISSED = range(7)
+
+
+def unit(vectors):
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 0, vectors / np.where(lengths > 0, lengths, 1.0), [0.0, 0.0, 1.0])
+
+
+# -- Section 3: freeform surfaces --------------------------------------------------------------------------------------
+
+
+def mirror_images(symmetry):
+    along_x = (1, -1) if symmetry in ("mirror_x", "rectangle", "square") else (1,)
+    along_y = (1, -1) if symmetry in ("mirror_y", "rectangle", "square") else (1,)
+    group = [np.diag([a, b, 1]) for a in along_x for b in along_y]
+    return group + [m[:, [1, 0, 2]] for m in group] if symmetry == "square" else group
+
+
+class Freeform:
+    def __init__(self, record):
+        self.offset, self.weights = record["offset_mm"], np.array(record["weights_mm"])
+        self.group = mirror_images(record["symmetry"])
+        centres, sigmas = [], []
+        for m in record["levels"]:
+            j = np.arange(m)
+            z, phi = 1 - (j + 0.5) / m, j * np.pi * (3 - np.sqrt(5))
+            ring = np.sqrt(1 - z**2)
+            centres.append(np.column_stack([ring * np.cos(phi), ring * np.sin(phi), z]))
+            sigmas.append(np.full(m, record["sigma_c"] * np.arccos(1 - 1 / m)))
+        self.centres, self.sigmas = np.concatenate(centres), np.concatenate(sigmas)
+        axis = np.linspace(-REACH, REACH, NODES)
+        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+        u = np.column_stack([2 * x, 2 * y, 1 - x**2 - y**2]) / (1 + x**2 + y**2)[:, None]
+        plain = np.column_stack(self.one_sum(u)).T.reshape(4, NODES, NODES)  # then its mirror images, by flips
+        total = np.zeros_like(plain)
+        for m in self.group:
+            turned = plain[:, :: m[0, 0], :: m[1, 1]] if m[0, 0] else plain[:, :: m[0, 1], :: m[1, 0]].swapaxes(1, 2)
+            total[0] += turned[0]
+            total[1:] += np.einsum("ji,jxy->ixy", m, turned[1:])
+        total /= len(self.group)
+        total[0] += self.offset
+        self.largest = total[0].max()
+        self.tables = [ndimage.spline_filter(table, order=5, mode="mirror") for table in total]
+
+    def one_sum(self, u):
+        """Sum over the functions without mirror images, less h, and its tangential gradient."""
+        values, gradients = np.empty(len(u)), np.empty((len(u), 3))
+        for block in np.array_split(np.arange(len(u)), len(u) // 512 + 1):
+            cosine = np.clip(u[block] @ self.centres.T, -1, 1)
+            chord = np.sqrt(2 - 2 * cosine)
+            g = 2 * np.arcsin(chord / 2)
+            terms = self.weights * np.exp(-((g / self.sigmas) ** 2))
+            sine = chord * np.sqrt(1 - chord**2 / 4)
+            pull = 2 * terms / self.sigmas**2 * np.where(sine > 0, g / np.where(sine > 0, sine, 1), 1)
+            values[block] = terms.sum(axis=1)
+            gradients[block] = pull @ self.centres - (pull * cosine).sum(axis=1)[:, None] * u[block]
+        return values, gradients
+
+    def exact(self, u):
+        """Radius (mm) and normal of the directions, by the sums of the page."""
+        sums = [self.one_sum(u @ m.T) for m in self.group]
+        rho = self.offset + np.mean([value for value, _ in sums], axis=0)
+        grad = np.mean([gradient @ m for (_, gradient), m in zip(sums, self.group, strict=True)], axis=0)
+        return rho, unit(u - grad / rho[:, None])
+
+    def chart(self, u):
+        return (u[:, :2].T / (1 + u[:, 2]) + REACH) * (NODES - 1) / (2 * REACH)
+
+    def radius(self, u):
+        return ndimage.map_coordinates(self.tables[0], self.chart(u), order=5, prefilter=False)
+
+    def normal(self, u):
+        where = self.chart(u)
+        rho, *grad = (ndimage.map_coordinates(table, where, order=5, prefilter=False) for table in self.tables)
+        return unit(u - np.column_stack(grad) / rho[:, None])
+
+
+# -- Section 4: fixed surfaces -----------------------------------------------------------------------------------------
+
+
+class Asphere:
+    def __init__(self, record):
+        self.vertex, self.curvature, self.k = record["vertex_mm"], 1 / record["radius_mm"], record["conic"]
+        self.terms = [(4 + 2 * i, a) for i, a in enumerate(record["coefficients"])]
+        self.theta = np.linspace(0, np.pi / 2 + 0.3, 2001)
+        self.sheet = [self.vertex]
+        for theta in self.theta[1:]:  # continued from the axis
+            self.sheet.append(self.newton(np.array([[np.sin(theta), 0, np.cos(theta)]]), self.sheet[-1], 8)[0])
+        self.largest = np.max(self.sheet)
+
+    def implicit(self, p):
+        """F and its gradient."""
+        r2 = p[:, 0] ** 2 + p[:, 1] ** 2
+        s = p[:, 2] - self.vertex - sum(a * r2 ** (n // 2) for n, a in self.terms)
+        along = 2 * (1 + self.k) * s * self.curvature - 2
+        aside = 2 * self.curvature - along * sum(n * a * r2 ** (n // 2 - 1) for n, a in self.terms)
+        value = ((1 + self.k) * s**2 + r2) * self.curvature - 2 * s
+        return value, np.column_stack([aside * p[:, 0], aside * p[:, 1], along])
+
+    def newton(self, u, rho, steps):
+        for _ in range(steps):
+            value, gradient = self.implicit(u * np.reshape(rho, (-1, 1)))
+            rho = rho - value / (gradient * u).sum(axis=1)
+        return rho
+
+    def radius(self, u):
+        return self.newton(u, np.interp(np.arccos(np.clip(u[:, 2], -1, 1)), self.theta, self.sheet), 3)
+
+    def normal(self, u):
+        return unit(-self.implicit(u * self.radius(u)[:, None])[1])
+
+    def exact(self, u):
+        return self.radius(u), self.normal(u)
+
+
+def surfaces(lens):
+    return [Freeform(lens[f]) if lens[f]["kind"] == "srbf" else Asphere(lens[f]) for f in ("inner", "outer")]
+
+
+# -- Section 5: refractive index ---------------------------------------------------------------------------------------
+
+SELLMEIER = {
+    "PC": ([(1.4182, 0.021304)], 436.8, 1052), "PS": ([(1.4435, 0.020216)], 436.8, 1052),
+    "N-BK7": ([(1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653)], 300, 2500),
+    "fused silica": ([(0.6961663, 0.0684043**2), (0.4079426, 0.1162414**2), (0.8974794, 9.896161**2)], 210, 3710),
+}  # fmt: skip
+PMMA = {0: 2.1778, 2: 6.1209e-3, 4: -1.5004e-3, -2: 2.3678e-2, -4: -4.2137e-3, -6: 7.3417e-4, -8: -4.5042e-5}
+
+
+def refractive_index(lens, nm, rays):
+    """Index of every ray; nm: its wavelengths, or None."""
+    section = lens["spec"]["lens"]
+    n_d, abbe, name = section["refractive_index"], section["abbe_number"], section["material"]
+    if nm is None or (abbe is None and name != "PMMA" and name not in SELLMEIER):
+        return np.full(rays, n_d)
+    low, high = (400, 1000) if abbe else (420, 1620) if name == "PMMA" else SELLMEIER[name][1:]
+    um = np.clip(nm, 0.9 * low, 1.1 * high) / 1000
+    if abbe:
+        b = (n_d - 1) / abbe / (0.4861327**-2 - 0.6562725**-2)
+        return n_d + b * (um**-2 - 0.5875618**-2)
+    if name == "PMMA":
+        return np.sqrt(sum(c * um**power for power, c in PMMA.items()))
+    return np.sqrt(1 + sum(b * um**2 / (um**2 - c) for b, c in SELLMEIER[name][0]))
+
+
+# -- Section 6: rays of a source ---------------------------------------------------------------------------------------
+
+
+def inverse_share(x, density, u):
+    """Points below which the share u of a density lies that is given densely."""
+    total = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(x))])
+    return np.interp(u * total[-1], total, x)
+
+
+def emitted(source, rays, seed):
+    """Start points (mm), directions, wavelengths (nm, or None) of rays of equal flux, about the source's own origin."""
+    u = qmc.Sobol(6, seed=seed).random(rays)
+    a, b, kind = u[:, 0] - 0.5, u[:, 1] - 0.5, source["kind"]
+    if kind == "square":
+        x, y = a * source["side_mm"], b * source["side_mm"]
+    elif kind == "rectangle":
+        x, y = a * source["width_mm"], b * source["height_mm"]
+    elif kind == "disc":
+        r, turn = np.sqrt(u[:, 0]) * source["diameter_mm"] / 2, 2 * np.pi * u[:, 1]
+        x, y = r * np.cos(turn), r * np.sin(turn)
+    elif kind == "chip_array":
+        column, row = np.floor(u[:, 4] * source["columns"]), np.floor(u[:, 5] * source["rows"])
+        x = (column - (source["columns"] - 1) / 2) * source["pitch_mm"][0] + a * source["width_mm"]
+        y = (row - (source["rows"] - 1) / 2) * source["pitch_mm"][1] + b * source["height_mm"]
+    else:
+        chips = source["chips"]
+        shares = np.cumsum([chip["flux_w"] for chip in chips])
+        chosen = np.searchsorted(shares, u[:, 4] * shares[-1], side="right")
+        field = {name: np.array([chip[name] for chip in chips])[chosen] for name in chips[0] if name.endswith("_mm")}
+        x, y = field["x_mm"] + a * field["width_mm"], field["y_mm"] + b * field["height_mm"]
+    profile = source.get("intensity") or {"kind": "cosine", "power": 1.0}
+    if profile["kind"] == "cosine":
+        gamma = np.arccos((1 - u[:, 2]) ** (1 / (profile["power"] + 1)))
+    else:
+        dense = np.radians(np.linspace(profile["gamma_deg"][0], profile["gamma_deg"][-1], 100_001))
+        intensity = np.interp(dense, np.radians(profile["gamma_deg"]), profile["intensity"])
+        gamma = inverse_share(dense, intensity * np.sin(dense), u[:, 2])
+    phi = 2 * np.pi * u[:, 3]
+    nm, spectrum = None, source.get("spectrum")
+    if spectrum and spectrum["kind"] == "line":
+        nm = np.full(rays, spectrum["wavelength_nm"])
+    elif spectrum:
+        dense = np.linspace(spectrum["wavelength_nm"][0], spectrum["wavelength_nm"][-1], 100_001)
+        density = np.interp(dense, spectrum["wavelength_nm"], spectrum["weight"])
+        nm = inverse_share(dense, density, np.random.default_rng(seed).permutation(rays) / rays + 0.5 / rays)
+    directions = np.column_stack([np.sin(gamma) * np.cos(phi), np.sin(gamma) * np.sin(phi), np.cos(gamma)])
+    return np.column_stack([x, y, 0 * x]), directions, nm
+
+
+FILE_AXES = {"+z": "+x+y+z", "-z": "+x-y-z", "+x": "+y+z+x", "-x": "+y-z-x", "+y": "+z+x+y", "-y": "+z-x-y"}
+
+
+def into_own_frame(source, p, d):
+    """Rays of a file in the coordinates of the source: origin, scale, axis, mirror."""
+    origin = source["origin"]
+    if origin == "virtual_focus":  # rays of equal flux
+        across = np.eye(3) - d[:, :, None] * d[:, None, :]
+        origin = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, p))
+    elif origin == "file":
+        origin = (0, 0, 0)
+    signs = FILE_AXES[source["axis"]]
+    turn = np.array([np.eye(3)["xyz".index(signs[i + 1])] * (1 if signs[i] == "+" else -1) for i in (0, 2, 4)])
+    turn = np.diag([-1 if source["mirror"] == "x" else 1, -1 if source["mirror"] == "y" else 1, 1]) @ turn
+    return source["scale"] * (p - np.array(origin)) @ turn.T, d @ turn.T
+
+
+def placed(source, p, d):
+    a, b, c = np.radians([*source["tilt_deg"], source["rotate_z_deg"]])
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    about_z = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    turn = about_y @ about_x @ about_z
+    return p @ turn.T + np.array(source["position_mm"]), d @ turn.T
+
+
+# -- Section 7: a ray through the lens ---------------------------------------------------------------------------------
+
+
+def first_crossing(surface, p, d):
+    """Distance to the surface along each ray; nan where the ray falls to z = 0 before it."""
+    along = (p * d).sum(axis=1)
+    beyond = np.sqrt(along**2 - (p**2).sum(axis=1) + (1.001 * surface.largest) ** 2) - along
+    floor = np.divide(-p[:, 2], d[:, 2], out=np.full(len(p), np.inf), where=d[:, 2] < 0)
+    end = np.minimum(beyond, floor)
+
+    def inside(t, rows=slice(None)):
+        q = p[rows] + t[:, None] * d[rows]
+        return surface.radius(unit(q)) - np.linalg.norm(q, axis=1)
+
+    low, f_low = np.zeros(len(p)), inside(np.zeros(len(p)))
+    high, f_high, found = np.full(len(p), np.nan), np.full(len(p), np.nan), np.zeros(len(p), dtype=bool)
+    for share in np.linspace(0, 1, 25)[1:]:
+        rows = np.flatnonzero(~found)
+        f = inside(share * end[rows], rows)
+        out = f < 0
+        found[rows[out]], high[rows[out]], f_high[rows[out]] = True, share * end[rows[out]], f[out]
+        low[rows[~out]], f_low[rows[~out]] = share * end[rows[~out]], f[~out]
+    rows = np.flatnonzero(found)
+    low, high, f_low, f_high = (values[rows] for values in (low, high, f_low, f_high))
+    side, t = np.zeros(len(rows)), high
+    for _ in range(20):  # regula falsi (Illinois)
+        t = (low * f_high - high * f_low) / (f_high - f_low)
+        f = inside(t, rows)
+        if np.abs(f).max(initial=0) < 1e-11:
+            break
+        now = np.where(f < 0, -1, 1)
+        weight = np.where(side == now, 0.5, 1.0)
+        low, high = np.where(now > 0, t, low), np.where(now < 0, t, high)
+        f_low, f_high = np.where(now > 0, f, f_low * weight), np.where(now < 0, f, f_high * weight)
+        side = now
+    distance = np.full(len(p), np.nan)
+    distance[rows] = t
+    return distance
+
+
+def refracted(surface, p, d, ratio):
+    """Directions behind a surface and Fresnel's T; nan where the light is reflected totally."""
+    n = surface.normal(unit(p))
+    c = (d * n).sum(axis=1)
+    q2 = np.where(c > 0, 1 - ratio**2 * (1 - c**2), -1)
+    q = np.sqrt(np.where(q2 > 0, q2, np.nan))
+    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
+    return ratio[:, None] * d + (q - ratio * c)[:, None] * n, 1 - (r_s**2 + r_p**2) / 2
+
+
+def trace(lens, pair, p, d, nm=None):
+    """Fate (index in FATES), place on the receiver's plane (mm), and flux at the end, of rays of flux 1."""
+    inner, outer = pair
+    n, d = refractive_index(lens, nm, len(p)), unit(d)
+    fate, flux, place = np.full(len(p), LANDED), np.ones(len(p)), np.full((len(p), 2), np.nan)
+    fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
+    below = (p[:, 2] < 0) & (fate == LANDED)
+    p = p.copy()
+    p[below] -= (p[below, 2] / d[below, 2])[:, None] * d[below]
+    live = np.flatnonzero(fate == LANDED)
+    fate[live[np.linalg.norm(p[live], axis=1) >= inner.radius(unit(p[live]))]] = OUTSIDE_CAVITY
+
+    live = np.flatnonzero(fate == LANDED)
+    t = first_crossing(inner, p[live], d[live])
+    fate[live[np.isnan(t)]] = BACKWARD
+    live, t = live[~np.isnan(t)], t[~np.isnan(t)]
+    p[live] += t[:, None] * d[live]
+    d[live], flux[live] = refracted(inner, p[live], d[live], 1 / n[live])
+    fate[live[np.isnan(flux[live])]] = TOTAL  # a tangent
+    live = live[fate[live] == LANDED]
+    fate[live[np.linalg.norm(p[live], axis=1) >= outer.radius(unit(p[live]))]] = INTERSECT
+
+    live = live[fate[live] == LANDED]
+    t = first_crossing(outer, p[live], d[live])
+    fate[live[np.isnan(t)]] = BASE
+    live, t = live[~np.isnan(t)], t[~np.isnan(t)]
+    p[live] += t[:, None] * d[live]
+    d[live], passed = refracted(outer, p[live], d[live], n[live])
+    fate[live[np.isnan(passed)]] = TOTAL
+    live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
+    flux[live] *= passed
+    up = d[live, 2] > 1e-12
+    fate[live[~up]] = MISSED
+    live = live[up]
+    to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
+    place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]
+    return fate, place, flux

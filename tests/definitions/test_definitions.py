@@ -1,0 +1,293 @@
+"""Light of shipped lenses by lensforge, and by a tracer that was written from docs/definitions.md alone.
+
+The lenses are drafts of examples/NAME.toml (`lensforge design --accuracy draft`); their sources, materials and
+conditions of evaluation are below.
+"""
+
+import ast
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import page_light
+import page_tracer
+import pytest
+from scipy.stats import t as student
+
+import lensforge as lf
+from lensforge.evaluation.minimum import uniformity_without_noise
+from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
+
+HERE = Path(__file__).parent
+EXAMPLES = HERE.parents[1] / "examples"
+LENSES = sorted(path.stem for path in (HERE / "lenses").glob("*.json"))
+REPLICATES, RAYS, LIBRARY_RAYS = 16, 2048, 2**18
+# Three standard errors, where these come from 16 replicates.
+BOUND = student.ppf(0.99865, REPLICATES - 1)
+WIDE = {"kind": "table", "gamma_deg": [0, 40, 120, 150], "intensity": [1.0, 0.8, 0.6, 0.2]}
+
+# A source inside the cavity, turned and tilted: a third of its light goes downwards, and some of that meets the lens.
+ABOVE = {"kind": "disc", "diameter_mm": 1.5, "position_mm": [0.1, -0.1, 0.45], "tilt_deg": [25, -40], "intensity": WIDE}
+# White light from a cup below the plane z = 0, some of which misses the cavity's opening.
+IN_CUP = {
+    "kind": "rectangle", "width_mm": 3.0, "height_mm": 1.2, "position_mm": [0.6, -0.3, -1.2], "tilt_deg": [-25.0, 30.0],
+    "rotate_z_deg": 30.0, "flux_w": 2.5, "intensity": {"kind": "cosine", "power": 1.5},
+    "spectrum": {"kind": "table", "wavelength_nm": [430.0, 460.0, 560.0, 680.0], "weight": [0.0, 1.0, 0.7, 0.1]},
+}  # fmt: skip
+# A chip array beside the axis.
+CHIPS = {
+    "kind": "chip_array", "columns": 2, "rows": 3, "width_mm": 0.5, "height_mm": 0.3, "pitch_mm": [1.0, 0.6],
+    "position_mm": [0.1, 0.0, 0.0], "flux_w": 1.0, "intensity": {"kind": "cosine", "power": 1.2},
+}  # fmt: skip
+PMMA = {"material": "PMMA", "refractive_index": None}  # None: left out
+ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55}
+
+
+@dataclass(frozen=True)
+class Scene:
+    lens: lf.Lens
+    record: dict[str, Any]  # as read from lens.json
+    pair: list[Any]
+
+
+@cache
+def scene(folder: Path, name: str, source: str = "{}", material: str = "{}", conditions: str = "{}") -> Scene:
+    """A lens of the given name with another source, material and evaluation, and its lens.json, written anew."""
+    record = json.loads((HERE / "lenses" / f"{name}.json").read_text(encoding="utf-8"))
+    section = record["spec"]["lens"]
+    section |= json.loads(material) | {"symmetry": "none"}  # that of the surfaces counts
+    if section["refractive_index"] is None:
+        del section["refractive_index"]
+    record["spec"]["evaluate"] |= json.loads(conditions)
+    if replaced := json.loads(source):
+        record["spec"]["source"] = replaced
+    if record["spec"]["target"].get("file"):
+        record["spec"]["target"]["file"] = str(EXAMPLES / record["spec"]["target"]["file"])
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps(record), encoding="utf-8")
+    lens = lf.load_lens(path)
+    lens.save(path)
+    record = json.loads(path.read_text(encoding="utf-8"))
+    return Scene(lens, record, surfaces(name))
+
+
+@cache
+def surfaces(name: str) -> list[Any]:
+    return page_tracer.surfaces(json.loads((HERE / "lenses" / f"{name}.json").read_text(encoding="utf-8")))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("definitions")
+
+
+def page_rays(record: dict[str, Any], count: int, seed: int) -> tuple[Any, Any, Any]:
+    source = record["spec"]["source"]
+    p, d, nm = page_tracer.emitted(source, count, seed)
+    return *page_tracer.placed(source, p, d), nm
+
+
+def library_shares(light: lf.Light) -> dict[str, float]:
+    shares = light.flux.model_dump() | light.missed_by_cause.model_dump()
+    assert shares.pop("missed") == pytest.approx(sum(light.missed_by_cause.model_dump().values()), abs=1e-12)
+    assert shares.pop("not_converged") == 0
+    return shares
+
+
+def pixel_flux(light: lf.Light, flux_w: float) -> Any:
+    """Share of the emitted flux in each pixel, unfiltered."""
+    return light.raw_map * (light.receiver_mm / light.pixels / 1000) ** 2 / flux_w
+
+
+def test_tracer_shares_no_code() -> None:
+    for module in ("page_tracer", "page_light"):
+        tree = ast.parse((HERE / f"{module}.py").read_text(encoding="utf-8"))
+        imported = {a.name for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
+        imported |= {str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        tops = {name.split(".")[0] for name in imported}
+        assert tops <= {"itertools", "pathlib", "matplotlib", "numpy", "PIL", "scipy", "page_tracer"}
+        assert not [n for n in ast.walk(tree) if isinstance(n, ast.Name) and n.id in ("__import__", "exec", "eval")]
+
+
+def test_numbers_on_the_page() -> None:
+    record = {
+        "levels": [1, 3], "sigma_c": 1.5, "symmetry": "mirror_x", "offset_mm": 5, "weights_mm": [0.5, -0.2, 0.3, 0.1],
+    }  # fmt: skip
+    surface = page_tracer.Freeform(record)
+    rho, n = surface.exact(np.array([[0.6, 0, 0.8], [0.48, 0.64, 0.6]]))
+    np.testing.assert_allclose(rho, [5.427007220494703, 5.481504438491289], rtol=1e-14)
+    np.testing.assert_allclose(n[0], [0.601881077792, -0.014425176209, 0.798455435505], atol=1e-12)
+    np.testing.assert_allclose(n[1], [0.489691564674, 0.632988064351, 0.599606772707], atol=1e-12)
+
+
+def test_figures_without_noise_of_the_same_replicates() -> None:
+    rng = np.random.default_rng(3)
+    target = 1 + 0.3 * rng.random((24, 24))
+    images = rng.poisson(60 * target * (1 + 0.1 * rng.random((24, 24))), (16, 24, 24)).astype(float)
+    mask = np.zeros((24, 24), dtype=bool)
+    mask[4:20, 4:20] = True
+    page = list(images)
+    assert nmse_without_noise(images, target).value == pytest.approx(page_light.nmse(page, target), rel=1e-10)
+    assert rsd_without_noise(images, mask).value == pytest.approx(page_light.rsd(page, mask), rel=1e-10)
+    assert uniformity_without_noise(images, mask).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_radius_and_normal(folder: Path, name: str) -> None:
+    lens = scene(folder, name)
+    rng = np.random.default_rng(1)
+    z, phi = rng.random(200), 2 * np.pi * rng.random(200)
+    u = np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
+    for page, library in zip(lens.pair, (lens.lens.inner, lens.lens.outer), strict=True):
+        rho, n = page.exact(u)
+        np.testing.assert_allclose(rho, library.radius(u), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(n, library.normal(u), rtol=0, atol=1e-11)
+        # The interpolation that the many rays use: far finer than the ray noise.
+        assert abs(page.radius(u) - rho).max() < 2e-6 and abs(page.normal(u) - n).max() < 1e-5
+
+
+SAME_RAYS = {
+    "above the plane": ("pi", ABOVE, {}),
+    "from a cup, dispersive": ("fixed_outer", IN_CUP, ABBE),
+}
+
+
+@pytest.mark.parametrize("case", SAME_RAYS)
+def test_same_rays(folder: Path, case: str) -> None:
+    """Every ray has the same fate and pixel; the tables of lensforge move a few over the border of one."""
+    name, source, material = SAME_RAYS[case]
+    count = 2**14
+    at = scene(folder, name, json.dumps(source), json.dumps(material))
+    p, d, nm = page_rays(at.record, count, 5)
+    mine = page_light.light(at.record, at.pair, [(p, d, nm)], EXAMPLES)
+    given = lf.RaySource(positions_mm=p, directions=d, wavelengths_nm=nm, flux_w=1.0)
+    light = lf.evaluate(at.lens, source=given, rays=count)
+    assert light.rays == count
+    for cause, share in library_shares(light).items():
+        assert share == pytest.approx(mine["figures"][cause][0], abs=5e-6), cause
+    for fate in {"above the plane": ("backward", "base"), "from a cup, dispersive": ("outside_cavity",)}[case]:
+        assert mine["figures"][fate][0] > 0.005
+    assert (d[:, 2] < 0).mean() > 0.25 or case != "above the plane"
+    image = mine["bins"][0]
+    assert abs(image - pixel_flux(light, 1.0)).sum() < 4e-3 * image.sum()
+    assert light.raw.nmse == pytest.approx(page_light.raw_nmse(mine["images"][0], mine["target"]), rel=1e-3)
+
+
+OWN_RAYS = {
+    "flat_top": {"conditions": {"pixels": 32}},  # few, for a uniformity that is not all noise
+    "image": {"source": CHIPS},
+    "fixed_inner": {
+        "source": IN_CUP,
+        "material": PMMA,
+        "conditions": {"pixels": 96, "filter_variance": 0.5, "window_mm": 180.0},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Both:
+    scene: Scene
+    page: dict[str, Any]
+    light: lf.Light
+
+
+@cache
+def both(folder: Path, name: str) -> Both:
+    at = scene(
+        folder, name, *(json.dumps(OWN_RAYS[name].get(field, {})) for field in ("source", "material", "conditions"))
+    )
+    rays = [page_rays(at.record, RAYS, 100 + k) for k in range(REPLICATES)]
+    page = page_light.light(at.record, at.pair, rays, EXAMPLES)
+    return Both(at, page, lf.evaluate(at.lens, rays=LIBRARY_RAYS))
+
+
+@pytest.mark.parametrize("name", OWN_RAYS)
+def test_images_of_one_evaluation(folder: Path, name: str) -> None:
+    """Target, filter and raw figures of lensforge's own irradiance map: no noise between them."""
+    two = both(folder, name)
+    record, light, target = two.scene.record, two.light, two.page["target"]
+    flux_w = record["spec"]["source"]["flux_w"]
+    image = pixel_flux(light, flux_w)
+    np.testing.assert_allclose(light.target_map / light.target_map.sum(), target, rtol=0, atol=1e-12 * target.max())
+    assert light.target_map.sum() == pytest.approx(light.map.sum(), rel=1e-12)
+    np.testing.assert_allclose(light.map, page_light.filtered(record, light.raw_map), atol=1e-12 * light.map.max())
+    assert light.share_in_target.value == pytest.approx(page_light.share_in_target(image, target), rel=1e-12)
+    assert light.raw.nmse == pytest.approx(page_light.raw_nmse(light.map, target), rel=1e-10)
+    if record["spec"]["target"]["uniform_mm"]:
+        mask = page_light.uniform_mask(record)
+        assert light.raw.rsd == pytest.approx(page_light.raw_rsd(light.map, mask), rel=1e-10)
+        assert light.raw.uniformity == pytest.approx(page_light.raw_uniformity(light.map, mask), rel=1e-10)
+    else:
+        assert light.uniformity is None and light.rsd is None
+
+
+def agree(what: str, page: float, error: float, library: float, library_error: float) -> None:
+    combined = np.hypot(error, library_error)
+    assert abs(page - library) <= BOUND * combined, f"{what}: page {page} ± {error}, library {library}"
+
+
+@pytest.mark.parametrize("name", OWN_RAYS)
+def test_flux_budget(folder: Path, name: str) -> None:
+    two = both(folder, name)
+    for cause, library in (library_shares(two.light) | {"share_in_target": two.light.share_in_target.value}).items():
+        values = two.page["figures"][cause]
+        # Of a rare fate the replicates see too few rays to tell their own spread: that of independent rays.
+        rare = np.sqrt(max(library, 1 / values.size / RAYS) / values.size / RAYS) if library < 1e-3 else 0.0
+        error = max(values.std(ddof=1) / 4, rare)
+        agree(cause, values.mean(), error, library, error * np.sqrt(REPLICATES * RAYS / LIBRARY_RAYS))
+    assert two.light.efficiency.value == two.light.flux.detected
+
+
+def jackknife(images: list[Any], figure: Any) -> float:
+    left_out = np.array([figure(images[:k] + images[k + 1 :]) for k in range(len(images))])
+    return float(np.sqrt((len(images) - 1) * left_out.var()))
+
+
+@pytest.mark.parametrize("name", OWN_RAYS)
+def test_nmse_without_noise(folder: Path, name: str) -> None:
+    two = both(folder, name)
+    images, target = two.page["images"], two.page["target"]
+    error = jackknife(images, lambda some: page_light.nmse(some, target))
+    metric = two.light.nmse
+    agree("nmse", page_light.nmse(images, target), error, metric.value, metric.standard_error or 0.0)
+    assert metric.standard_error and metric.value < two.light.raw.nmse
+
+
+def test_uniformity_without_noise(folder: Path) -> None:
+    two = both(folder, "flat_top")
+    images, mask, light = two.page["images"], page_light.uniform_mask(two.scene.record), two.light
+    error = jackknife(images, lambda some: page_light.rsd(some, mask))
+    assert light.rsd and light.rsd.standard_error and light.uniformity and light.uniformity.standard_error
+    agree("rsd", page_light.rsd(images, mask), error, light.rsd.value, light.rsd.standard_error)
+    # The error of a minimum at fewer rays: noise falls with their square root.
+    error = light.uniformity.standard_error * np.sqrt(LIBRARY_RAYS / REPLICATES / RAYS)
+    agree("uniformity", page_light.uniformity(images, mask), error, light.uniformity.value, error / 2)
+
+
+@pytest.mark.parametrize("name", OWN_RAYS)
+def test_irradiance(folder: Path, name: str) -> None:
+    """Blocks of pixels by the F ratio of difference and noise; centre and widths of the light."""
+    two = both(folder, name)
+    library = pixel_flux(two.light, two.scene.record["spec"]["source"]["flux_w"])
+    bins = np.array(two.page["bins"])
+
+    def blocks(images: Any) -> Any:
+        side = images.shape[-1] // 32
+        return images.reshape(*images.shape[:-2], 32, side, 32, side).sum(axis=(-1, -3))
+
+    sample, truth = blocks(bins), blocks(library)
+    variance = sample.var(axis=0, ddof=1) / REPLICATES * (1 + REPLICATES * RAYS / LIBRARY_RAYS)
+    lit = truth * REPLICATES * RAYS > 20  # rays in the block
+    ratios = ((sample.mean(axis=0) - truth)[lit]) ** 2 / variance[lit]
+    mean, spread = 15 / 13, np.sqrt(2 * 15**2 * 14 / (13**2 * 11))  # of F with 1 and 15 degrees of freedom
+    assert abs(ratios.mean() - mean) < 4 * spread / np.sqrt(lit.sum())
+    x = two.light.axis_mm[None, :] + 0 * library
+    y = x.T
+    for moment in (x, y, x * x, x * y, y * y):
+        values = (bins * moment).sum(axis=(1, 2))
+        error = values.std(ddof=1) / 4
+        there = (library * moment).sum()
+        agree("moment", values.mean(), error, there, error * np.sqrt(REPLICATES * RAYS / LIBRARY_RAYS))
