@@ -2,7 +2,7 @@
 
 from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
-from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult
+from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
@@ -12,9 +12,10 @@ from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design, Progress
 from lensforge.pipeline import run
-from lensforge.records import Metric
+from lensforge.records import Conditions, Metric
 from lensforge.results import Results
 from lensforge.run_folder import Run, load
+from lensforge.sources.photometric.summary import PhotometricSummary
 from lensforge.sources.rayfiles.summary import RayFileSummary
 from lensforge.spec import (
     ArrayTarget,
@@ -69,6 +70,7 @@ __all__ = [
     "Chip",
     "ChipArraySource",
     "ChipsSource",
+    "Conditions",
     "ConstraintsSection",
     "CosineIntensity",
     "Criterion",
@@ -97,6 +99,7 @@ __all__ = [
     "Part",
     "PhotoComparison",
     "PhotometricIntensity",
+    "PhotometricSummary",
     "Photometry",
     "Progress",
     "Proof",
@@ -110,6 +113,7 @@ __all__ = [
     "Results",
     "Run",
     "Sensitivity",
+    "SourceWarning",
     "Spec",
     "SquareSource",
     "StrayLight",

@@ -1,6 +1,7 @@
 """Arguments of the verbs: validated with one-line errors, and converted to sources, presets, devices and threads."""
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from operator import index
@@ -8,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat, SupportsIndex, TypeVar, cast
 
 from lensforge.accuracy import PRESETS, Preset
-from lensforge.errors import InputError
+from lensforge.errors import InputError, SourceWarning
 from lensforge.lens import Lens
+from lensforge.optimisation.source_clearance import source_clearance_warnings
 from lensforge.records.validation import its_type
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes, section_sha256
@@ -29,6 +31,26 @@ def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
     from lensforge.sources.build import build_source
 
     return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
+
+
+def warned_source(spec: Spec, warn: Callable[[str], None] | None, start: Lens | None = None) -> "Source":
+    """The source of ``spec``, after ``warn`` was called with each warning on it and on the scene from ``start`` on.
+
+    By default they are Python's own warnings. Raises :class:`InputError` where no search can help.
+    """
+    from lensforge.optimisation.scene_check import SceneCheck
+    from lensforge.sources.build import summarise
+
+    source = source_of(spec)
+    room = source_clearance_warnings(spec, source)
+    scene = SceneCheck.of(spec, source, start)
+    scene.require_light()
+    for words in (*summarise(source, spec.source).warnings, *scene.warnings(), *room):
+        if warn is None:
+            warnings.warn(words, SourceWarning, stacklevel=3)
+        else:
+            warn(words)
+    return source
 
 
 def inputs_of(lens: Lens, source: SourceSpec) -> dict[str, str]:

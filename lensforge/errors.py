@@ -33,6 +33,10 @@ class OutdatedResult(InputError):
     """A record of another version of the program: the stage has to run again."""
 
 
+class SourceWarning(UserWarning):
+    """A doubt about a source, told before its light is traced."""
+
+
 class Cancelled(LensforgeError):
     """The caller's ``progress`` returned False; the checkpoint, if there is one, holds the state."""
 

@@ -9,6 +9,8 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
+from lensforge.other_conditions import unless_own
+from lensforge.records import Conditions
 
 
 @overload
@@ -94,18 +96,21 @@ def _compare_surface(
     rays: int | None,
 ) -> SurfaceComparison:
     from lensforge.measurement.point_cloud import read_cloud
-    from lensforge.measurement.surface import compare_surface
+    from lensforge.measurement.surface import compare_surface, default_rays
 
     if surface not in ("inner", "outer"):
         raise InputError(
             f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
         )
-    return compare_surface(
+    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    found = compare_surface(
         read_cloud(Path(points)),
         lens=lens,
         side=surface,
         source=source_of(lens.spec),
-        preset=preset_of(lens.accuracy),
-        rays=count_of("rays", rays),
+        preset=preset,
+        rays=rays,
         registration=registration,
     )
+    conditions = Conditions.of(rays=unless_own(rays, default_rays(lens, preset)))
+    return found.model_copy(update={"conditions": conditions})

@@ -1,6 +1,7 @@
 """Runs in a result folder: all stages in turn, or one stage again; each writes its files.
 
-A result that misses a criterion is still written; ``run.json`` holds the verdict and is renewed by every stage.
+A result that misses a criterion is still written; ``run.json`` holds the verdict and is renewed by every stage. A
+result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from lensforge import stages
 from lensforge.arguments import threads_of_torch
+from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.files import replacing
@@ -19,13 +21,13 @@ from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.measurement.figures import photo_png, surface_png
 from lensforge.optimisation.design import Design, Observer
+from lensforge.other_conditions import light_conditions, source_with_file
 from lensforge.records import StageResult
-from lensforge.results import LENS_FILE, REPORT_FILE
-from lensforge.run_folder import Run, folder_of, open_run, renew
+from lensforge.results import LENS_FILE, REPORT_FILE, stem_of
+from lensforge.run_folder import Run, folder_of, open_run, renew, require_free
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
-from lensforge.spec.ray_source import RayfileSource
-from lensforge.spec.source import SourceSpec
+from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof, StrayLight
 
@@ -33,8 +35,6 @@ if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
 CHECKPOINT = "checkpoint.pt"
-# Light and proof under conditions other than the spec's: never written over evaluate.json and verify.json.
-EVALUATE_OTHER, VERIFY_OTHER = "evaluate_other", "verify_other"
 
 Announce = Callable[[str], None]
 _Result = TypeVar("_Result", bound=StageResult)
@@ -52,6 +52,7 @@ def run(
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     announce: Announce | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Run:
     """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
 
@@ -60,6 +61,7 @@ def run(
     the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``.
     """
     require_spec(spec, "run")
+    require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
     folder, announce = folder_of(folder), announce or (lambda _: None)
     with threads_of_torch(threads):
         result = stages.design(
@@ -71,6 +73,7 @@ def run(
             resume=checkpoint is not None,
             progress=progress,
             device=device,
+            warn=warn,
         )
         write_design(result, folder)
         for name, stage in _AFTER_DESIGN.items():
@@ -89,33 +92,31 @@ def write_design(result: Design, folder: Path) -> Design:
 
 
 def run_evaluate(
-    folder: Path, *, rays: int | None = None, pixels: int | None = None, source: Path | None = None
+    folder: Path,
+    *,
+    rays: int | None = None,
+    pixels: int | None = None,
+    source: Path | None = None,
+    name: str | None = None,
 ) -> Light:
     """Simulate the finished lens again.
 
-    With ``rays``, ``pixels`` or ``source`` (a ray file in place of the spec's source) the light is written to
-    ``evaluate_other.json``, and ``evaluate.json`` is kept.
+    Where ``rays``, ``pixels`` or ``source`` (a ray file in place of the spec's source) are not the lens's own, the
+    light is written to ``evaluate_<name>.json``; ``name`` is by default made from what differs. Raises
+    :class:`InputError` where that file holds the light under other conditions.
     """
     lens = load_lens(folder / LENS_FILE)
-    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=_other_source(lens.spec, source))
-    if rays is None and pixels is None and source is None:
-        return _written(light, folder)
-    light.write(folder, EVALUATE_OTHER)
-    return light
-
-
-def _other_source(spec: Spec, file: Path | None) -> SourceSpec | None:
-    """The spec's source with ``file`` as its ray file; for other sources ``file``, virtual focus at the origin."""
-    if file is None:
-        return None
-    if isinstance(spec.source, RayfileSource):
-        return spec.source.model_copy(update={"file": file.absolute()})
-    return RayfileSource(
-        file=file,
-        origin="virtual_focus",
-        flux_w=spec.source.flux_w,
-        luminous_efficacy_lm_per_w=spec.source.luminous_efficacy_lm_per_w,
-    )
+    other = source_with_file(lens.spec, source)
+    conditions = light_conditions(lens, source=other, rays=rays, pixels=pixels)
+    if conditions is not None:
+        conditions = conditions if name is None else conditions.renamed(name)
+        require_free(folder, lens, conditions)
+    elif name is not None:
+        raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")
+    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=other)
+    if conditions is not None and light.conditions is not None:
+        light = light.model_copy(update={"conditions": light.conditions.renamed(conditions.name)})
+    return _written(light, folder)
 
 
 def run_export(
@@ -142,14 +143,11 @@ def run_check(folder: Path) -> Check:
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
     """Cast rays through the exported part, and compare their landings with the design's.
 
-    With ``rays`` the proof is written to ``verify_other.json``, and ``verify.json`` is kept.
+    With other ``rays`` than the preset's the proof is written to ``verify_<rays>rays.json``; so are, under their own
+    names, the results of the functions below.
     """
     results = open_run(folder)
-    proof = stages.verify(results.part, results.light, rays=rays)
-    if rays is None:
-        return _written(proof, folder)
-    proof.write(folder, VERIFY_OTHER)
-    return proof
+    return _written(stages.verify(results.part, results.light, rays=rays), folder)
 
 
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
@@ -195,9 +193,9 @@ def run_compare_surface(
     """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
     lens = load_lens(folder / LENS_FILE)
     result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
-    with replacing(folder / f"compare_{surface}.png") as temporary:
+    with replacing(folder / f"{stem_of(result)}.png") as temporary:
         temporary.write_bytes(surface_png(result))
-    return _written(result, folder, f"compare_{surface}")
+    return _written(result, folder)
 
 
 def run_handover(folder: Path) -> "Handover":
@@ -206,6 +204,7 @@ def run_handover(folder: Path) -> "Handover":
 
     handover = make_handover(open_run(folder))
     handover.save(folder)
+    renew(folder)
     return handover
 
 
@@ -229,9 +228,9 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     return page
 
 
-def _written(result: _Result, folder: Path, stem: str | None = None) -> _Result:
+def _written(result: _Result, folder: Path) -> _Result:
     """Write ``result`` into ``folder``, renew the verdict, and return the result."""
-    result.write(folder, stem)
+    result.write(folder, stem_of(result))
     renew(folder)
     return result
 

@@ -14,7 +14,7 @@ from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
-from lensforge.records import StageResult
+from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict, verdict_on
@@ -43,12 +43,13 @@ class Results:
     """A lens and the results of its stages, by the stem of their files.
 
     ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
-    not run.
+    not run. ``others``: results under other conditions than the lens's own; neither verdict nor any stage uses them.
     """
 
     lens: Lens
     found: Mapping[str, StageResult] = field(default_factory=dict)
     outdated: Mapping[str, str] = field(default_factory=dict)
+    others: Mapping[str, SimulatedResult] = field(default_factory=dict)
 
     @property
     def spec(self) -> Spec:
@@ -121,9 +122,17 @@ class Results:
         """True where lens and results are the same, bit for bit."""
         if not isinstance(other, Results):
             return NotImplemented
-        return self.lens == other.lens and dict(self.found) == dict(other.found)
+        same = self.lens == other.lens and dict(self.found) == dict(other.found)
+        return same and dict(self.others) == dict(other.others)
 
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
+
+
+def stem_of(result: StageResult) -> str:
+    """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
+    stem = f"compare_{result.surface}" if isinstance(result, SurfaceComparison) else result.stage
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    return stem if conditions is None else f"{stem}_{conditions.name}"
 
 
 def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
@@ -135,9 +144,8 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
     lens = load_lens(folder / LENS_FILE)
     found: dict[str, StageResult] = {}
     outdated: dict[str, str] = {}
-    for stem, kind in _FILES.items():
-        if not (folder / f"{stem}.json").exists():
-            continue
+    others: dict[str, SimulatedResult] = {}
+    for stem, kind in _files_in(folder):
         given = {"lens": lens} if kind in _HOLD_LENS else {}
         try:
             result = kind.read(folder, stem, **given)
@@ -146,12 +154,35 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
                 raise
             outdated[stem] = str(error)
             continue
-        why = _mismatch(result, lens, found)
+        why = _mismatch(result, lens, found) or _foreign_conditions(result, stem)
         if why:
             outdated[stem] = f"{why}; {kind.again()}"
-        else:
+        elif stem in _FILES:
             found[stem] = result
-    return Results(lens, found, outdated)
+        elif isinstance(result, SimulatedResult):
+            others[stem] = result
+    return Results(lens, found, outdated, others)
+
+
+def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
+    """Stem and class of each record in ``folder``: the lens's own first, then those under other conditions."""
+    for stem, kind in _FILES.items():
+        if (folder / f"{stem}.json").exists():
+            yield stem, kind
+    for stem, kind in _FILES.items():
+        if issubclass(kind, SimulatedResult):
+            for path in sorted(folder.glob(f"{stem}_*.json")):
+                yield path.stem, kind
+
+
+def _foreign_conditions(result: StageResult, stem: str) -> str:
+    """The reason why ``result`` is not what its file's name says: the lens's own, or one under other conditions."""
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    if stem in _FILES and conditions is not None:
+        return f"it was made under other conditions than the lens's own ({conditions})"
+    if stem not in _FILES and conditions is None:
+        return "it was made under the lens's own conditions, so another file holds it"
+    return ""
 
 
 def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lensforge.errors import InputError
+from lensforge.evaluation.light import Light
 from lensforge.files import replacing, write_json
-from lensforge.records import Count, Record, Sha256, Text
+from lensforge.lens import Lens
+from lensforge.records import Conditions, Count, Record, Sha256, Text
 from lensforge.records.result import SCHEMA_VERSION
 from lensforge.records.stored import read_object, validated
 from lensforge.records.validation import its_type
@@ -20,7 +22,7 @@ _RENEW = "run `lensforge report` again"
 
 @dataclass(frozen=True, eq=False)
 class Run(Results):
-    """All results in ``folder``."""
+    """All results in ``folder``; ``others``: those under other conditions than the lens's own, by their file's stem."""
 
     folder: Path = Path()
 
@@ -57,7 +59,10 @@ class Run(Results):
 
 
 class RunRecord(Record):
-    """``run.json``: the verdict, the hashes of the results, and the reason for each ``outdated`` one."""
+    """``run.json``: the verdict, hashes of the results it rests on and of the ``others``, the reasons for ``outdated``.
+
+    ``others``: results under other conditions than the lens's own.
+    """
 
     version: Text = __version__
     name: Text
@@ -65,6 +70,7 @@ class RunRecord(Record):
     seed: Count
     verdict: Verdict
     results: dict[Text, Sha256]
+    others: dict[Text, Sha256]
     outdated: dict[Text, Text]
 
 
@@ -75,13 +81,13 @@ def load(folder: Path | str) -> Run:
         raise InputError(f"{folder}: no such folder; run `lensforge design` first")
     _require_verdict_file(folder / RUN_FILE)
     results = load_results(folder)
-    return Run(results.lens, results.found, results.outdated, folder)
+    return Run(results.lens, results.found, results.outdated, results.others, folder)
 
 
 def open_run(folder: Path) -> Run:
     """The run in ``folder``, complete or not; a damaged record counts as not run; its stage writes it anew."""
     results = load_results(folder, damaged_too=True)
-    return Run(results.lens, results.found, results.outdated, folder)
+    return Run(results.lens, results.found, results.outdated, results.others, folder)
 
 
 def _require_verdict_file(path: Path) -> None:
@@ -109,7 +115,23 @@ def renew(folder: Path) -> Verdict:
         seed=found.lens.seed,
         verdict=found.verdict,
         results={stem: result.sha256 for stem, result in found.found.items()},
+        others={stem: result.sha256 for stem, result in found.others.items()},
         outdated=dict(found.outdated),
     )
     write_json(folder / RUN_FILE, {"schema": RUN_SCHEMA, **record.model_dump(mode="json")})
     return found.verdict
+
+
+def require_free(folder: Path, lens: Lens, conditions: Conditions) -> None:
+    """Raise :class:`InputError` where the light of ``lens`` under other ``conditions`` has the same file."""
+    stem = f"{Light.stage}_{conditions.name}"
+    try:
+        found = Light.read(folder, stem)
+    except InputError:
+        return  # there is none, or none that can be read
+    there = found.conditions
+    if there is not None and found.inputs["lens"] == lens.sha256 and not there.same_as(conditions):
+        raise InputError(
+            f"{folder / stem}.json: holds the light under other conditions of that name ({there}); give another --name,"
+            " or delete it"
+        )

@@ -3,6 +3,7 @@
 Heavy libraries are loaded by the verb that first needs them: torch and numba to trace, the CAD kernel to build.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -17,6 +18,7 @@ from lensforge.arguments import (
     require,
     source_of,
     threads_of_torch,
+    warned_source,
 )
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
@@ -25,6 +27,8 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
+from lensforge.other_conditions import light_conditions, photometry_conditions, rays_of, unless_own
+from lensforge.records import Conditions
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
@@ -45,6 +49,7 @@ def design(
     resume: bool = True,
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
+    warn: Callable[[str], None] | None = None,
 ) -> Design:
     """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
 
@@ -52,8 +57,9 @@ def design(
     begin from. ``checkpoint``: a file that is written every few seconds; where it exists already, the search continues
     from it and ends with the same bits as an uninterrupted one, unless ``resume`` is False. ``progress`` is called
     after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
-    checkpoint. ``device``: where the rays of the search are traced (``cuda`` is experimental). Raises
-    :class:`InputError` for invalid arguments.
+    checkpoint. ``device``: where the rays of the search are traced (``cuda`` is experimental). ``warn`` is called with
+    each warning on the source before the search begins; by default they are Python's own, :class:`SourceWarning`.
+    Raises :class:`InputError` for invalid arguments.
     """
     from lensforge.optimisation.optimiser import search
 
@@ -68,10 +74,11 @@ def design(
         from lensforge.geometry.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
+    source = warned_source(spec, warn, start)
     with threads_of_torch(threads):
         return search(
             spec,
-            source_of(spec),
+            source,
             accuracy=accuracy,
             seed=seed,
             device=device_of(device),
@@ -94,20 +101,26 @@ def evaluate(
 ) -> Light:
     """Simulate ``lens``: the light on its receiver, every metric with its standard error.
 
-    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels).
+    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels). The light names
+    all ``conditions`` that are not the lens's own, and the warnings on another source.
     """
     from lensforge.evaluation.evaluate import evaluate_lens
+    from lensforge.sources.build import summarise
 
     require(lens, Lens, "evaluate")
     chosen = lens.spec.source if source is None else source
     if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
         raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels), count_of("seed", seed, 0)
+    conditions = light_conditions(lens, accuracy=accuracy, source=source, rays=rays, pixels=pixels, seed=seed)
     preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, chosen)
+    if conditions is not None and conditions.source is not None:
+        conditions = conditions.model_copy(update={"warnings": summarise(emitter, chosen).warnings})
     with threads_of_torch(threads):
         light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
-    efficacy = chosen.luminous_efficacy_lm_per_w
-    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "lumens_per_watt": efficacy})
+    efficacy = summarise(emitter, chosen).lumens_per_watt
+    inputs = inputs_of(lens, chosen)
+    return light.model_copy(update={"inputs": inputs, "lumens_per_watt": efficacy, "conditions": conditions})
 
 
 def build(
@@ -159,12 +172,11 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
     preset, source = preset_of(lens.accuracy), source_of(spec)
+    count, conditions = rays_of(rays, preset.verify_rays, source)
     with threads_of_torch(threads):
-        bundle = source.sample(
-            min(rays or preset.verify_rays, source.ray_count or 2**40), seeds.of_verification(lens.seed)
-        )
-        hits, flux = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
-        return verify_part(
+        bundle = source.sample(count, seeds.of_verification(lens.seed))
+        hits, flux, fates = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
+        proof = verify_part(
             part.stl,
             rays=bundle,
             refractive_index=lens.refractive_index,
@@ -175,12 +187,14 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             design_irradiance=light.map,
             design_hits=hits,
             design_flux=flux,
+            design_fates=fates,
             filter_variance=spec.evaluate.filter_variance,
             step=part.step,
             mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
             threads=torch.get_num_threads(),
             inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
         )
+    return proof.model_copy(update={"conditions": conditions})
 
 
 def stray_light(
@@ -193,9 +207,9 @@ def stray_light(
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
-    count = min(rays or min(preset.verify_rays, _STRAY_RAYS), source.ray_count or 2**40)
+    count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
     with threads_of_torch(threads):
-        return trace_stray(
+        stray = trace_stray(
             part.stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
             refractive_index=lens.refractive_index,
@@ -206,16 +220,18 @@ def stray_light(
             base=base,
             inputs={"lens": lens.sha256, "export": part.sha256},
         )
+    return stray.model_copy(update={"conditions": conditions})
 
 
 def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
     """Compute the effect of small errors of form, position, source and index on the light of ``lens``."""
-    from lensforge.tolerancing.sensitivity import measure_sensitivity
+    from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    rays = count_of("rays", rays)
+    conditions = Conditions.of(rays=unless_own(count_of("rays", rays), RAYS))
     with threads_of_torch(threads):
-        return measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays)
+        found = measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays or RAYS)
+    return found.model_copy(update={"conditions": conditions})
 
 
 def photometry(
@@ -223,12 +239,15 @@ def photometry(
 ) -> Photometry:
     """Compute the far field of ``lens`` and make its IES, EULUMDAT and TM-25 files.
 
-    ``lumens``: of the source; default: from the spec's luminous efficacy, or 1000.
+    ``lumens``: of the source; default: as spec or file of the source say, or relative to 1000. ``rays``: by default as
+    many as the noise of the intensities asks for. Other lumens than the source's own, and any ``rays`` that are given,
+    are other ``conditions`` than the lens's own.
     """
     from lensforge.far_field.export import measure_photometry
 
     require(lens, Lens, "photometry")
-    rays = count_of("rays", rays)
-    lumens = number_of("lumens", lumens)
+    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    lumens, source = number_of("lumens", lumens), source_of(lens.spec)
     with threads_of_torch(threads):
-        return measure_photometry(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays, lumens=lumens)
+        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens)
+    return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})

@@ -38,9 +38,12 @@ def whole_run(small_run: lensforge.Run, tmp_path_factory: pytest.TempPathFactory
 
     folder = tmp_path_factory.mktemp("whole_run") / "small"
     shutil.copytree(small_run.folder, folder)
-    run_stray(folder, rays=512)
-    run_sensitivity(folder, rays=512)
-    run_photometry(folder, rays=4096)
+    with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
+        patch.setattr("lensforge.stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.tolerancing.sensitivity.RAYS", 512)
+        run_stray(folder)
+        run_sensitivity(folder)
+    run_photometry(folder)
     _measure_part(small_run, folder)
     return lensforge.load(folder)
 
@@ -60,4 +63,4 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     run_compare_photo(folder, on=photo, off=None, corners=[(low, low), (high, low), (high, high), (low, high)])
     u = hemisphere_directions(2000)
     np.savetxt(cloud, u * run.lens.inner.radius(u)[:, None], delimiter=",")
-    run_compare_surface(folder, points=cloud, surface="inner", rays=512)
+    run_compare_surface(folder, points=cloud, surface="inner")

@@ -17,8 +17,8 @@ ORDER = [
     "version", "seeds", "errors", "files", "kernels", "records", "criteria", "surfaces", "optics", "spec",
     "accuracy", "lens", "figures", "sources", "tracing", "receivers", "optimisation", "evaluation",
     "tolerancing", "far_field", "geometry", "manufacturing", "verification", "measurement", "verdict", "results",
-    "report", "drawings", "arguments", "stages", "measured_part", "run_folder", "pipeline", "studies", "verbs",
-    "api", "commands", "cli", "__main__",
+    "report", "drawings", "arguments", "other_conditions", "stages", "measured_part", "run_folder", "pipeline",
+    "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {

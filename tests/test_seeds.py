@@ -3,17 +3,18 @@
 from itertools import pairwise
 
 from lensforge import seeds
-from lensforge.far_field.export import _PARTS
+from lensforge.far_field.exit_light import _ROUNDS, PARTS
 
 
 def test_no_two_purposes_share_a_seed() -> None:
     most, steps = seeds.MOST, 10**6
     replicates, parts = 16, 2**12  # parts: 2^36 rays
+    far = PARTS * _ROUNDS
     ranges = [
         (seeds.of_step(0, 0), seeds.of_step(most, steps)),
         (seeds.of_replicate(0, replicates, 0, parts, 0), seeds.of_replicate(most, replicates, 15, parts, parts - 1)),
         (seeds.of_verification(0), seeds.of_verification(most)),
-        (seeds.of_far_field(0, _PARTS, 0), seeds.of_far_field(most, _PARTS, _PARTS - 1)),
+        (seeds.of_far_field(0, far, 0), seeds.of_far_field(most, far, far - 1)),
         (seeds.of_convergence(0), seeds.of_convergence(2**20)),
         (seeds.of_reference(0), seeds.of_reference(2**20)),
         (seeds.of_preset_error(0, 8, 0), seeds.of_preset_error(most, 8, 7)),

@@ -86,4 +86,5 @@ def run_with_progress(
             progress=reporter.on_step,
             device=device,
             announce=reporter.on_stage,
+            warn=reporter.on_warning,
         )

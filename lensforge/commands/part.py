@@ -8,7 +8,7 @@ import click
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
-from lensforge.commands.printing import finish, print_table
+from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
 from lensforge.errors import InputError
 
 
@@ -20,6 +20,7 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
     """Compute how errors of form, position and index of the lens in DIR change its light; writes sensitivity.json."""
     with threads_of_torch(threads):
         result = pipeline.run_sensitivity(directory, rays=rays)
+    print_conditions(result)
     click.echo("error\tamount\tunit\tnmse\tuniformity\tefficiency")
     for name, amount, unit, found in (
         ("as designed", 0.0, "", result.nominal),
@@ -28,6 +29,7 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
         figures = (found.nmse, found.uniformity, found.efficiency)
         values = ("None" if each is None else str(each.value) for each in figures)
         click.echo("\t".join((name, str(amount), unit, *values)))
+    conclude(directory, (result,))
 
 
 @click.command()
@@ -37,6 +39,7 @@ def handover(directory: Path) -> None:
     result = pipeline.run_handover(directory)
     click.echo(f"files\t{', '.join(result.files)}")
     print_table({"points": result.points, "sha256": result.sha256, "refused": [each.reason for each in result.refused]})
+    conclude(directory)
 
 
 class _Corner(click.ParamType[tuple[float, float]]):
@@ -106,8 +109,13 @@ def compare(
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: the spec's, or 1000.")
+@click.option(
+    "--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: the spec's, or relative to 1000."
+)
 def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
     """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
     with threads_of_torch(threads):
-        finish(directory, pipeline.run_photometry(directory, rays=rays, lumens=lumens))
+        result = pipeline.run_photometry(directory, rays=rays, lumens=lumens)
+    for words in result.warnings:
+        click.echo(warning_line(words), err=True)
+    finish(directory, result)

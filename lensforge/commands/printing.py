@@ -1,7 +1,7 @@
-"""Output of the commands: a ``key<TAB>value`` line for each number on stdout; then an error for missed criteria."""
+"""Output of the commands: a ``key<TAB>value`` line for each number on stdout, warnings and progress on stderr."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -9,30 +9,71 @@ import click
 
 from lensforge.criteria import require
 from lensforge.errors import CriterionMissed
+from lensforge.evaluation.light import Light
 from lensforge.pipeline import run_report
-from lensforge.records import StageResult
-from lensforge.results import REPORT_FILE
+from lensforge.records import SimulatedResult, StageResult
+from lensforge.results import REPORT_FILE, stem_of
 from lensforge.run_folder import Run, open_run
+from lensforge.verdict import Verdict, verdict_on
 
 _METRIC = {"value", "unit", "standard_error"}
-_NOT_NUMBERS = ("criteria", "version", "inputs")
+_NOT_NUMBERS = ("criteria", "version", "inputs", "conditions")
 
 
 def finish(
-    directory: Path, result: StageResult, decides: Literal["light", "files", ""] = "", **also: StageResult
+    directory: Path, result: StageResult, decides: Literal["light", "files", "cutting", ""] = "", **also: StageResult
 ) -> None:
-    """Print one stage's numbers, and ``also`` under their names; refresh the report if there is one.
+    """Print one stage's numbers, and ``also`` under their names, and conclude the command.
 
     Raises :class:`CriterionMissed` where a criterion is missed, or the part of the verdict that the stage ``decides``.
     """
     results = (result, *also.values())
     for prefix, each in zip(("", *(f"{name}." for name in also)), results, strict=True):
+        print_conditions(each, prefix)
         print_table(each.model_dump(mode="json", exclude=_not_printed(each)), prefix)
+    conclude(directory, results, decides)
+
+
+def conclude(
+    directory: Path, results: Sequence[StageResult] = (), decides: Literal["light", "files", "cutting", ""] = ""
+) -> None:
+    """Print the verdict, refresh the report if there is one, and raise as :func:`finish` does.
+
+    Where the first of ``results`` is under other conditions than the lens's own, it decides nothing: a light is judged
+    under them, and the lens's verdict is not repeated.
+    """
+    run, first = open_run(directory), results[0] if results else None
+    own = not isinstance(first, SimulatedResult) or first.conditions is None
+    if own:
+        print_verdict(run)
+    elif isinstance(first, Light):
+        print_parts("conditions", verdict_on(run.lens, None, first, None, None, None), ("light",))
     if (directory / REPORT_FILE).exists():
         run_report(directory)
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
-    if decides:
+    if decides and own:
         require_pass(directory, decides)
+
+
+def print_conditions(result: StageResult, prefix: str = "") -> None:
+    """Print the file that holds ``result`` and its conditions where they are not the lens's own; warn on its source."""
+    conditions = result.conditions if isinstance(result, SimulatedResult) else None
+    if conditions is None:
+        return
+    print_table({"record": f"{stem_of(result)}.json", "conditions": str(conditions)}, prefix)
+    for words in conditions.warnings:
+        click.echo(warning_line(words), err=True)
+    own = stem_of(result.model_copy(update={"conditions": None}))
+    click.echo(
+        f"{stem_of(result)}.json: other conditions than the lens's own ({conditions}); {own}.json and the verdict rest "
+        "on the lens's own",
+        err=True,
+    )
+
+
+def warning_line(words: str) -> str:
+    """A warning as one line."""
+    return f"warning: {' '.join(words.split())}"
 
 
 def _not_printed(result: StageResult) -> set[str]:
@@ -68,9 +109,20 @@ def print_headline(run: Run) -> None:
         if result is not None:
             content = result.model_dump(mode="json", include=set(keys), exclude_none=True)
             print_table({key: content[key] for key in keys if key in content}, f"{stem}.")
-    verdict = run.verdict
-    for name in ("light", "files", "cutting"):
-        click.echo(f"verdict.{name}\t{getattr(verdict, name)}")
+    print_verdict(run)
+
+
+def print_verdict(run: Run) -> None:
+    """Print the verdict on light, files and cutting, and the reasons for each that is no pass."""
+    print_parts("verdict", run.verdict, ("light", "files", "cutting"))
+
+
+def print_parts(prefix: str, verdict: Verdict, parts: Sequence[str]) -> None:
+    """Print ``parts`` of a verdict under ``prefix``, each with its reasons."""
+    for name in parts:
+        click.echo(f"{prefix}.{name}\t{getattr(verdict, name)}")
+        for reason in verdict.reasons_of(name):
+            click.echo(f"{prefix}.{name}.reason\t{reason}")
 
 
 def require_pass(directory: Path, *parts: str) -> None:

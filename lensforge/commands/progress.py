@@ -6,6 +6,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from lensforge.commands.printing import warning_line
 from lensforge.optimisation.design import Progress as Step
 from lensforge.spec import Spec
 
@@ -71,3 +72,7 @@ class Reporter:
         if self._bar.disable:
             self._console.print(stage)
         self._bar.update(self._task, description=f"{self._name}  {stage}", numbers="")
+
+    def on_warning(self, words: str) -> None:
+        """Show a warning on the source as one line, above the bar."""
+        self._console.print(warning_line(words), soft_wrap=True, markup=False)

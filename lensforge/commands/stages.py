@@ -8,9 +8,10 @@ import click
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
-from lensforge.commands.printing import finish
+from lensforge.commands.printing import finish, print_verdict
 from lensforge.errors import InputError
 from lensforge.results import REPORT_FILE
+from lensforge.run_folder import open_run
 
 
 @click.command()
@@ -19,15 +20,18 @@ from lensforge.results import REPORT_FILE
 @THREADS
 @click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: from the spec.")
 @click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
-def evaluate(directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None) -> None:
+@click.option("--name", help="Name of the record under other conditions; default: made from them.")
+def evaluate(
+    directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None, name: str | None
+) -> None:
     """Simulate the finished lens in DIR again.
 
-    With --rays, --pixels or --source the result is written to evaluate_other.json; evaluate.json is kept.
+    With other --rays, --pixels or --source than the lens's own the result is written to evaluate_NAME.json beside
+    evaluate.json, and decides nothing; the report shows it under other conditions.
     """
     with threads_of_torch(threads):
-        light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source)
-    own = rays is None and pixels is None and source is None
-    finish(directory, light, decides="light" if own else "")
+        light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source, name=name)
+    finish(directory, light, decides="light")
 
 
 @click.command()
@@ -51,7 +55,7 @@ def export(
 @FOLDER
 def check(directory: Path) -> None:
     """Check whether the lens in DIR can be cut, and with which tools."""
-    finish(directory, pipeline.run_check(directory))
+    finish(directory, pipeline.run_check(directory), "cutting")
 
 
 @click.command()
@@ -69,11 +73,14 @@ def check(directory: Path) -> None:
 def verify(
     directory: Path, rays: int | None, threads: int | None, stray: bool, base: Literal["polished", "black"]
 ) -> None:
-    """Cast rays through the exported part in DIR, independently of the design."""
+    """Cast rays through the exported part in DIR, independently of the design.
+
+    With other --rays than the preset's the result is written to verify_NUMBERrays.json beside verify.json.
+    """
     with threads_of_torch(threads):
         proof = pipeline.run_verify(directory, rays=rays)
         followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
-    finish(directory, proof, "files" if rays is None else "", **({} if followed is None else {"stray_light": followed}))
+    finish(directory, proof, "files", **({} if followed is None else {"stray_light": followed}))
 
 
 @click.command()
@@ -90,6 +97,7 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     stale = page.with_suffix(".pdf").exists()
     if len(directories) == 1:
         pipeline.run_report(directories[0])
+        print_verdict(open_run(directories[0]))
     else:
         pipeline.run_comparison(directories, page)
     click.echo(f"report\t{page}")

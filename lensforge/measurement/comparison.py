@@ -17,6 +17,7 @@ from lensforge.records import (
     Positive,
     Record,
     Share,
+    SimulatedResult,
     StageResult,
     Text,
 )
@@ -119,7 +120,7 @@ class DeviationExtent(Record):
     max: Number
 
 
-class SurfaceComparison(StageResult):
+class SurfaceComparison(SimulatedResult):
     """A measured surface against the design's, and the light of the lens with it.
 
     ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],

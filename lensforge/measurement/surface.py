@@ -65,7 +65,7 @@ def compare_surface(
         raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
     patch = fit_patch(getattr(lens, side))
     form = measure_form(patch, lens.basis, cloud, registration)
-    count = rays or min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
+    count = rays or default_rays(lens, preset)
     design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
@@ -115,6 +115,11 @@ def measure_form(
         used=float(over.mean()),
         covered=coverage(directions, float(basis.sigmas.min())),
     )
+
+
+def default_rays(lens: Lens, preset: Preset) -> int:
+    """Number of rays where the caller names none: those of the evaluation, at most 2^20."""
+    return min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
 
 
 def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> TracedLens:

@@ -1,6 +1,7 @@
 """Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
 
 from lensforge.records.arrays import Array, Image, Line
+from lensforge.records.conditions import Conditions
 from lensforge.records.fields import (
     Count,
     Extent,
@@ -16,10 +17,11 @@ from lensforge.records.fields import (
     Text,
 )
 from lensforge.records.record import Record, Scalar
-from lensforge.records.result import Given, InFile, StageResult
+from lensforge.records.result import Given, InFile, SimulatedResult, StageResult
 
 __all__ = [
     "Array",
+    "Conditions",
     "Count",
     "Extent",
     "Flag",
@@ -36,6 +38,7 @@ __all__ = [
     "Scalar",
     "Sha256",
     "Share",
+    "SimulatedResult",
     "StageResult",
     "State",
     "Text",

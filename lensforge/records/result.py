@@ -19,6 +19,7 @@ from pydantic import Field
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.records.arrays import Array
+from lensforge.records.conditions import Conditions
 from lensforge.records.fields import Sha256, Text
 from lensforge.records.html import PLOT_KINDS, plot_file, plot_html
 from lensforge.records.record import Record, Scalar, marker
@@ -41,6 +42,11 @@ class InFile:
     """Marks a field of bytes that are the file ``name`` of a result folder."""
 
     name: str
+
+    def beside(self, stage: str, stem: str) -> str:
+        """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
+        path, end = Path(self.name), stem.removeprefix(stage) if stem.startswith(f"{stage}_") else ""
+        return f"{path.stem}{end}{path.suffix}"
 
 
 class StageResult(Record):
@@ -119,7 +125,7 @@ class StageResult(Record):
             elif (own := marker(info, InFile)) is not None:
                 elsewhere.add(field)
                 if value is not None:
-                    files[own.name] = value
+                    files[own.beside(self.stage, name)] = value
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
@@ -136,8 +142,9 @@ class StageResult(Record):
         self._write(folder, files)
         for info in type(self).model_fields.values():
             own = marker(info, InFile)
-            if own is not None and own.name not in files:
-                (Path(folder) / own.name).unlink(missing_ok=True)  # left by an earlier result; this one has none
+            name = "" if own is None else own.beside(self.stage, stem or self.stage)
+            if name and name not in files:
+                (Path(folder) / name).unlink(missing_ok=True)  # left by an earlier result; this one has none
 
     @staticmethod
     def _write(folder: Path, files: Mapping[str, bytes]) -> None:
@@ -158,8 +165,8 @@ class StageResult(Record):
         path = Path(path)
         products, draw, suffix = self.products(), getattr(self, "plot", None), path.suffix.lower()
         if suffix == ".json":
-            own = {mark.name for info in type(self).model_fields.values() if (mark := marker(info, InFile)) is not None}
-            files = {name: content for name, content in self.contents(path.stem).items() if name not in own}
+            kept = {f"{path.stem}.json", f"{path.stem}.npz"}
+            files = {name: content for name, content in self.contents(path.stem).items() if name in kept}
             self._write(path.parent, files)
             return
         if suffix in products:
@@ -190,12 +197,18 @@ class StageResult(Record):
             content |= read_arrays(folder / f"{name}.npz", arrays, arrays_sha256, cls.again())
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
-                content[field] = read_bytes(folder / own.name, info.is_required(), cls.again())
+                content[field] = read_bytes(folder / own.beside(cls.stage, name), info.is_required(), cls.again())
         result = validated(cls, content, path, cls.again(), cls.stored_elsewhere())
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
         return result
+
+
+class SimulatedResult(StageResult):
+    """Result of a simulation. ``conditions``: those that are not the lens's own; None for the lens's own record."""
+
+    conditions: Conditions | None = None
 
 
 def _without_unhashed(content: object) -> object:

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import WATTS, LightUnit
+from lensforge.figures.light_unit import WATTS, LightUnit, light_unit
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
 from lensforge.report.measured import RELATIVE
-from lensforge.report.numerals import number, unit_of_light
+from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture, source_outline
 from lensforge.report.section_figures import lens_section, reach_mm
 from lensforge.results import Results
@@ -35,7 +35,7 @@ class ComparedPictures:
     @cached_property
     def _units(self) -> list[LightUnit]:
         """Unit of each simulated design: lux only where the luminous efficacy of all is known."""
-        units = [unit_of_light(spec) for _, spec, _ in self._lit]
+        units = [light_unit(light.lumens_per_watt) for _, _, light in self._lit]
         return units if WATTS not in units else [WATTS] * len(units)
 
     @cached_property

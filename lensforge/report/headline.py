@@ -1,10 +1,11 @@
-"""The top of a page: the task in words, the verdict on light, files and cutting, and the criteria with remedies."""
+"""The top of a page: the task in words, the verdict on light, files and cutting, warnings, criteria with remedies."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from lensforge.criteria import Criterion
+from lensforge.optimisation.design import Design
 from lensforge.records import State
 from lensforge.report.numerals import number
 from lensforge.results import Results
@@ -13,7 +14,13 @@ from lensforge.spec.target import ArrayTarget
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
-_SHOWN: dict[State, Shown] = {"pass": "pass", "fail": "fail", "undecided": "open"}
+SHOWN: dict[State, Shown] = {"pass": "pass", "fail": "fail", "undecided": "open"}
+# For one subject, and for several.
+_VERBS: dict[State, tuple[str, str]] = {
+    "fail": ("fails", "fail"),
+    "undecided": ("is undecided", "are undecided"),
+    "pass": ("passes", "pass"),
+}
 _STEMS = {
     "stray": "stray light",
     "compare": "photograph",
@@ -55,23 +62,42 @@ class VerdictBadge:
 
 @dataclass(frozen=True)
 class Headline:
-    """The top of a page: the three verdicts, and a sentence on the criteria with its style."""
+    """The top of a page: the three verdicts, all of them in one ``sentence`` with its style, and the ``criteria``."""
 
     parts: tuple[VerdictBadge, ...]
     shown: Shown
     sentence: str
+    criteria: str
 
 
 def headline(results: Results) -> Headline:
-    """The verdicts, and the state of the criteria: all met, some missed, or stages still to run."""
+    """The verdicts with their reasons, and the state of the criteria: all met, or some missed."""
     verdict = results.verdict
     states: dict[str, State] = {"light": verdict.light, "files": verdict.files, "cutting": verdict.cutting}
     parts = tuple(
-        VerdictBadge(name.capitalize(), state, _SHOWN[state], verdict.reasons_of(name))
-        for name, state in states.items()
+        VerdictBadge(name.capitalize(), state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
     )
-    shown, sentence = _on_criteria(results)
-    return Headline(parts, shown, sentence)
+    sentence = f"{_in_words(states)}{_waiting(results)}"
+    return Headline(parts, _whole(states, results), sentence, _on_criteria(results))
+
+
+def _whole(states: Mapping[str, State], results: Results) -> Shown:
+    """The style of the whole: a failure where one of the parts that count fails."""
+    counted = ["light", "files", *(["cutting"] if results.spec.manufacture.required else [])]
+    if any(states[name] == "fail" for name in counted):
+        return "fail"
+    return "pass" if set(states.values()) == {"pass"} and not results.missing else "open"
+
+
+def _in_words(states: Mapping[str, State]) -> str:
+    """The verdicts as sentences, the worst first: "Light fails. Files and cutting pass."."""
+    sentences = []
+    for state, (one, several) in _VERBS.items():
+        names = [name for name, found in states.items() if found == state]
+        subject = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+        if names:
+            sentences.append(f"{subject.capitalize()} {one if names in (['light'], ['cutting']) else several}.")
+    return " ".join(sentences)
 
 
 def task(spec: Spec) -> str:
@@ -94,18 +120,17 @@ def _target(spec: Spec) -> str:
     return f"{target.file.name}, {target.width_mm:g} mm wide"
 
 
-def _on_criteria(results: Results) -> tuple[Shown, str]:
+def _on_criteria(results: Results) -> str:
+    """The criteria in one sentence: all met, or the names of those that are not."""
     criteria = [criterion for _, criterion in results.criteria()]
     failed = [criterion for criterion in criteria if not criterion.passed]
-    waiting = _waiting(results)
     if failed:
         names = ", ".join(criterion.name.replace("_", " ") for criterion in failed)
         noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
-        return "fail", f"{len(failed)} of {len(criteria)} {noun} {verb} not met: {names}.{waiting}"
+        return f"{len(failed)} of {len(criteria)} {noun} {verb} not met: {names}."
     if not criteria:
-        return "open", f"No criterion has been evaluated.{waiting}"
-    all_met = "The only criterion is met." if len(criteria) == 1 else f"All {len(criteria)} criteria are met."
-    return "open" if results.missing else "pass", f"{all_met}{waiting}"
+        return "No criterion has been evaluated."
+    return "The only criterion is met." if len(criteria) == 1 else f"All {len(criteria)} criteria are met."
 
 
 def _waiting(results: Results) -> str:
@@ -122,6 +147,12 @@ def outdated(results: Results) -> list[str]:
     return [
         f"{stem}.json does not count: {why.rpartition(f'{stem}.json: ')[2]}." for stem, why in results.outdated.items()
     ]
+
+
+def source_warnings(results: Results) -> tuple[str, ...]:
+    """The warnings on the lens's own source, as its design recorded them."""
+    design = results.find(Design)
+    return () if design is None else design.source.warnings
 
 
 def missing(results: Results) -> dict[str, str]:

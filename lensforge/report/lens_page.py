@@ -18,6 +18,7 @@ from lensforge.report.cards import cards
 from lensforge.report.headline import task
 from lensforge.report.measured import measured
 from lensforge.report.numerals import size
+from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
 from lensforge.report.page import template
 from lensforge.report.referees import gap_pictures, referee_rows
 from lensforge.report.snapshots import Snapshot, load_snapshots
@@ -68,6 +69,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "subtitle": task(lens.spec),
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
+        "warnings": headline.source_warnings(results),
         "cards": cards(results),
         "criteria": headline.criterion_rows(results),
         "missed": headline.missed_rows(results),
@@ -81,6 +83,8 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "referees": referee_rows(results),
         "stray_sentence": stray_sentence(results),
         "measured": measured(results),
+        "other_lights": light_rows(results),
+        "other_results": result_rows(results),
         "outline_known": pictures.source_outline(results) is not None,
         "files": _files_of(results) if folder is None else _files(folder),
         "spec": _spec_tables(results),
@@ -103,6 +107,7 @@ def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
         "verification": proof.verification_pictures(results),
         "gaps": gap_pictures(results),
         "stray": stray_pictures(results),
+        "other": light_pictures(results),
     }
 
 
@@ -145,7 +150,7 @@ def _spec_tables(results: Results) -> dict[str, list[Row]]:
 
 def _number_tables(results: Results) -> dict[str, list[Row]]:
     """All values of each file, by its name; criteria, verdicts and the spec have their own tables."""
-    records = {stem: plain(result) for stem, result in results.found.items()}
+    records = {stem: plain(result) for stem, result in {**results.found, **results.others}.items()}
     tables = {"lens": results.lens.to_json(), **records}
     return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}
 

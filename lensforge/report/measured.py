@@ -118,7 +118,7 @@ def _value(metric: Metric | None) -> str:
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
     """The form deviation, the light with the measured surface, and its change."""
-    side, width, unit = surface.surface, surface.receiver_mm, unit_of_light(results.spec)
+    side, width, unit = surface.surface, surface.receiver_mm, unit_of_light(results)
     before, after = surface.irradiance_design, surface.irradiance_measured
     top = float(max(before.max(), after.max())) or 1.0
     lit = irradiance_figures.irradiance_map(after, width, top, unit=unit)

@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from lensforge.evaluation.light import Light
 from lensforge.figures.light_unit import LightUnit, light_unit
+from lensforge.optimisation.design import Design
 from lensforge.records import Metric
-from lensforge.spec import Spec
+from lensforge.results import Results
 
 _THIN_SPACE = "\u2009"
 _MINUS = "\u2212"
@@ -106,9 +108,12 @@ def unit_of(names: Sequence[str]) -> str:
     return DIMENSIONLESS
 
 
-def unit_of_light(spec: Spec) -> LightUnit:
-    """Lux where the spec states the luminous efficacy of its source, else W/m^2."""
-    return light_unit(spec.source.luminous_efficacy_lm_per_w)
+def unit_of_light(results: Results) -> LightUnit:
+    """Lux where the luminous efficacy of the source is known, else W/m^2."""
+    light, design = results.find(Light), results.find(Design)
+    if light is not None:
+        return light_unit(light.lumens_per_watt)
+    return light_unit(None if design is None else design.source.lumens_per_watt)
 
 
 def _grouped(digits: str) -> str:

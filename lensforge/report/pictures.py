@@ -16,6 +16,7 @@ from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.snapshots import Snapshot
 from lensforge.report.surface_figures import ChartMap
 from lensforge.results import Results
+from lensforge.sources.build import build_source
 from lensforge.spec.source import SquareSource
 
 _FIRST = 4.6  # inches: half of the page
@@ -40,7 +41,7 @@ def first_picture(results: Results) -> PagePicture | None:
     light = results.find(Light)
     if light is None:
         return None
-    unit, top = unit_of_light(results.spec), float(light.map.max()) or 1.0
+    unit, top = unit_of_light(results), float(light.map.max()) or 1.0
     figure = irradiance_figures.irradiance_map(light.map, light.receiver_mm, top, unit=unit, width=_FIRST)
     return picture("first", figure, "The light", f"Simulated {unit.quantity} at {light.distance_mm:g} mm.")
 
@@ -50,7 +51,7 @@ def irradiance_pictures(results: Results) -> list[PagePicture]:
     light = results.find(Light)
     if light is None:
         return []
-    side, target, reached, unit = light.receiver_mm, light.target_map, light.map, unit_of_light(results.spec)
+    side, target, reached, unit = light.receiver_mm, light.target_map, light.map, unit_of_light(results)
     top = float(max(target.max(), reached.max())) or 1.0
     draw, mask = irradiance_figures.irradiance_map, light.uniform_mm
     dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
@@ -76,7 +77,7 @@ def line_pictures(results: Results) -> list[PagePicture]:
     light = results.find(Light)
     if light is None:
         return []
-    side, draw, unit = light.receiver_mm, irradiance_figures.line_comparison, unit_of_light(results.spec)
+    side, draw, unit = light.receiver_mm, irradiance_figures.line_comparison, unit_of_light(results)
     return [
         picture(f"line{index}", draw(line, light.target_map, light.map, side, unit), f"Along {name}")
         for index, (name, line) in enumerate(irradiance_figures.profile_lines(light.target_map, side))
@@ -89,7 +90,7 @@ def flux_pictures(results: Results) -> list[PagePicture]:
     if light is None:
         return []
     level, side = float(light.target_map.max()) or 1.0, light.receiver_mm
-    lines = irradiance_figures.isolines(light.map, side, level, unit_of_light(results.spec))
+    lines = irradiance_figures.isolines(light.map, side, level, unit_of_light(results))
     encircled = irradiance_figures.encircled_energy(light.target_map, light.raw_map, side)
     budget = flux_figures.flux_budget(light.flux, light.missed_by_cause)
     return [
@@ -118,7 +119,7 @@ def history_pictures(results: Results) -> list[PagePicture]:
 
 def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PagePicture]:
     """Snapshots of the levels of the search, all on one scale."""
-    unit = unit_of_light(results.spec)
+    unit = unit_of_light(results)
     steepest = max((float(np.abs(each.slope).max()) for each in taken), default=None)
     top = max((float(each.irradiance.max()) for each in taken), default=None)
     return [
@@ -148,13 +149,11 @@ def section_pictures(results: Results) -> list[PagePicture]:
 
 
 def source_outline(results: Results) -> Float[np.ndarray, "k 3"] | None:
-    """A polygon (mm) around the emitting area: from the spec, or from the design's record for a ray file."""
+    """A polygon (mm) around the emitting area: from the design's record, or from the spec where that says it."""
     source, design = results.spec.source, results.find(Design)
-    if isinstance(source, SquareSource):
-        corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-        return 0.5 * source.side_mm * corners
-    noted = () if design is None else design.source_outline_mm
-    return np.array(noted, dtype=np.float64) if noted else None
+    if design is not None and design.source_outline_mm:
+        return np.array(design.source_outline_mm, dtype=np.float64)
+    return build_source(source).outline() if isinstance(source, SquareSource) else None
 
 
 def surface_pictures(results: Results) -> list[list[PagePicture]]:

@@ -49,7 +49,7 @@ def verification_pictures(results: Results) -> list[PagePicture]:
     proof = results.find(Proof)
     if proof is None:
         return []
-    side, unit = results.spec.target.receiver_mm, unit_of_light(results.spec)
+    side, unit = results.spec.target.receiver_mm, unit_of_light(results)
     design, part = proof.design_irradiance, proof.irradiance
     top = float(max(design.max(), part.max())) or 1.0
     rays = f"{number(proof.rays)} rays cast through the exported mesh."

@@ -10,6 +10,7 @@ from lensforge.geometry.section import body_outlines
 from lensforge.lens import Lens
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, ORANGE, RED, WIDE, in_report_style, new_figure
 from lensforge.report.ray_fan import trace_fan
+from lensforge.sources.placement import SourcePose
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 _FAN_DEG = np.linspace(-75.0, 75.0, 21)
@@ -45,9 +46,10 @@ def draw_section(
     _draw_body(axes, outlines)
     _draw_fan(axes, lens, across, outline_mm, reach)
     _draw_constraints(axes, lens)
-    if outline_mm is not None:
-        _draw_source(axes, outline_mm @ across)
     lowest = min(float(outline[:, 1].min()) for outline in outlines)
+    if outline_mm is not None:
+        _draw_source(axes, outline_mm @ across, outline_mm[:, 2])
+        lowest = min(lowest, float(outline_mm[:, 2].min()))
     axes.set(xlim=(-reach, reach), ylim=(lowest - 0.08 * reach, reach), aspect="equal", anchor="N")
     axes.set(xlabel=f"{_axis_name(azimuth_deg)} (mm)", ylabel="z (mm)")
 
@@ -72,11 +74,12 @@ def _draw_body(axes: Axes, outlines: list[Float[np.ndarray, "n 2"]]) -> None:
 def _draw_fan(
     axes: Axes, lens: Lens, across: Float[np.ndarray, " 3"], outline_mm: Float[np.ndarray, "k 3"] | None, reach: float
 ) -> None:
-    """Rays from the centre of the source that start in the section."""
-    theta = np.radians(_FAN_DEG)
+    """Rays from the centre of the source that start in the section, on the side to which its axis points."""
+    theta, axis = np.radians(_FAN_DEG), SourcePose.of(lens.spec.source).rotation[:, 2]
     directions = np.sin(theta)[:, None] * across + np.cos(theta)[:, None] * np.array([0.0, 0.0, 1.0])
+    directions = directions[directions @ axis > 0.0]
     centre = np.zeros(3) if outline_mm is None else 0.5 * (outline_mm.min(axis=0) + outline_mm.max(axis=0))
-    paths = trace_fan(lens, np.tile(centre, (len(theta), 1)), directions, 2.0 * reach)
+    paths = trace_fan(lens, np.tile(centre, (len(directions), 1)), directions, 2.0 * reach)
     for index, path in enumerate(paths):
         label = "rays" if index == 0 else None
         axes.plot(path @ across, path[:, 2], color=ORANGE, linewidth=0.6, label=label)
@@ -92,7 +95,11 @@ def _draw_constraints(axes: Axes, lens: Lens) -> None:
     axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="radius limit")
 
 
-def _draw_source(axes: Axes, position: Float[np.ndarray, " k"]) -> None:
-    axes.plot(
-        [position.min(), position.max()], [0.0, 0.0], color=RED, linewidth=3.0, solid_capstyle="butt", label="source"
-    )
+def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np.ndarray, " k"]) -> None:
+    """Silhouette of the emitting area, seen across the section: a line where it is seen edge-on."""
+    if np.ptp(height) > 0.0:
+        corners = np.column_stack([position, height])
+        axes.add_patch(Polygon(corners, facecolor=RED, edgecolor=RED, linewidth=3.0, joinstyle="bevel", label="source"))
+        return
+    ends, level = [position.min(), position.max()], [height[0], height[0]]
+    axes.plot(ends, level, color=RED, linewidth=3.0, solid_capstyle="butt", label="source")

@@ -9,14 +9,13 @@ from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
 from lensforge.errors import OutdatedResult
-from lensforge.figures.light_unit import WATTS
+from lensforge.figures.light_unit import WATTS, light_unit
 from lensforge.lens import Lens
 from lensforge.optimisation.design import Progress
 from lensforge.records import Array, Count, NotNegative, Number, Positive, StageResult
 from lensforge.report.figure_style import save_picture
-from lensforge.report.numerals import unit_of_light
 from lensforge.report.search_figures import snapshot_figure
-from lensforge.sources.build import build_source
+from lensforge.sources.build import build_source, summarise
 from lensforge.spec import Spec
 
 if TYPE_CHECKING:
@@ -121,9 +120,8 @@ class Snapshots:
     def _write(self, snapshot: Snapshot, spec: Spec) -> None:
         stem = f"level-{snapshot.level}"
         snapshot.write(self._folder, stem)
-        figure = snapshot_figure(
-            snapshot.surface_mm, snapshot.slope, snapshot.irradiance, snapshot.receiver_mm, unit_of_light(spec)
-        )
+        unit = light_unit(summarise(self._source, spec.source).lumens_per_watt)
+        figure = snapshot_figure(snapshot.surface_mm, snapshot.slope, snapshot.irradiance, snapshot.receiver_mm, unit)
         save_picture(figure, self._folder / f"{stem}.png")
 
 

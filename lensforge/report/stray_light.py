@@ -29,7 +29,7 @@ def stray_pictures(results: Results) -> list[PagePicture]:
     stray = results.find(StrayLight)
     if stray is None:
         return []
-    side, unit, peak = stray.receiver_mm, unit_of_light(results.spec), float(stray.stray.max())
+    side, unit, peak = stray.receiver_mm, unit_of_light(results), float(stray.stray.max())
     scattered = irradiance_figures.irradiance_map(stray.stray, side, peak or 1.0, unit=unit)
     spread, caption = stray.spread, "No stray light lands on the receiver."
     if spread.rms_radius_mm is not None and spread.peak_of_mean is not None:

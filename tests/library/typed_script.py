@@ -46,7 +46,7 @@ def script(folder: Path) -> None:
     assert_type(lf.compare(design.lens, points="cloud.csv", surface="inner"), lf.SurfaceComparison)
     assert_type(lf.sweep(spec, "constraints.max_radius_mm", [12.0, 14.0]), lf.Sweep)
     assert_type(lf.tradeoff(spec), lf.Tradeoff)
-    assert_type(lf.rays("led.tm25ray"), lf.RayFileSummary)
+    assert_type(lf.rays("led.tm25ray"), lf.RayFileSummary | lf.PhotometricSummary)
     run = lf.run(spec, folder)
     assert_type(lf.handover(run), lf.Handover)
     assert_type(run, lf.Run)

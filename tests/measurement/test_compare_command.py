@@ -56,7 +56,7 @@ def test_measured_points_are_compared(folder: Path) -> None:
     np.savetxt(folder / "cloud.csv", probed(LENS.inner, 4000, noise_mm=0.0005), delimiter=",", header="x,y,z")
     done = run(folder, "--points", folder / "cloud.csv", "--surface", "inner", "--rays", 8192)
     assert done.exit_code == 0, done.output
-    content = json.loads((folder / "compare_inner.json").read_text(encoding="utf-8"))
+    content = json.loads((folder / "compare_inner_8192rays.json").read_text(encoding="utf-8"))
     assert content["rays"] == 8192
     assert content["residual_rms_um"] == pytest.approx(0.5, rel=0.1)
     assert content["form_deviation_um"]["pv"] < 1.5

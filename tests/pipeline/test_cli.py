@@ -16,7 +16,6 @@ import torch
 from click.testing import CliRunner
 
 import lensforge as lf
-from lensforge import pipeline
 from lensforge.cli import _interrupted, cli, main
 
 SPEC = """
@@ -142,7 +141,7 @@ def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
     assert values["pixels"] == "8"
     assert float(values["nmse"]) > 0.0 and float(values["nmse_standard_error"]) > 0.0
     assert own_light == (folder / "evaluate.json").read_bytes(), "other conditions: beside the lens's own light"
-    assert json.loads((folder / "evaluate_other.json").read_text(encoding="utf-8"))["rays"] == 2048
+    assert json.loads((folder / "evaluate_2048rays_8px.json").read_text(encoding="utf-8"))["rays"] == 2048
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"
     (folder / "report.html").unlink()
     assert lensforge_here("check", folder).returncode == 0
@@ -245,19 +244,6 @@ def test_an_old_result_survives_a_failed_run(designed: Path, tmp_path: Path) -> 
     bad = write_spec(tmp_path, **{"side_mm = 1.0": "side_mm = -1.0"})
     assert lensforge("design", bad, "--out", designed).returncode == 2
     assert (designed / "lens.json").read_bytes() == before
-
-
-def test_a_missed_criterion_is_exit_code_one_and_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # of the later stages only the export: the others would take twenty seconds, and this is decided without them
-    monkeypatch.setattr(pipeline, "_AFTER_DESIGN", {"export": pipeline.run_export})
-    monkeypatch.setattr(pipeline, "run_report", lambda folder: folder)
-    # a wall of 6.9 mm and a cavity do not go into 7 mm
-    spec = write_spec(tmp_path, steps=1, **{"min_thickness_mm = 1.0": "min_thickness_mm = 6.9"})
-    result = lensforge_here("design", spec, "--accuracy", "draft", "--out", tmp_path / "out")
-    assert result.returncode == 1
-    assert "wall margin" in result.stderr
-    assert "missed by" in result.stderr
-    assert (tmp_path / "out" / "lens.step").exists(), "a missed criterion still leaves its files"
 
 
 def test_rays_describes_and_converts(examples: Path, tmp_path: Path) -> None:

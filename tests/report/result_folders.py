@@ -171,6 +171,7 @@ def make_light(lens, **changes):
         "share_in_target": Metric(value=0.8125, standard_error=0.0003),
         "uniformity": None,
         "rsd": None,
+        "raw": {"nmse": 0.0125, "uniformity": None, "rsd": None},
         "nmse_of_noise": None,
         "flux": Flux(
             detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, reflected=0.09

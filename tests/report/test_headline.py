@@ -42,7 +42,7 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     verdicts = (Finding(name="cutter", surface="inner", holds=False, reason=reason),)
     text = text_of(make_results(evaluate=worse, check={"verdicts": verdicts}))
     assert "✗ Light: fail" in text
-    assert "Light: NMSE less its noise = 0.3, at most 0.1" in text
+    assert "Light: NMSE = 0.3, at most 0.1" in text
     assert "✗ Cutting: fail" in text
     assert f"Cutting: {reason}" in text
     assert "All 5 criteria are met." in text, "they are another matter"

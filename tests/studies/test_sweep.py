@@ -31,7 +31,7 @@ class Designer:
         found.lens.save(folder / "lens.json")
         found.write(folder)
         (folder / CHECKPOINT).unlink()
-        evaluate(found.lens, rays=1024).write(folder)
+        evaluate(found.lens).write(folder)
         self.made.append(folder.name)
 
 

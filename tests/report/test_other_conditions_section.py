@@ -1,0 +1,117 @@
+"""The section on other conditions, the box of warnings, and the top line of the page: the verdict."""
+
+import pytest
+from page_text import Page, text_of
+from result_folders import make_folder, make_light, make_proof, make_results, page_of, small_lens
+
+from lensforge.records import Conditions, Metric
+from lensforge.report.compare_page import number_lines
+from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
+from lensforge.results import Results, load_results
+from lensforge.sources.source_summary import SourceSummary
+
+ATTACK = "<img src=x onerror=alert(1)>"
+
+
+def with_others(*others):
+    results = make_results()
+    stems = {f"{other.stage}_{other.conditions.name}": other for other in others}
+    return Results(results.lens, results.found, results.outdated, stems)
+
+
+def dim_light(lens=None, **changes):
+    conditions = Conditions.of(source_name="cold", source="ray file cold.ray", rays=64, source_sha256="ab" * 32)
+    conditions = conditions.model_copy(update={"warnings": (f"98 % backward {ATTACK}",)})
+    content = {
+        "conditions": conditions,
+        "efficiency": Metric(value=0.0, standard_error=0.0),
+        "share_in_target": Metric(value=0.0, standard_error=0.0),
+        "rays": 64,
+    }
+    return make_light(lens or small_lens(), **(content | changes))
+
+
+def test_light_under_other_conditions_stands_beside_the_own():
+    results = with_others(dim_light())
+    own, other = light_rows(results)
+    assert (own.name, own.efficiency, own.state) == ("the lens’s own", "85.0\u2009%", "pass")
+    assert (other.name, other.source, other.rays) == ("cold_64rays", "ray file cold.ray", "64")
+    assert (other.efficiency, other.state, other.shown) == ("0.0\u2009%", "fail", "fail")
+    assert any("share of the light in the target" in note for note in other.notes)
+    assert len(light_pictures(results)) == 2
+    text = text_of(results)
+    section = text[text.index("Under other conditions") :]
+    assert section.index("the lens’s own") < section.index("98 % backward") < section.index("ray file cold.ray")
+    assert "evaluate_cold_64rays.json" in text
+
+
+def test_other_light_changes_nothing_above_its_section():
+    own, other = page_of(make_results()), page_of(with_others(dim_light()))
+    menu = '<a href="#other">Other conditions</a>\n'
+    end = other.index('<h2 id="other"')
+    assert menu in other and other[:end].replace(menu, "") == own[: end - len(menu)]
+
+
+def test_other_results_say_their_conditions_and_misses():
+    proof = make_proof(small_lens(), conditions=Conditions.of(rays=64), inputs={})
+    proof = proof.model_copy(
+        update={"criteria": tuple(each.model_copy(update={"limit": 0.001}) for each in proof.criteria)}
+    )
+    (row,) = result_rows(with_others(proof))
+    assert (row.file, row.conditions) == ("verify_64rays.json", "64 rays")
+    assert "efficiency 84.75\u2009%" in row.figures
+    assert row.missed and "deviation_rms" in row.missed[0]
+    text = text_of(with_others(proof))
+    assert "All 5 criteria are met." in text, "those of the lens's own results"
+
+
+def test_designs_are_compared_by_their_own_light():
+    plain, other = make_results(), with_others(dim_light())
+    assert number_lines([other, plain]) == number_lines([plain, plain])
+    assert ComparedPictures(["a", "b"], [other, plain]).maps == ComparedPictures(["a", "b"], [plain, plain]).maps
+
+
+def test_without_others_there_is_no_section():
+    assert "Under other conditions" not in text_of(make_results())
+
+
+def test_others_are_read_back_and_no_stage_takes_them(tmp_path):
+    lens = small_lens()
+    folder = make_folder(tmp_path / "run", lens=lens)
+    dim_light(lens).write(folder, "evaluate_cold_64rays")
+    results = load_results(folder)
+    assert results.others == {"evaluate_cold_64rays": dim_light(lens)}
+    assert results.light == make_light(lens) and "evaluate_cold_64rays" not in results.found
+    assert results.verdict == make_results(lens=lens).verdict
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence", "shown"),
+    [
+        ({}, "Light, files and cutting pass.", "pass"),
+        (
+            {"evaluate": {"nmse": Metric(value=0.46, standard_error=0.001)}},
+            "Light fails. Files and cutting pass.",
+            "fail",
+        ),
+        ({"evaluate": {"nmse": Metric(value=0.1, standard_error=0.01)}}, "Light is undecided.", "open"),
+    ],
+)
+def test_the_top_line_is_the_verdict(changes, sentence, shown):
+    page = page_of(make_results(**changes))
+    text = Page(page).text
+    assert f'<p class="verdict {shown}">' in page
+    assert text.index(sentence) < text.index("The light")
+    assert text.index(sentence) < text.index("All 5 criteria are met.") > text.index("All criteria")
+
+
+def test_warnings_on_the_source_stand_near_the_top():
+    warnings = (f"98 % of the flux goes backward {ATTACK}", "2,000 effective rays")
+    source = SourceSummary(title="a file", flux_w=1.0, symmetry="none", warnings=warnings)
+    page = page_of(make_results(design={"source": source}))
+    text = Page(page).text
+    assert text.index("Light, files and cutting pass.") < text.index("Warnings on the source") < text.index("The light")
+    for words in warnings:
+        assert words in text
+    assert ATTACK not in page and "&lt;img src=x" in page
