@@ -1,6 +1,7 @@
 """Exit codes by the verdict, and the verdict that every command renews, on a lens whose search was too short."""
 
 import json
+import os
 import shutil
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -64,21 +65,25 @@ def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tup
     assert verdict_in(folder) == {"light": "fail", "files": "pass", "cutting": "fail"}
 
 
-@pytest.mark.parametrize(
-    ("command", "code"),
-    [
-        (("evaluate",), 1),
-        (("evaluate", "--rays", 2048), 0),  # other conditions than the lens's own decide nothing
-        (("export",), 0),
-        (("check",), 0),
-        (("verify",), 0),
-        (("report",), 0),
-        (("handover",), 0),
-        (("photometry", "--rays", 4096), 0),
-        (("sensitivity", "--rays", 1024), 0),
-        (("compare", "--surface", "outer", "--points"), 0),
-    ],
-)
+NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
+COMMANDS = [
+    (("evaluate",), 1),
+    (("evaluate", "--rays", 2048), 0),  # other conditions than the lens's own decide nothing
+    (("check",), 0),
+    (("handover",), 0),
+    (("sensitivity", "--rays", 1024), 0),
+]
+# Each takes ten seconds or more: nightly.
+SLOW_COMMANDS = [
+    (("export",), 0),
+    (("verify",), 0),
+    (("report",), 0),
+    (("photometry", "--rays", 4096), 0),
+    (("compare", "--surface", "outer", "--points"), 0),
+]
+
+
+@pytest.mark.parametrize(("command", "code"), COMMANDS + SLOW_COMMANDS * NIGHTLY)
 def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
     folder: Path, command: tuple[object, ...], code: int
 ) -> None:
