@@ -1,14 +1,25 @@
-"""Atomic writing of files, JSON without NaN, and temporary files for writers that need a path."""
+"""Reading of files that may come from anywhere, atomic writing, JSON without NaN, and temporary files for writers."""
 
 import json
 import os
+import secrets
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from lensforge.errors import InputError
+from lensforge.json_text import parse_json
+from lensforge.temporary import FOLDER, WRITING, delete_left_files, delete_left_folders, own_mark
+
+MIB = 2**20
+_SHOWN = 300  # characters of a path that no file can have
+_LONGEST_SHOWN = 1024  # characters of a path that one may have
+_PROBE_BYTES = 2**16  # more than a file system keeps beside its own records
+_MOST_JSON_BYTES = 256 * MIB  # the largest record of a reference run has 12 MiB
 
 
 @contextmanager
@@ -16,30 +27,94 @@ def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``; rename it over ``path`` when the block succeeds.
 
     The temporary name keeps the suffix, because CAD and mesh writers choose their format by it. On any failure the
-    temporary file is deleted and the old file stays. Raises :class:`InputError` for a full disk or a read-only folder.
+    temporary file is deleted and the old file stays. The content is on the disk before the new name is: after a power
+    cut there is the old file or the new one. Raises :class:`InputError` for a full disk or a read-only folder.
     """
     path = Path(path)
+    temporary = _temporary_name(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from error
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); the old file is kept") from error
+        _create(path, temporary)
+        try:
+            yield temporary
+            _flush_to_disk(temporary)
+            temporary.replace(path)
+            _flush_folder(path.parent)
+        except OSError as error:
+            kept = "the old file is kept" if path.is_file() else "make room, or give another folder"
+            raise InputError(f"{path}: cannot be written ({error.strerror}); {kept}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError, ValueError):
+            temporary.unlink()
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def require_writable(path: Path | str) -> None:
+    """Raise :class:`InputError` where :func:`replacing` would fail for ``path``: to be asked before long work.
+
+    The folder is made, a block of data written and both removed again: permissions alone do not tell of a full disk,
+    a read-only mount or a name that is too long.
+    """
+    path = Path(path)
+    folders: list[Path] = []
+    temporary = _temporary_name(path)
+    try:
+        if os.path.lexists(path) and path.is_dir():
+            raise InputError(f"{path}: cannot be written (it is a folder); give the name of a file")
+        folders = [folder for folder in path.parents if not folder.exists()]  # the deepest first
+        _create(path, temporary)
+        temporary.write_bytes(bytes(_PROBE_BYTES))
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise _cannot_be_written(path, error) from None
+    finally:
+        with suppress(OSError, ValueError):
+            temporary.unlink()
+        for folder in folders:
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _create(path: Path, temporary: Path) -> None:
+    """Make the folder of ``path`` and, in it, an empty file ``temporary`` with the permissions of a new file."""
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # refuses a NUL, and a name that is too long
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _tidied(path.parent.resolve(), os.getpid())
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except (OSError, ValueError) as error:
+        raise _cannot_be_written(path, error) from error
+
+
+def _cannot_be_written(path: Path, error: Exception) -> InputError:
+    reason = error.strerror if isinstance(error, OSError) else error
+    shown = str(path) if len(str(path)) <= _LONGEST_SHOWN else f"{str(path)[:_SHOWN]}..."
+    return InputError(f"{shown}: cannot be written ({reason}); give another folder or name")
+
+
+def _temporary_name(path: Path) -> Path:
+    """A name in the folder of ``path`` that states this process, with its suffix; no other file has it."""
+    return path.parent / f"{WRITING}{own_mark()}-{secrets.token_hex(4)}{path.suffix}"
+
+
+@cache
+def _tidied(folder: Path, _pid: int) -> None:
+    """Delete what killed processes left in ``folder``, once for each process and folder."""
+    delete_left_files(folder)
+
+
+def _flush_to_disk(path: Path) -> None:
+    """Wait until the content is on the disk: a rename before that may leave an empty file after a power cut."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Wait until a new name is on the disk, where the system can: Windows and some network file systems cannot."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -49,28 +124,55 @@ def write_json(path: Path, content: Any) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def read_file(path: Path | str, *, missing: str, most_bytes: int) -> bytes:
+    """Content of a regular file of at most ``most_bytes``; ``missing``: the remedy where there is none.
+
+    Raises :class:`InputError` for a folder, a device or a pipe, whose reading may never end, for a path that no file
+    can have, and for a file that is too large or not readable.
+    """
+    require_regular_file(path, missing=missing, most_bytes=most_bytes)
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {missing}") from None
+
+
+def require_regular_file(path: Path | str, *, missing: str, most_bytes: int | None = None) -> None:
+    """Raise :class:`InputError` as :func:`read_file` does, for readers that need a path."""
+    try:
+        found = Path(path).stat()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {missing}") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{str(path)[:_SHOWN]!r}: cannot be read ({reason}); {missing}") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: {_kind_of(found.st_mode)}, must be a file; {missing}")
+    if most_bytes is not None and found.st_size > most_bytes:
+        size, most = found.st_size / MIB, most_bytes / MIB
+        raise InputError(f"{path}: {size:.0f} MiB, must be at most {most:g} MiB; is it the right file?")
+
+
+def _kind_of(mode: int) -> str:
+    kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
+    return next((name for matches, name in kinds if matches(mode)), "a device")
+
+
 def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
     """Read JSON. Raises :class:`InputError` for a missing or broken file; ``missing``: the remedy for a missing one.
 
-    NaN and infinity, which are not valid JSON, are refused.
+    It has the bounds of :func:`lensforge.json_text.parse_json`.
     """
+    content = read_file(path, missing=missing, most_bytes=_MOST_JSON_BYTES)
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; {missing}") from None
-    except RecursionError:
-        raise InputError(f"{path}: not readable as JSON (nested too deep)") from None
-    except (OSError, ValueError) as error:
+        return parse_json(content)
+    except ValueError as error:
         raise InputError(f"{path}: not readable as JSON ({error})") from None
-
-
-def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} is not valid JSON")
 
 
 def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
     """The bytes that ``write`` puts into a file called ``name``. Raises :class:`InputError` where the disk is full."""
-    with _folder(name) as folder:
+    with temporary_folder(name) as folder:
         write(folder / name)
         return (folder / name).read_bytes()
 
@@ -78,15 +180,20 @@ def file_bytes(name: str, write: Callable[[Path], None]) -> bytes:
 @contextmanager
 def temporary_file(content: bytes, name: str) -> Iterator[Path]:
     """A file called ``name`` that holds ``content``; deleted at the end of the block."""
-    with _folder(name) as folder:
+    with temporary_folder(name) as folder:
         (folder / name).write_bytes(content)
         yield folder / name
 
 
 @contextmanager
-def _folder(name: str) -> Iterator[Path]:
+def temporary_folder(name: str) -> Iterator[Path]:
+    """A folder for a file called ``name``; deleted at the end of the block, or by the next command after a kill.
+
+    Raises :class:`InputError` where the disk is full.
+    """
+    delete_left_folders()
     try:
-        with tempfile.TemporaryDirectory(prefix="lensforge-") as folder:
+        with tempfile.TemporaryDirectory(prefix=f"{FOLDER}{own_mark()}-") as folder:
             yield Path(folder)
     except OSError as error:
         place = f"{name}: the temporary folder {tempfile.gettempdir()} cannot be used ({error.strerror})"

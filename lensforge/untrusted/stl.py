@@ -1,0 +1,64 @@
+"""Triangles in the bytes of an STL file, binary or text, with bounds before any work is done on them.
+
+The normals in the file are not read: they may contradict the triangles.
+"""
+
+import re
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+
+# No lens or clamping base is 10 m wide, and single precision would be coarser than a micrometre there.
+MOST_MM = 1e4
+# 500 rings on each surface; a mesh for the default tolerance has 0.2 million. Merging the corners takes 1 GiB.
+MOST_TRIANGLES = 3_000_000
+MOST_TEXT_TRIANGLES = 1_000_000  # in text every number is parsed by itself: 4 s
+_HEADER, _RECORD = 84, 50  # bytes
+_RECORDS = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s+([-+0-9.eE]{1,40})\s")
+
+
+def stl_corners(
+    content: bytes, origin: str, remedy: str, most_triangles: int | None = MOST_TRIANGLES
+) -> Float[np.ndarray, "t 3 3"]:
+    """Corners (mm) of the triangles of an STL file; ``most_triangles``: None for bytes of the program's own.
+
+    Raises :class:`InputError`, in which ``origin`` names the file and ``remedy`` what to try, for other bytes, no
+    triangles or too many, and coordinates that are not finite or beyond ``MOST_MM``.
+    """
+    stated = int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
+    if len(content) >= _HEADER and len(content) == _HEADER + _RECORD * stated:
+        _require_count(stated, most_triangles, origin, remedy)
+        with np.errstate(invalid="ignore"):  # a signalling NaN, which is refused below as any other
+            corners = np.frombuffer(content, _RECORDS, offset=_HEADER)["corners"].astype(np.float64)
+    elif content[:512].lstrip().startswith(b"solid"):
+        corners = _of_text(content, most_triangles, origin, remedy)
+    else:
+        states = f"states {stated} triangles, {_HEADER + _RECORD * stated} bytes, and has {len(content)} bytes"
+        raise InputError(f"{origin}: not readable as STL ({states}); {remedy}")
+    worst = float(np.abs(corners).max())  # NaN where any is
+    if not worst <= MOST_MM:
+        raise InputError(f"{origin}: a vertex lies at {worst:g} mm, at most {MOST_MM:g} mm is read; {remedy}")
+    return corners
+
+
+def _of_text(content: bytes, most_triangles: int | None, origin: str, remedy: str) -> Float[np.ndarray, "t 3 3"]:
+    count = content.count(b"endfacet")
+    _require_count(count, None if most_triangles is None else MOST_TEXT_TRIANGLES, origin, remedy)
+    words = (word for found in _VERTEX.finditer(content) for word in found.groups())
+    try:
+        numbers = np.fromiter((float(word) for word in words), dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"{origin}: not readable as STL ({error}); {remedy}") from None
+    if len(numbers) != 9 * count:
+        raise InputError(f"{origin}: {count} facets, but {len(numbers) / 3:g} vertices, must be 3 each; {remedy}")
+    return numbers.reshape(-1, 3, 3)
+
+
+def _require_count(count: int, most: int | None, origin: str, remedy: str) -> None:
+    if count == 0:
+        raise InputError(f"{origin}: holds no triangles; {remedy}")
+    if most is not None and count > most:
+        raise InputError(f"{origin}: {count} triangles, at most {most} are read; {remedy}")

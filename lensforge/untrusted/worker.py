@@ -1,0 +1,53 @@
+"""First code of a child process: it limits itself, then runs a script with a folder as its argument.
+
+Arguments: folder that holds the package, script, folder, MiB of memory, seconds, number of the parent process. It
+imports from the standard library alone, since nothing else may be loaded before the limits hold.
+"""
+
+import ctypes
+import os
+import runpy
+import signal
+import sys
+
+_MIB = 2**20
+# Libraries that are mapped, not allocated, count for the address space only: the CAD kernel and VTK have 1 GiB.
+_MAPPED_MIB = 4096
+_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
+
+
+def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
+    """Limit memory, computing time, files and core dumps where the system can, and end with the parent on Linux.
+
+    Where the system cannot (Windows; macOS for memory) the parent's limit of time is left, and the bounds of readers.
+    """
+    if sys.platform == "win32":
+        return
+    import resource
+
+    cores = os.cpu_count() or 1
+    for kind, most in (
+        (resource.RLIMIT_DATA, memory_mib * _MIB),
+        (resource.RLIMIT_AS, (memory_mib + _MAPPED_MIB) * _MIB),
+        (resource.RLIMIT_CPU, int(seconds * cores) + 1),  # ends a child that outlives its parent
+        (resource.RLIMIT_FSIZE, memory_mib * _MIB),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(kind)[1]
+        allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        try:
+            resource.setrlimit(kind, (allowed, allowed))
+        except (OSError, ValueError):  # a limit that this system does not have
+            continue
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+        if os.getppid() != parent:  # it ended before this line
+            os._exit(1)
+
+
+if __name__ == "__main__":
+    package, script, folder, memory_mib, seconds, parent = sys.argv[1:]
+    limit_itself(int(memory_mib), float(seconds), int(parent))
+    sys.path.append(package)  # last: where the package is installed, this folder is in the path already
+    sys.argv = [script, folder]
+    runpy.run_path(script, run_name="__main__")
