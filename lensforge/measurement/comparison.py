@@ -5,15 +5,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion
+from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
 from lensforge.records import (
     Array,
     Count,
     Image,
+    Irradiance,
     Line,
     NotNegative,
     Number,
+    PixelCentres,
     Positive,
     Record,
     Share,
@@ -24,6 +26,12 @@ from lensforge.records import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
+USED_SHARE = 0.9  # of the points must lie over the surface once registered
+COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
+
+_MOST_POINTS = 10_000_000  # on a surface; scanners measure a million
 
 Pixel = tuple[Number, Number]  # column, row
 Side = Literal["inner", "outer"]
@@ -87,7 +95,7 @@ class PhotoComparison(StageResult):
     criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
-    axis_mm: Line
+    axis_mm: PixelCentres
     section_x_measured: Line
     section_x_simulated: Line
     section_y_measured: Line
@@ -100,6 +108,21 @@ class PhotoComparison(StageResult):
         require_choice("axis", axis, get_args(AxisName))
         curves = {name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
+
+
+def photo_criteria(clipped: float) -> tuple[Criterion, ...]:
+    """The one criterion on a photograph; ``clipped``: overexposed share of the target."""
+    remedy = "use a shorter exposure, the same for both photographs"
+    return (at_most("photo_clipped", clipped, CLIPPED_SHARE, "of the target", remedy),)
+
+
+def surface_criteria(used: float, covered: float) -> tuple[Criterion, ...]:
+    """Criteria on measured points: the shares of points on the surface, and of the surface that has points."""
+    other = "give the points of this surface alone, close to lens coordinates"
+    return (
+        at_least("points_used", used, USED_SHARE, "of the points", other),
+        at_least("surface_covered", covered, COVERED_SHARE, "of the surface", "measure more of the surface"),
+    )
 
 
 class Pose(Record):
@@ -145,13 +168,13 @@ class SurfaceComparison(SimulatedResult):
     measured: LightMetrics
     nmse_between: NotNegative
     criteria: tuple[Criterion, ...]
-    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3)]
-    distance_um: Annotated[Float[np.ndarray, " n"], Array("n")]
-    chart: Annotated[Float[np.ndarray, " m"], Array("m")]
+    points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3, most=_MOST_POINTS)]
+    distance_um: Annotated[Float[np.ndarray, " n"], Array("n", most=_MOST_POINTS)]
+    chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
     deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
-    irradiance_design: Image
-    irradiance_measured: Image
-    axis_mm: Line
+    irradiance_design: Irradiance
+    irradiance_measured: Irradiance
+    axis_mm: PixelCentres
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation over the chart of the surface."""

@@ -8,16 +8,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.evaluation.metrics import relative_deviation, uniformity
-from lensforge.measurement.comparison import Evenness, Located, PhotoComparison, Pixel
+from lensforge.measurement.comparison import Evenness, Located, PhotoComparison, Pixel, photo_criteria
 from lensforge.measurement.corners import locate
 from lensforge.measurement.photograph import Photograph, lit_only, read_photograph, rectify, require_upright
 from lensforge.measurement.similarity import displacement, moved_back, normalised, similarity
 from lensforge.receivers.pixels import PixelGrid
 
-CLIPPED_SHARE = 0.01  # of the target: clipped pixels make a pattern look more uniform than it is
 _LEAST_PIXELS = 11  # the window of SSIM
 
 
@@ -77,7 +75,7 @@ def compare_photo(
         measured_evenness=_evenness(measured, grid, uniform_mm),
         simulated_evenness=_evenness(reference, grid, uniform_mm),
         clipped=picture.clipped,
-        criteria=(_not_clipped(picture.clipped),),
+        criteria=photo_criteria(picture.clipped),
         measured=measured,
         simulated=reference,
         axis_mm=grid.axis_mm(),
@@ -91,12 +89,6 @@ def compare_photo(
 def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pixel]:
     first, second, third, fourth = ((float(column), float(row)) for column, row in corners)
     return first, second, third, fourth
-
-
-def _not_clipped(share: float) -> Criterion:
-    return at_most(
-        "photo_clipped", share, CLIPPED_SHARE, "of the target", "use a shorter exposure, the same for both photographs"
-    )
 
 
 def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
@@ -124,7 +116,7 @@ def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "p p"]) -
             f"{_LEAST_PIXELS} to be compared with a photograph; evaluate with more pixels"
         )
     on = read_photograph(shot.on, shot.gamma)
-    dark = read_photograph(shot.off, shot.gamma) if shot.off else None
+    dark = read_photograph(shot.off, shot.gamma, on.orientation) if shot.off else None
     lit = lit_only(on, dark)
     if shot.corners is not None:
         return _on_target(lit, shot, shot.corners, grid), None
@@ -152,7 +144,7 @@ def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"
         raise InputError(
             f"{shot.on}: within the corners no brighter than with the LED off; are on and off interchanged?"
         )
-    clipped = float(rectify(picture.clipped, corners, target_mm, grid).mean())
+    clipped = float(rectify(picture.clipped.astype(np.float64), corners, target_mm, grid).mean())
     return _OnTarget(normalised(image), clipped, corners)
 
 

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.ndimage import map_coordinates
 
 from lensforge.errors import InputError
 from lensforge.measurement.similarity import similarity
+from lensforge.pictures.reading import read_picture
 from lensforge.receivers.pixels import PixelGrid
 
-_REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, blue (ITU-R BT.709)
 _MOST_SAMPLES = 16  # per side of a pixel of the result
 _ORDER = "top left, top right, bottom right, bottom left of the simulated picture (y upwards)"
 _CLEARLY = 0.5  # another orientation is reported only if its NMSE is at most half
@@ -32,38 +32,28 @@ _ORIENTATIONS = {
 class Photograph:
     """Linear light by pixel, any unit, [row, column] with row 0 at the top; full scale of the camera is 1.
 
-    ``clipped``: 1 where any colour was at full scale, so that the light may have been brighter.
+    ``clipped``: any colour was at full scale, so that the light may have been brighter. ``orientation``: that of EXIF,
+    by which the picture was turned.
     """
 
     light: Float[np.ndarray, "h w"]
-    clipped: Float[np.ndarray, "h w"]
+    clipped: Bool[np.ndarray, "h w"]
+    orientation: int = 1
 
 
-def read_photograph(path: Path, gamma: float = 1.0) -> Photograph:
-    """Read a grey or colour image of 8 or 16 bits; its values to the power of ``gamma`` are the light.
+def read_photograph(path: Path, gamma: float = 1.0, orientation: int | None = None) -> Photograph:
+    """Read a grey or colour image of 8 to 16 bits; its values to the power of ``gamma`` are the light.
 
-    Use 1 for raw images, 2.2 for most processed ones. Raises :class:`InputError`.
+    Use 1 for raw images, 2.2 for most processed ones. ``orientation``: instead of the one that the file states, for a
+    second photograph of the same camera on the same stand. Raises :class:`InputError`.
     """
-    from skimage.io import imread
-
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        values = np.asarray(imread(str(path)))
-    except Exception as error:  # the readers raise whatever their parsers do
-        reason = f"{error}".splitlines()[0] if f"{error}" else type(error).__name__
-        raise InputError(f"{path}: not readable as an image ({reason}); PNG, TIFF and JPEG work") from None
-    if values.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path}: pixels of type {values.dtype}, must be of 8 or 16 bits; convert it to PNG or TIFF")
-    if values.ndim == 3 and values.shape[2] in (3, 4):
-        values = values[:, :, :3]
-    elif values.ndim != 2:
-        raise InputError(f"{path}: shape {values.shape}, must be one grey or colour image")
-    full = np.iinfo(values.dtype).max
-    linear, at_full = (values / full) ** gamma, values == full
-    if values.ndim == 3:
-        return Photograph(linear @ _REC709, at_full.any(axis=2).astype(float))
-    return Photograph(linear, at_full.astype(float))
+    picture = read_picture(path, missing="give the photograph as PNG, TIFF, JPEG or BMP", orientation=orientation)
+    if picture.values.dtype not in (np.uint8, np.uint16):
+        kind = f"pixels of type {picture.values.dtype}, must be of 8 or 16 bits"
+        raise InputError(f"{path}: {kind}; convert it to PNG or TIFF")
+    at_full: Bool[np.ndarray, "h w c"] = picture.values >= picture.full_scale
+    clipped: Bool[np.ndarray, "h w"] = np.any(at_full, axis=2)
+    return Photograph(picture.linear(gamma), clipped, picture.orientation)
 
 
 def lit_only(on: Photograph, off: Photograph | None) -> Photograph:
@@ -75,7 +65,7 @@ def lit_only(on: Photograph, off: Photograph | None) -> Photograph:
             f"off: {off.light.shape[1]} x {off.light.shape[0]} pixels, the photograph with the LED on has "
             f"{on.light.shape[1]} x {on.light.shape[0]}; take both with the same camera settings"
         )
-    return Photograph(on.light - off.light, on.clipped)
+    return Photograph(on.light - off.light, on.clipped, on.orientation)
 
 
 def rectify(

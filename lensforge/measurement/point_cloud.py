@@ -10,11 +10,14 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
+from lensforge.files import MIB, read_file
 from lensforge.geometry.patch import Patch
 from lensforge.measurement.comparison import Registration
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart
 
 LEAST_POINTS = 100
+_MOST_BYTES = 128 * MIB  # four million points, which take 1 GiB while they are read; scanners measure a million
+_FURTHEST_MM = 1e6  # a machine's own zero may be metres away
 _REACH = HALF_WIDTH**2  # squared chart radius up to which the patch is defined: a little below the rim
 _START_SHARE = 0.5  # of the points must lie over the surface at the start
 
@@ -24,19 +27,18 @@ def read_cloud(path: Path) -> Float[np.ndarray, "n 3"]:
 
     A header line, lines that begin with # and further columns are skipped. Raises :class:`InputError`.
     """
+    content = read_file(path, missing="give the file of the measured points", most_bytes=_MOST_BYTES)
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: not readable as text ({error})") from None
-    points: list[list[float]] = []
+    points: list[tuple[float, ...]] = []
     for number, line in enumerate(lines, start=1):
         fields = line.replace(",", " ").replace(";", " ").split()
         if not fields or fields[0].startswith("#"):
             continue
         try:
-            points.append([float(entry) for entry in fields[:3]])
+            points.append(tuple(map(float, fields[:3])))
         except ValueError:
             if points:
                 raise InputError(f"{path}: line {number}: {line.strip()[:40]!r}: must be x, y, z in mm") from None
@@ -48,6 +50,9 @@ def read_cloud(path: Path) -> Float[np.ndarray, "n 3"]:
         raise InputError(f"{path}: {len(cloud)} points, must be at least {LEAST_POINTS}")
     if not np.isfinite(cloud).all():
         raise InputError(f"{path}: some points are not finite; remove them")
+    furthest = float(np.abs(cloud).max())
+    if furthest > _FURTHEST_MM:
+        raise InputError(f"{path}: a coordinate of {furthest:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it")
     return cloud
 
 

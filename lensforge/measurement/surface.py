@@ -8,7 +8,6 @@ import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import Preset
-from lensforge.criteria import Criterion, at_least
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.light import LightMetrics
@@ -16,7 +15,14 @@ from lensforge.evaluation.metrics import relative_square
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
-from lensforge.measurement.comparison import DeviationExtent, Pose, Registration, Side, SurfaceComparison
+from lensforge.measurement.comparison import (
+    DeviationExtent,
+    Pose,
+    Registration,
+    Side,
+    SurfaceComparison,
+    surface_criteria,
+)
 from lensforge.measurement.deviation import FormDeviation, coverage, fit_deviation
 from lensforge.measurement.point_cloud import RigidMotion, distances, over_surface, register
 from lensforge.sources.bundle import Source
@@ -26,8 +32,6 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 _MOST_RAYS = 2**20
 _MAP_PIXELS = 201
-USED_SHARE = 0.9  # of the points must lie over the surface once registered
-COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is assumed
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ def compare_surface(
         design=LightMetrics.of(before),
         measured=LightMetrics.of(after),
         nmse_between=relative_square(np.stack([after.map, before.map])),
-        criteria=tuple(_criteria(form)),
+        criteria=surface_criteria(form.used, form.covered),
         points=form.points,
         distance_um=1e3 * form.distances,
         chart=chart,
@@ -161,12 +165,3 @@ def _extent(values: Float[np.ndarray, " n"]) -> DeviationExtent:
         min=float(values.min()),
         max=float(values.max()),
     )
-
-
-def _criteria(form: Form) -> list[Criterion]:
-    other = "give the points of this surface alone, close to lens coordinates"
-    more = "measure more of the surface"
-    return [
-        at_least("points_used", form.used, USED_SHARE, "of the points", other),
-        at_least("surface_covered", form.covered, COVERED_SHARE, "of the surface", more),
-    ]

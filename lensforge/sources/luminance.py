@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from PIL import Image, UnidentifiedImageError
 
 from lensforge.errors import InputError
+from lensforge.pictures.picture import Luminance
+from lensforge.pictures.reading import read_light
 from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.symmetry import largest_symmetry
 
@@ -20,17 +21,11 @@ class LuminanceImage:
     pitch_mm: float
 
     @classmethod
-    def read(cls, path: Path, width_mm: float) -> "LuminanceImage":
-        """Read any image file, colours as their luminance. Raises :class:`InputError` if it cannot be used."""
-        try:
-            with Image.open(path) as image:
-                values = np.asarray(image.convert("F"), dtype=np.float64)
-        except FileNotFoundError:
-            raise InputError(f"{path}: no such file") from None
-        except (OSError, ValueError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-            raise InputError(f"{path}: not a readable image ({error})") from None
-        if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() > 0.0):
-            raise InputError(f"{path}: pixels must be finite, none below 0, and not all dark")
+    def read(cls, path: Path, width_mm: float, luminance: Luminance = "as_stored") -> "LuminanceImage":
+        """Read an image file, colours and values by ``luminance``. Raises :class:`InputError` if it cannot be used."""
+        values = read_light(path, luminance, missing="give an image file")
+        if not values.max() > 0.0:
+            raise InputError(f"{path}: pixels must not be all dark")
         return cls(values / values.sum(), width_mm / values.shape[1])
 
     @property

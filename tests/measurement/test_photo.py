@@ -4,13 +4,14 @@ import io
 
 import numpy as np
 import pytest
+from handmade_pictures import exif, png, tiff
 from PIL import Image
 
 from lensforge.errors import InputError
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.measurement.figures import photo_png
 from lensforge.measurement.photo import Shot, compare_photo, section
-from lensforge.measurement.photograph import rectify
+from lensforge.measurement.photograph import lit_only, read_photograph, rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
 from lensforge.receivers.pixels import PixelGrid
 
@@ -169,7 +170,7 @@ def test_what_cannot_be_used_is_input_error(tmp_path):
     (tmp_path / "bad.png").write_text("no picture", encoding="utf-8")
     cases = [
         (Shot(tmp_path / "none.png", None, CORNERS, SIDE), "no such file"),
-        (Shot(tmp_path / "bad.png", None, CORNERS, SIDE), "not readable as an image"),
+        (Shot(tmp_path / "bad.png", None, CORNERS, SIDE), "not a readable image"),
         (Shot(right.on, small, CORNERS, SIDE), "same camera settings"),
         (Shot(right.off, right.on, CORNERS, SIDE), "interchanged"),
         (Shot(right.on, right.off, CORNERS[[0, 2, 1, 3]], SIDE), "convex"),
@@ -178,3 +179,42 @@ def test_what_cannot_be_used_is_input_error(tmp_path):
     for given, message in cases:
         with pytest.raises(InputError, match=message):
             compare(given)
+
+
+def test_all_16_bits_of_a_colour_photograph_count(tmp_path):
+    values = np.random.default_rng(5).integers(0, 2**16, (20, 30, 3), dtype=np.uint16)
+    values[3, 4, 1], values[values == 65535] = 65535, 65534
+    values[3, 4, 1] = 65535
+    for name, content in (("on.png", png(values, "rgb", 16)), ("on.tif", tiff(values, deflated=True))):
+        (tmp_path / name).write_bytes(content)
+        seen = read_photograph(tmp_path / name, gamma=2.2)
+        np.testing.assert_allclose(seen.light, (values / 65535) ** 2.2 @ [0.2126, 0.7152, 0.0722], rtol=1e-12)
+        assert np.argwhere(seen.clipped).tolist() == [[3, 4]]
+
+
+def test_a_camera_of_12_bits_clips_at_its_own_full_scale(tmp_path):
+    values = np.minimum(np.random.default_rng(5).integers(0, 5000, (20, 30)), 4095)
+    packed = np.zeros((20, 45), dtype=np.uint8)  # two values in three bytes
+    first, second = values[:, ::2], values[:, 1::2]
+    packed[:, 0::3], packed[:, 1::3], packed[:, 2::3] = first >> 4, (first & 15) << 4 | second >> 8, second & 255
+    tags = [(256, 4, [30]), (258, 3, [12])]
+    (tmp_path / "on.tif").write_bytes(tiff(packed, extra_tags=tags))
+    seen = read_photograph(tmp_path / "on.tif")
+    np.testing.assert_array_equal(seen.light, values / 4095)
+    np.testing.assert_array_equal(seen.clipped, values == 4095)
+
+
+def test_the_dark_photograph_is_turned_as_the_lit_one(tmp_path):
+    grey = np.random.default_rng(6).integers(1, 255, (20, 30, 1))
+    (tmp_path / "on.png").write_bytes(png(grey, extra=[(b"eXIf", exif(6))]))
+    (tmp_path / "off.png").write_bytes(png(grey))  # the camera's sensor of place thought otherwise
+    on = read_photograph(tmp_path / "on.png")
+    off = read_photograph(tmp_path / "off.png", orientation=on.orientation)
+    assert on.light.shape == (30, 20)
+    np.testing.assert_array_equal(lit_only(on, off).light, 0.0)
+
+
+def test_photographs_of_other_kinds_are_refused(tmp_path):
+    (tmp_path / "on.tif").write_bytes(tiff(np.zeros((8, 8, 1), dtype=np.float32)))
+    with pytest.raises(InputError, match="float32, must be of 8 or 16 bits"):
+        read_photograph(tmp_path / "on.tif")

@@ -1,0 +1,86 @@
+"""A picture as it is stored, and the relative light that its values stand for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Real, UInt
+
+Luminance = Literal["as_stored", "srgb"]
+"""The light that a picture's values stand for.
+
+``as_stored``: the values themselves, with no gamma taken off; of colours their luma, 0.299 R + 0.587 G + 0.114 B
+(ITU-R BT.601). ``srgb``: the luminance that a screen would show: values decoded by the sRGB curve (IEC 61966-2-1), of
+colours 0.2126 R + 0.7152 G + 0.0722 B (ITU-R BT.709).
+"""
+
+REC709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green, blue (ITU-R BT.709)
+_REC601 = np.array([19595.0, 38470.0, 7471.0])  # of 65,536, to which they add up: the luma of a grey is exactly itself
+_BAND_VALUES = 2**22  # converted at once: 32 MiB, so that a large picture needs little more than its light
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Values [row, column, channel] as stored, row 0 at the top; one channel is grey, three are red, green and blue.
+
+    ``full_scale``: the largest value that can be stored, 1 for floating-point numbers. ``opacity``: 0 where the
+    picture is transparent, the largest number of its type where it is opaque, None for opaque everywhere.
+    ``premultiplied``: the values are already multiplied by it. ``not_srgb``: why the values cannot be decoded as sRGB,
+    "" where they can. ``orientation``: that of EXIF, by which the picture was turned upright.
+    """
+
+    values: Real[np.ndarray, "h w c"]
+    full_scale: float
+    opacity: UInt[np.ndarray, "h w"] | None = None
+    premultiplied: bool = False
+    not_srgb: str = ""
+    orientation: int = 1
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.values.shape[0], self.values.shape[1]
+
+    def light(self, luminance: Luminance) -> Float[np.ndarray, "h w"]:
+        """Relative light of each pixel, 1 at full scale; what is transparent is dark: light times opacity."""
+        return self._by_bands(self._stored if luminance == "as_stored" else partial(self._linear, srgb_decoded))
+
+    def linear(self, gamma: float) -> Float[np.ndarray, "h w"]:
+        """Light as of :meth:`light`, for a camera whose values to the power of ``gamma`` are linear."""
+        return self._by_bands(partial(self._linear, lambda values: values**gamma))
+
+    def _by_bands(self, light: Callable[[slice], Float[np.ndarray, "b w"]]) -> Float[np.ndarray, "h w"]:
+        found = np.empty(self.shape)
+        band = max(1, _BAND_VALUES // (self.values.shape[1] * self.values.shape[2]))
+        for first in range(0, len(found), band):
+            found[first : first + band] = light(slice(first, first + band))
+        return found
+
+    def _stored(self, rows: slice) -> Float[np.ndarray, "b w"]:
+        stored = self.values[rows].astype(np.float64)
+        luma = stored @ _REC601 / 65536.0 if stored.shape[2] == 3 else stored[:, :, 0]
+        light = luma / self.full_scale
+        return light if self.opacity is None or self.premultiplied else light * self._opaque(rows)
+
+    def _linear(
+        self, decoded: Callable[[Float[np.ndarray, "b w c"]], Float[np.ndarray, "b w c"]], rows: slice
+    ) -> Float[np.ndarray, "b w"]:
+        values = self.values[rows] / self.full_scale
+        opaque = None if self.opacity is None else self._opaque(rows)
+        if opaque is not None and self.premultiplied:
+            shown = opaque[:, :, None] > 0.0
+            values = np.minimum(np.divide(values, opaque[:, :, None], out=np.zeros_like(values), where=shown), 1.0)
+        linear = decoded(values)
+        light = linear @ REC709 if linear.shape[2] == 3 else linear[:, :, 0]
+        return light if opaque is None else light * opaque
+
+    def _opaque(self, rows: slice) -> Float[np.ndarray, "b w"]:
+        assert self.opacity is not None
+        return self.opacity[rows] / float(np.iinfo(self.opacity.dtype).max)
+
+
+def srgb_decoded(encoded: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Linear light of sRGB values, 0 to 1 (IEC 61966-2-1)."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,374 @@
+"""Pictures of every layout against the numbers that were written into them by hand."""
+
+import io
+import os
+import struct
+import time
+import zlib
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from handmade_pictures import bmp, chunk, exif, png, tiff
+from PIL import Image, ImageCms, ImageOps
+
+from lensforge.errors import InputError
+from lensforge.pictures.complaints import as_errors
+from lensforge.pictures.reading import read_light, read_picture
+
+RNG = np.random.default_rng(16)
+LUMA, REC709 = np.array([0.299, 0.587, 0.114]), np.array([0.2126, 0.7152, 0.0722])
+
+
+def srgb(v):
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+def numbers(kind, channels, shape=(13, 17)):
+    if kind.startswith("f"):
+        return RNG.random((*shape, channels)).astype(kind)
+    return RNG.integers(0, np.iinfo(kind).max, (*shape, channels), dtype=kind, endpoint=True)
+
+
+@pytest.fixture
+def light(tmp_path):
+    def read(content, luminance="as_stored"):
+        path = tmp_path / "picture"
+        path.write_bytes(content)
+        return read_light(path, luminance, missing="give one")
+
+    return read
+
+
+@pytest.fixture
+def refused(light):
+    def line(content, luminance="as_stored"):
+        with pytest.raises(InputError) as caught:
+            light(content, luminance)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
+        return str(caught.value)
+
+    return line
+
+
+@pytest.mark.parametrize("interlaced", [False, True])
+@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
+def test_grey_png(light, depth, interlaced):
+    values = RNG.integers(0, 2**depth, (11, 19))
+    np.testing.assert_array_equal(light(png(values, "grey", depth, interlaced)), _full(values, depth))
+
+
+def _full(values, depth):
+    """As Pillow scales fewer bits than eight: to 255."""
+    return values * (255 // (2**depth - 1)) / 255 if depth < 8 else values / (2**depth - 1)
+
+
+@pytest.mark.parametrize("interlaced", [False, True])
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_colours_of_png(light, kind, interlaced):
+    full, depth = np.iinfo(kind).max, 8 * np.dtype(kind).itemsize
+    colours, clear = numbers(kind, 3), numbers(kind, 1)
+    stored = colours / full
+    file = png(colours, "rgb", depth, interlaced)
+    np.testing.assert_allclose(light(file), stored @ LUMA, rtol=0, atol=1e-5)  # its weights are n/65536
+    np.testing.assert_allclose(light(file, "srgb"), srgb(stored) @ REC709, rtol=1e-12)
+    covered = png(np.concatenate([colours, clear], axis=2), "rgb_alpha", depth, interlaced)
+    np.testing.assert_allclose(light(covered), stored @ LUMA * clear[..., 0] / full, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(light(covered, "srgb"), srgb(stored) @ REC709 * clear[..., 0] / full, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_transparent_grey_is_dark(light, kind):
+    both, full = numbers(kind, 2), np.iinfo(kind).max
+    depth = 8 * np.dtype(kind).itemsize
+    expected = both[..., 0] / full * (both[..., 1] / full)
+    np.testing.assert_allclose(light(png(both, "grey_alpha", depth)), expected, rtol=1e-14)
+    np.testing.assert_allclose(
+        light(tiff(both, extra_tags=[(338, 3, [2])])), expected, rtol=1e-14
+    ) if depth == 8 else None
+
+
+def test_white_on_transparent_is_its_shape_alone(light):
+    shape = np.zeros((9, 9, 4), dtype=np.uint8)
+    shape[..., :3] = 255
+    shape[3:6, 2:7, 3] = 255
+    np.testing.assert_array_equal(light(png(shape, "rgb_alpha")), shape[..., 3] / 255)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
+def test_the_one_transparent_grey_is_dark(light, depth):
+    values = RNG.integers(0, 2**depth, (16, 16))
+    key = int(values[3, 3])
+    file = png(values, "grey", depth, extra=[(b"tRNS", key.to_bytes(2, "big"))])
+    np.testing.assert_array_equal(light(file), np.where(values == key, 0.0, _full(values, depth)))
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_the_one_transparent_colour_is_dark(light, depth):
+    colours = np.full((4, 5, 3), 2**depth - 1)
+    colours[1, 2] = (2**depth - 1, 2**depth - 1, 2**depth - 2)  # one of the lowest bit from white
+    colours[0, 0] = (1, 2, 3)
+    key = b"".join(int(v).to_bytes(2, "big") for v in colours[1, 2])
+    found = light(png(colours, "rgb", depth, extra=[(b"tRNS", key)]))
+    assert found[1, 2] == 0.0 and found[0, 0] > 0.0 and (found.ravel()[1:7] == 1.0).all()
+
+
+def test_palette_with_transparency(light):
+    indices = RNG.integers(0, 4, (8, 8))
+    palette = np.array([[255, 0, 0], [0, 255, 0], [255, 255, 255], [80, 80, 80]])
+    opacity = np.array([255, 128, 0, 255])  # the last is not written
+    extra = [(b"PLTE", bytes(palette.ravel().tolist())), (b"tRNS", bytes(opacity[:3].tolist()))]
+    for depth in (2, 4, 8):
+        found = light(png(indices, "palette", depth, extra=extra))
+        np.testing.assert_allclose(found, (palette / 255 @ LUMA * opacity / 255)[indices], atol=1e-5)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    "options", [{}, {"deflated": True}, {"deflated": True, "predictor": True}, {"rows_per_strip": 4}]
+)
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_tiff(light, refused, order, options, kind, channels):
+    values = numbers(kind, channels)
+    file = tiff(values, order, **options)
+    if kind == "float32" and "predictor" in options:
+        return  # differences are of whole numbers
+    if kind == "float32" and channels == 3:
+        assert "TIFF" in refused(file)
+        return
+    stored = values / (np.iinfo(kind).max if kind != "float32" else 1.0)
+    expected = stored @ LUMA if channels == 3 else stored[..., 0]
+    np.testing.assert_allclose(light(file), expected, rtol=0, atol=1e-5 if channels == 3 else 0.0)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_white_is_zero(light, kind):
+    values, full = numbers(kind, 1), np.iinfo(kind).max
+    np.testing.assert_array_equal(light(tiff(values, photometric=0)), (full - values[..., 0]) / full)
+
+
+def test_32_bits_of_grey(light):
+    values = numbers("uint32", 1)
+    assert values.max() > 2**31
+    np.testing.assert_array_equal(light(tiff(values)), values[..., 0] / (2**32 - 1))
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_opacity_of_tiff_once_multiplied_and_once_not(light, kind, order):
+    full = np.iinfo(kind).max
+    straight = numbers(kind, 4)
+    straight[0, 0, 3] = 0
+    opaque = straight[..., 3] / full
+    multiplied = straight.copy()
+    multiplied[..., :3] = np.floor(straight[..., :3] * opaque[..., None])
+    for file, stored in (
+        (tiff(straight, order, extra_tags=[(338, 3, [2])]), straight[..., :3] / full * opaque[..., None]),
+        (tiff(multiplied, order, extra_tags=[(338, 3, [1])]), multiplied[..., :3] / full),
+    ):
+        np.testing.assert_allclose(light(file), stored @ LUMA, atol=1e-5)
+        plain = np.divide(stored, opaque[..., None], out=np.zeros_like(stored), where=opaque[..., None] > 0)
+        np.testing.assert_allclose(light(file, "srgb"), srgb(plain.clip(0, 1)) @ REC709 * opaque, atol=1e-9)
+
+
+def test_bmp(light):
+    grey = numbers("uint8", 1)[..., 0]
+    np.testing.assert_array_equal(light(bmp(grey)), grey / 255)
+
+
+def test_a_grey_that_is_stored_as_a_colour_is_the_same_to_the_bit(light):
+    for kind, depth in (("uint8", 8), ("uint16", 16)):
+        grey = numbers(kind, 1)
+        np.testing.assert_array_equal(
+            light(png(np.repeat(grey, 3, axis=2), "rgb", depth)), light(png(grey, "grey", depth))
+        )
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_pictures_stand_upright(light, orientation):
+    grey = numbers("uint8", 1, (16, 24))
+    upright = Image.fromarray(grey[..., 0])
+    upright.getexif()[274] = orientation
+    expected = np.asarray(ImageOps.exif_transpose(upright)) / 255
+    np.testing.assert_array_equal(light(png(grey, extra=[(b"eXIf", exif(orientation, ">"))])), expected)
+    for order in "<>":
+        np.testing.assert_array_equal(light(tiff(grey, order, extra_tags=[(274, 3, [orientation])])), expected)
+        deflated = tiff(numbers_like(grey), order, extra_tags=[(274, 3, [orientation])], deflated=True)
+        assert light(deflated).shape == expected.shape
+    jpeg = io.BytesIO()
+    Image.fromarray(grey[..., 0]).save(jpeg, "JPEG", quality=100, exif=b"Exif\0\0" + exif(orientation))
+    np.testing.assert_allclose(light(jpeg.getvalue()), expected, atol=4 / 255)
+
+
+def numbers_like(grey):
+    return grey.astype(np.uint16) * 257
+
+
+def test_large_text_and_profiles_harm_no_picture(light):
+    grey = numbers("uint8", 1)
+    large = png(grey, extra=[(b"zTXt", b"note\0\0" + b"x" * 2**22), (b"iCCP", b"p\0\0" + b"y" * 2**22)])
+    np.testing.assert_array_equal(light(large), grey[..., 0] / 255)
+
+
+def _with_profile(grey, profile):
+    file = io.BytesIO()
+    Image.fromarray(grey).save(file, "PNG", icc_profile=profile)
+    return file.getvalue()
+
+
+def test_profiles_count_where_values_are_decoded(light, refused):
+    colours = numbers("uint8", 3)
+    own = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    np.testing.assert_allclose(light(_with_profile(colours, own), "srgb"), srgb(colours / 255) @ REC709, rtol=1e-12)
+    place = own.index(b"rXYZ")
+    start = int.from_bytes(own[place + 4 : place + 8], "big")
+    other = (
+        own[: start + 12]
+        + (int.from_bytes(own[start + 12 : start + 16], "big") + 2000).to_bytes(4, "big")
+        + own[start + 16 :]
+    )
+    assert "other primaries" in refused(_with_profile(colours, other), "srgb")
+    np.testing.assert_allclose(light(_with_profile(colours, other)), colours / 255 @ LUMA, atol=1e-5)
+    lab = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
+    assert "colour profile" in refused(_with_profile(colours, lab), "srgb")
+    assert "damaged" in refused(_with_profile(colours, own[:150]), "srgb")
+
+
+def test_stated_gamma(light, refused):
+    grey = numbers("uint8", 1)
+    for gamma, chunks in ((45455, []), (100000, [(b"sRGB", b"\0")])):
+        file = png(grey, extra=[(b"gAMA", gamma.to_bytes(4, "big")), *chunks])
+        np.testing.assert_allclose(light(file, "srgb"), srgb(grey[..., 0] / 255), rtol=1e-12)
+    linear = png(grey, extra=[(b"gAMA", (100000).to_bytes(4, "big"))])
+    assert "gAMA" in refused(linear, "srgb")
+    np.testing.assert_array_equal(light(linear), grey[..., 0] / 255)
+
+
+def test_floating_point_values_are_not_decoded(refused):
+    assert "linear" in refused(tiff(numbers("float32", 1)), "srgb")
+
+
+def _saved(mode, kind, **options):
+    file = io.BytesIO()
+    Image.new(mode, (8, 8)).save(file, kind, **options)
+    return file.getvalue()
+
+
+def test_what_has_no_one_luminance_is_refused(refused):
+    assert "CMYK" in refused(_saved("CMYK", "JPEG"))
+    assert "CMYK" in refused(_saved("CMYK", "TIFF"))
+    assert "L*a*b*" in refused(_saved("LAB", "TIFF"))
+    assert "signed" in refused(tiff(numbers("int16", 1)))
+    assert "below 0" in refused(tiff(-numbers("float32", 1)))
+    assert "finite" in refused(tiff(np.full((4, 4, 1), np.inf, dtype=np.float32)))
+    separate = tiff(numbers("uint16", 3), extra_tags=[(284, 3, [2])])
+    assert "separate planes" in refused(separate)
+
+
+def test_formats_that_are_not_listed_are_refused(refused):
+    for kind in ("GIF", "WEBP", "PPM", "TGA", "ICO"):
+        assert "must be PNG, TIFF, JPEG or BMP" in refused(_saved("L", kind))
+
+
+def test_several_frames_are_refused(light, refused):
+    frames = [Image.fromarray(numbers("uint8", 1)[..., 0]) for _ in range(2)]
+    for kind in ("TIFF", "PNG"):
+        file = io.BytesIO()
+        frames[0].save(file, kind, save_all=True, append_images=frames[1:])
+        assert "several" in refused(file.getvalue())
+    for subfile in (0, 1):  # a second page, a smaller copy of the first
+        grey = numbers("uint8", 1)
+        pages = bytearray(tiff(grey))
+        (first,) = struct.unpack_from("<I", pages, 4)
+        (count,) = struct.unpack_from("<H", pages, first)
+        struct.pack_into("<I", pages, first + 2 + 12 * count, len(pages))
+        pages += struct.pack("<HHHIII", 1, 254, 4, 1, subfile, 0)
+        if subfile:
+            np.testing.assert_array_equal(light(bytes(pages)), grey[..., 0] / 255)
+        else:
+            assert "several" in refused(bytes(pages))
+
+
+def test_missing_and_special_files(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path, message in (
+        (tmp_path / "none.png", "no such file; give one"),
+        (tmp_path / "pipe", "a pipe"),
+        (tmp_path, "a folder"),
+        ("/dev/zero", "a device"),
+        ("a\0b.png", "null"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_picture(path, missing="give one")
+
+
+def test_large_pictures_are_refused_before_they_are_decoded(refused):
+    started = time.process_time()
+    header = struct.pack(">IIBBBBB", 2**14, 2**14, 8, 0, 0, 0, 0)
+    rows = zlib.compress(bytes(2**20))
+    bomb = b"\x89PNG\r\n\x1a\n" + b"".join(
+        chunk(*each) for each in ((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
+    )
+    assert "67.1 million" in refused(bomb)
+    wide = tiff(numbers("uint8", 1), extra_tags=[(256, 4, [2**20])])
+    assert "pixels, must be at most" in refused(wide)
+    assert time.process_time() - started < 2.0
+
+
+def test_tags_that_would_fill_the_memory_are_refused(refused):
+    file = bytearray(tiff(numbers("uint8", 1, (64, 64)), extra_tags=[(60000 + i, 1, [0] * 5) for i in range(9)]))
+    (first,) = struct.unpack_from("<I", file, 4)
+    for entry in range(first + 2, len(file) - 12, 12):
+        if struct.unpack_from("<HH", file, entry)[0] >= 60000:
+            struct.pack_into("<II", file, entry + 4, 4000, 8)  # all of them name the same bytes
+    assert "larger than the file" in refused(bytes(file))
+    strips = tiff(np.zeros((2**18, 1, 1), dtype=np.uint8), rows_per_strip=1)
+    assert "strips or tiles, at most" in refused(strips)
+
+
+def test_scans_without_end_are_refused(refused):
+    file = io.BytesIO()
+    Image.fromarray(np.zeros((2000, 2000), dtype=np.uint8)).save(file, "JPEG", progressive=True)
+    content = file.getvalue()
+    last = content.rindex(b"\xff\xda")
+    assert "million" in refused(content[:last] + content[last:-2] * 200 + content[-2:])
+
+
+def test_damage_is_refused(refused, light):
+    grey = numbers("uint8", 1, (40, 40))
+    whole = png(grey)
+    for place in range(40, len(whole) - 12, 97):  # inside the pixels, where no decoder looks at the checksum
+        assert "damaged" in refused(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+
+
+@pytest.mark.parametrize("kind", ["png", "tiff", "deflated", "bmp", "jpeg"])
+def test_truncated_files_are_one_line(refused, kind):
+    grey = numbers("uint8", 1, (40, 40))
+    content = {
+        "png": png(grey), "tiff": tiff(grey), "deflated": tiff(grey, deflated=True), "bmp": bmp(grey[..., 0]),
+        "jpeg": _saved("L", "JPEG"),
+    }[kind]  # fmt: skip
+    for size in (0, 1, 2, 3, 8, 20, 33, len(content) // 2, len(content) - 20):
+        refused(content[:size])
+
+
+def test_libtiff_does_not_write_to_the_terminal_and_its_complaints_are_damage(light, capfd):
+    file = io.BytesIO()
+    Image.fromarray(numbers("uint8", 1, (64, 64))[..., 0] > 127).save(file, "TIFF", compression="group4")
+    whole, lines = file.getvalue(), []
+    for place in range(8, 200, 7):
+        with suppress(InputError):
+            light(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+            continue
+        with pytest.raises(InputError) as caught:
+            light(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
+        lines.append(str(caught.value))
+    assert any("damaged: Fax4Decode" in line for line in lines)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_others_write_while_a_picture_is_read_arrives(capfd):
+    with pytest.raises(ValueError, match="damaged: ZIPDecode: bad"), as_errors():
+        os.write(2, b"step 3 of 9\nZIPDecode: bad\n")
+    assert capfd.readouterr().err.strip() == "step 3 of 9"
