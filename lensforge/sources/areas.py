@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.sources.inverse_cdf import choose
 from lensforge.surfaces.symmetry import largest_symmetry
@@ -82,5 +82,14 @@ class Rectangles:
         """Convex hull of all rectangles."""
         signs = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
         points = (self.centres[:, None] + signs * self.sides[:, None]).reshape(-1, 2)
-        hull: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
-        return hull
+        return convex_hull(points)
+
+
+def convex_hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
+    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
+    try:
+        corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
+        return corners
+    except (QhullError, ValueError):
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

@@ -4,7 +4,7 @@ from lensforge.optics.materials import Material
 from lensforge.sources.bundle import Source
 from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.flux import emitter_flux
-from lensforge.sources.placement import placed_source
+from lensforge.sources.placement import PlacedSource, placed_source
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.sources.spectrum import spectrum_of
 from lensforge.sources.square import SquareEmitter
@@ -53,5 +53,13 @@ def summarise(source: Source, spec: SourceSpec) -> SourceSummary:
         flux_w=source.flux_w,
         lumens_per_watt=flux.lumens_per_watt,
         symmetry=source.symmetry,
-        warnings=flux.warnings,
+        warnings=(*_file_warnings(source), *flux.warnings),
     )
+
+
+def _file_warnings(source: Source) -> tuple[str, ...]:
+    """Warnings on the file of an intensity profile; none for a source without one."""
+    if isinstance(source, PlacedSource):
+        return _file_warnings(source.source)
+    found: tuple[str, ...] = getattr(source, "warnings", ())  # of a planar emitter; its module is loaded for it alone
+    return found

@@ -10,13 +10,12 @@ from lensforge.errors import InputError
 from lensforge.optics.materials import Material
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.source_summary import Range
-from lensforge.sources.spectrum import Spectrum
+from lensforge.sources.spectrum import Spectrum, usable_wavelengths
 
 _MOST_CLAMPED = 0.01
 """Largest share of the flux whose index may be taken at the end of the range: it bounds the error of the efficiency by
 as much, and a design is not decided by it; measured LEDs have less than that in their tails."""
 _MENTIONED = 0.01  # share of the flux with an extrapolated index above which a warning says so
-_NO_LIGHT_NM = 1e7  # wavelengths from here on, 1 cm, come from a damaged file
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def index_of_rays(
 
     Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
     """
-    total, usable = float(flux.sum()), (wavelengths_nm > 0.0) & (wavelengths_nm < _NO_LIGHT_NM)
+    total, usable = float(flux.sum()), usable_wavelengths(wavelengths_nm)
     if not usable.any():
         raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
     waves = np.where(usable, wavelengths_nm, np.average(wavelengths_nm[usable], weights=flux[usable]))

@@ -29,9 +29,7 @@ class EtendueCurve:
 
     @staticmethod
     def of(rays: RayBundle) -> "EtendueCurve":
-        """The curve of ``rays``; too few for a cell count as light without extent, as do those level with the plane.
-
-        XX"""
+        """The curve of ``rays``; too few for a cell count as light without extent, as do those level with the plane."""
         rise = rays.directions[:, 2]
         volume, flux = np.zeros(1), np.array([rays.flux[np.abs(rise) <= _LEVEL].sum()])
         for side in (rise > _LEVEL, rise < -_LEVEL):

@@ -15,6 +15,7 @@ from lensforge.spec.source import ChipsSource
 DEFAULT_FLUX_W = 1.0  # of a source about whose flux nothing is stated
 # Less, and lumens say nothing about the light, which is sold in W: below 412 nm and above 715 nm.
 _LEAST_LM_PER_W = 1.0
+_NO_LIGHT_LM_PER_W = 1e-6  # V ends at 3e-4 lm/W; less is a damaged number, and lumens say nothing about the power
 _ROUNDING = 1e-4  # relative excess over 683.002 lm/W that rounded totals of a file may have
 _SPECTRUM_TOLERANCE = 0.05  # relative: lm/W of a data sheet and of its spectrum, read from a plot, agree this well
 _LEAST_POWER = (
@@ -81,7 +82,7 @@ def settled_flux(
         return SourceFlux(DEFAULT_FLUX_W if power is None else power, known, in_lumens, warnings=warnings)
     if known is None:
         return SourceFlux(lumens / LARGEST_LM_PER_W, LARGEST_LM_PER_W, True, True, (*warnings, _LEAST_POWER))
-    if known == 0.0:
+    if known < _NO_LIGHT_LM_PER_W:
         raise InputError(f"source: flux of {lumens:g} lm, but its spectrum has no visible light; give flux_w instead")
     return SourceFlux(lumens / known, known, True, warnings=warnings)
 
@@ -91,11 +92,12 @@ def _own_ratio(own: OwnFlux) -> tuple[float | None, tuple[str, ...]]:
     if own.flux_w is None or own.flux_lm is None:
         return None, ()
     ratio = own.flux_lm / own.flux_w
-    if ratio <= LARGEST_LM_PER_W * (1.0 + _ROUNDING):
+    if _NO_LIGHT_LM_PER_W <= ratio <= LARGEST_LM_PER_W * (1.0 + _ROUNDING):
         return min(ratio, LARGEST_LM_PER_W), ()
+    wrong = "no light has more than 683" if ratio > 1.0 else "that is no visible light"
     return None, (
-        f"source: its file states {own.flux_lm:.4g} lm and {own.flux_w:.4g} W, {ratio:.4g} lm/W, and no light has more "
-        "than 683: lm not used; give flux_lm",
+        f"source: its file states {own.flux_lm:.4g} lm and {own.flux_w:.4g} W, {ratio:.4g} lm/W, and {wrong}: lm not "
+        "used; give flux_lm",
     )
 
 

@@ -13,6 +13,7 @@ from lensforge.sources.intensity import CosinePower, IntensityProfile, Tabulated
 from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.orientation import turned_over
+from lensforge.sources.photometric.warnings import far_field_warnings
 from lensforge.sources.qmc import sobol
 from lensforge.spec.emission import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source import ChipArraySource, ChipsSource, DiscSource, LuminanceSource, RectangleSource
@@ -29,6 +30,7 @@ class PlanarEmitter:
     profile: IntensityProfile
     flux_w: float = 1.0
     ray_count: int | None = None
+    warnings: tuple[str, ...] = ()  # on the file of the profile
 
     @property
     def symmetry(self) -> str:
@@ -54,7 +56,7 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
 
     Raises :class:`InputError` for a file that cannot be used.
     """
-    profile = _profile(spec.intensity)
+    profile, warnings = _profile(spec.intensity)
     match spec:
         case RectangleSource():
             area: Area = _grid(1, 1, (spec.width_mm, spec.height_mm), (1.0, 1.0))
@@ -64,10 +66,10 @@ def planar_emitter(spec: PlanarSource) -> PlanarEmitter:
             area = Disc(0.5 * spec.diameter_mm)
         case LuminanceSource():
             with remedy("correct source.file"):
-                area = LuminanceImage.read(spec.file, spec.width_mm)
+                area = LuminanceImage.read(spec.file, spec.width_mm, spec.luminance)
         case ChipsSource():
             area = _chips(spec)
-    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w)
+    return PlanarEmitter(area, profile, emitter_flux(spec).flux_w, warnings=warnings)
 
 
 def _chips(spec: ChipsSource) -> Rectangles:
@@ -84,9 +86,13 @@ def _grid(columns: int, rows: int, side_mm: tuple[float, float], pitch_mm: tuple
     return Rectangles(centres, np.tile(side_mm, (len(centres), 1)), np.full(len(centres), 1.0 / len(centres)))
 
 
-def _profile(spec: IntensitySpec) -> IntensityProfile:
+def _profile(spec: IntensitySpec) -> tuple[IntensityProfile, tuple[str, ...]]:
+    """The profile, and warnings on its file."""
     if isinstance(spec, CosineIntensity):
-        return CosinePower(spec.power)
+        return CosinePower(spec.power), ()
     if isinstance(spec, TableIntensity):
-        return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity]))
-    return turned_over(read_photometric(spec.file).intensity)
+        return TabulatedIntensity(np.zeros(1), np.array(spec.gamma_deg), np.array([spec.intensity])), ()
+    with remedy("correct source.intensity.file"):
+        found = read_photometric(spec.file)
+    warnings = tuple(f"{spec.file.name}: {warning}" for warning in far_field_warnings(found))
+    return turned_over(found.intensity), warnings

@@ -14,7 +14,7 @@ from lensforge.sources.qmc import sobol
 from lensforge.sources.radiance_table import RadianceTable, read_radiance
 from lensforge.spec.source import RadianceSource
 
-_BLOCK = 2**14  # rays drawn at a time: each needs a row of the table
+_BLOCK, _BLOCK_NUMBERS = 2**14, 2**23  # rays drawn at a time, and numbers: each ray needs rows of the table
 
 Cells = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]  # row and column of each ray's cell
 
@@ -36,8 +36,9 @@ class RadianceEmitter:
         """Draw ``count`` rays of equal flux by quasi-Monte-Carlo points in four dimensions."""
         points = sobol(count, 4, seed)
         origins, directions = np.empty((count, 3)), np.empty((count, 3))
-        for start in range(0, count, _BLOCK):
-            some = slice(start, start + _BLOCK)
+        block = max(min(_BLOCK, _BLOCK_NUMBERS // max(self.table.radiance.shape)), 1)
+        for start in range(0, count, block):
+            some = slice(start, start + block)
             origins[some], directions[some] = self.emit(points[some])
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 

@@ -7,21 +7,25 @@ the root of a quadratic, and nothing is approximated but the radiance between th
 A file is a NumPy archive (`.npz`) of five arrays, named and shaped as in :class:`RadianceTable`.
 """
 
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.files import read_file
+from lensforge.npz_file import arrays_in
 from lensforge.surfaces.symmetry import largest_symmetry
 
 _M2_PER_MM2 = 1e-6
 _SAME = 1e-6  # of the largest radiance, and of the width: what differs less is symmetric
 _NAMES = ("x_mm", "y_mm", "c_deg", "gamma_deg", "radiance")
+_LEAST_W, _MOST_W = 1e-30, 1e12  # as of a source in a spec
+_BRIGHTEST = 1e20  # W/m^2/sr; lasers reach 1e16
+_MOST_NODES = 4096  # of an axis: 0.1 degrees in azimuth are 3601, and each block of rays needs rows of that length
+_FARTHEST = 1e9  # mm, as of any coordinate in a spec
 _LARGEST = 2**28  # bytes unpacked, some 30 million nodes; a small archive may claim anything
 
 
@@ -113,27 +117,21 @@ def read_radiance(path: Path) -> RadianceTable:
     if problem:
         raise InputError(f"{path}: {problem}")
     table = RadianceTable(**arrays)
-    if not 0.0 < table.flux() < np.inf:
+    if not _LEAST_W < table.flux() < _MOST_W:
         raise InputError(f"{path}: its flux is {table.flux():g} W: radiances must not be all dark, or huge")
     return table
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
+    content = read_file(path, missing="give a NumPy archive of a radiance table", most_bytes=_LARGEST)
     try:
-        with ZipFile(path) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-        if unpacked > _LARGEST:
-            raise InputError(f"{path}: {unpacked} bytes unpacked; at most {_LARGEST}: use fewer nodes")
-        with np.load(path, allow_pickle=False) as archive:
-            missing = [name for name in _NAMES if name not in archive]
-            if missing:
-                raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")
-            return {name: np.asarray(archive[name]).astype(np.float64, casting="same_kind") for name in _NAMES}
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError, TypeError, EOFError, BadZipFile, zlib.error, NotImplementedError) as error:
-        problem = " ".join(str(error).split())[:160]
-        raise InputError(f"{path}: not readable as a NumPy archive ({problem})") from None
+        found = arrays_in(content, _NAMES, _LARGEST)
+    except ValueError as error:
+        raise InputError(f"{path}: not readable as a NumPy archive ({error})") from None
+    missing = [name for name in _NAMES if name not in found]
+    if missing:
+        raise InputError(f"{path}: no array {missing[0]!r}; it needs {', '.join(_NAMES)}")
+    return {name: found[name].astype(np.float64) for name in _NAMES}
 
 
 def _problem(arrays: dict[str, np.ndarray]) -> str:
@@ -145,6 +143,9 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
             return f"{name} must be a list of two finite numbers or more"
         if not (np.diff(values) > 0.0).all():
             return f"{name} must rise from each number to the next"
+    for name, values in list(arrays.items())[:4]:
+        if len(values) > _MOST_NODES or np.abs(values).max() > _FARTHEST:
+            return f"{name} has {len(values)} numbers up to {np.abs(values).max():g}: {_MOST_NODES} up to {_FARTHEST:g}"
     if gamma[0] < 0.0 or gamma[-1] > 90.0:
         return f"gamma_deg = {gamma[0]:g} to {gamma[-1]:g}: within 0 to 90"
     if c[0] != 0.0 or (len(c) > 1 and c[-1] != 360.0):
@@ -152,8 +153,8 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
     wanted = (len(y) - 1, len(x) - 1, len(c), len(gamma))
     if radiance.shape != wanted:
         return f"radiance has the shape {radiance.shape}; cells in y and x, azimuths, polar angles make {wanted}"
-    if not np.isfinite(radiance).all() or radiance.min() < 0.0:
-        return "radiances must be finite, none below 0"
+    if not 0.0 <= radiance.min() <= radiance.max() < _BRIGHTEST:
+        return f"radiances must be finite, none below 0, and below {_BRIGHTEST:g} W/m^2/sr"
     if len(c) > 1 and not np.array_equal(radiance[:, :, 0], radiance[:, :, -1]):
         return "the radiances at c_deg = 360 must be those at 0"
     return ""

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import ConvexHull, QhullError
 
 from lensforge.errors import InputError
+from lensforge.sources.areas import convex_hull
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.placement import SourcePose
 from lensforge.sources.source_summary import SourceSummary
@@ -103,7 +103,7 @@ class RaySetEmitter:
         distance = np.linalg.norm(points - _median(points, flux), axis=1)
         order = np.argsort(distance)
         inside = np.searchsorted(np.cumsum(flux[order]), _OUTLINE_SHARE * flux.sum())
-        corners = _hull(points[order[: inside + 1]])
+        corners = convex_hull(points[order[: inside + 1]])
         outline = np.column_stack([corners, np.zeros(len(corners))])
         return outline if self.pose is None else self.pose.points(outline)
 
@@ -125,13 +125,3 @@ def _median(points: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> 
     order = np.argsort(points, axis=0)
     middle = [np.searchsorted(np.cumsum(flux[column]), 0.5 * flux.sum()) for column in order.T]
     return np.array([points[order[row, axis], axis] for axis, row in enumerate(middle)])
-
-
-def _hull(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "k 2"]:
-    """Corners of the convex hull in order; of the bounding box where the points lie on one line."""
-    try:
-        corners: Float[np.ndarray, "k 2"] = points[ConvexHull(points).vertices]
-        return corners
-    except (QhullError, ValueError):
-        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])

@@ -28,6 +28,8 @@ from lensforge.spec.emission import SpectrumSpec
 from lensforge.spec.emitter import FluxSection
 from lensforge.spec.ray_source import Placement, RayfilePart, RayfileSource, RayfilesSource, RaySetSource, RaySource
 
+_LEAST_SHARE = 1e-9  # of the flux of several files; one with less is mistaken, such as W beside lm
+
 
 @dataclass(frozen=True, eq=False)
 class _Loaded:
@@ -68,7 +70,7 @@ def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None)
     rays = usable_rays(rayfile)
     if len(rays) == 0:
         raise no_usable_ray(rayfile, rays.dropped)
-    sums = RaySums.of_part(rays)
+    sums = RaySums.of_part(rays).possible(rayfile)
     flux = part_flux(part, spec, spectrum, rayfile, rays)
     bundle, index_range = _bundle(rayfile, rays, flux.flux_w, spectrum, material)
     warnings = _warnings(rayfile, sums, part, index_range, material)
@@ -99,7 +101,7 @@ def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
         raise InputError(f"source: none of the {count} rays is usable ({causes(rays.dropped)}); give others")
     flux = part_flux(spec, spec, spec.spectrum, given, rays)
     bundle, index_range = _bundle(given, rays, flux.flux_w, spec.spectrum, material)
-    warnings = _warnings(given, RaySums.of_part(rays), spec, index_range, material)
+    warnings = _warnings(given, RaySums.of_part(rays).possible(given), spec, index_range, material)
     return _Loaded(bundle, flux, count, index_range, warnings)
 
 
@@ -150,6 +152,9 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
     flux = joined_flux(spec, [part.flux for part in parts], spec.luminous_efficacy_lm_per_w, names)
     flux = with_spectrum_compared(flux, spec, spectral_efficacy(spec.spectrum))
     total, flux_w = sum(part.flux.flux_w for part in parts), flux.flux_w
+    for name, part in zip(names, parts, strict=True):
+        if part.flux.flux_w < _LEAST_SHARE * total:
+            raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
     rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
     focus_mm = _focus_mm(rays)
     origin_mm = _origin_mm(spec, focus_mm, ", ".join(part.name for part in parts))

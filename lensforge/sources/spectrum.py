@@ -4,12 +4,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError, remedy
 from lensforge.sources.inverse_cdf import choose, linear_inverse
 from lensforge.sources.spectrum_file import read_spectrum_file
 from lensforge.spec.emission import FileSpectrum, LineSpectrum, SpectrumSpec, TableSpectrum
+
+_LIGHT_NM = 1.0, 1e7  # from X-rays to 1 cm: other wavelengths come from a damaged file
+_FINEST_NM = 1e-6  # between two wavelengths; slopes over less are rounding
+_LEAST_PEAK, _LARGEST_PEAK = 1e-30, 1e30  # of a density in any unit: its sums stay within floating point
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +29,12 @@ class Spectrum:
 
     def __post_init__(self) -> None:
         waves, density = self.wavelengths_nm, self.power_density
-        if not (np.isfinite(waves).all() and (waves > 0.0).all() and (np.diff(waves) > 0.0).all()):
-            raise InputError(f"{self.name}: wavelengths must be above 0 nm, each longer than the one before")
-        if not (np.isfinite(density).all() and (density >= 0.0).all() and density.any()):
+        if not (usable_wavelengths(waves).all() and (np.diff(waves) >= _FINEST_NM).all()):
+            low, high = _LIGHT_NM
+            raise InputError(
+                f"{self.name}: wavelengths must lie within {low:g} to {high:g} nm, each longer than the one before"
+            )
+        if not (density.min() >= 0.0 and _LEAST_PEAK < density.max() < _LARGEST_PEAK):
             raise InputError(f"{self.name}: power densities must be finite, none below 0, and not all zero")
 
     @cached_property
@@ -60,6 +67,13 @@ class Spectrum:
         """
         random = np.random.default_rng([seed, 5])
         return self.at((random.permutation(count) + random.random(count)) / count)
+
+
+def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Mask of the wavelengths that light can have."""
+    with np.errstate(invalid="ignore"):
+        usable: Bool[np.ndarray, " n"] = (wavelengths_nm >= _LIGHT_NM[0]) & (wavelengths_nm < _LIGHT_NM[1])
+        return usable
 
 
 def spectrum_of(spec: SpectrumSpec) -> Spectrum:

@@ -17,10 +17,15 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.files import MIB, read_file
+from lensforge.sources.photometric.record import number_in
 
+_COUNT = re.compile(r"[0-9]{1,9}")
 _OPTIS = re.compile(r"OPTIS\s*-\s*Spectrum\b", re.IGNORECASE)
 _LIGHTTOOLS = re.compile(r"(dfat|dataname|continuous|discrete|radiometric|photometric)\b", re.IGNORECASE)
-_MOST_BYTES = 10_000_000  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
+_MOST_BYTES = 8 * MIB  # a spectrum of 0.01 nm from 200 to 3000 nm has 6 MB
+_HUGE = 1e12  # no wavelength in nm, no power density: what is larger comes from a damaged file
+_MOST_LINES = 500_000
 _LEAST_NM = 100.0  # below that are µm: no light here is shorter
 
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
@@ -38,6 +43,8 @@ def read_spectrum_file(path: Path) -> Columns:
     else:
         rows = _plain_rows(lines, path)
     found = np.array(rows)
+    if not (np.abs(found) < _HUGE).all():
+        raise InputError(f"{path}: its numbers are not all finite and below {_HUGE:g}; export it again")
     if (np.diff(found[:, 0]) < 0.0).all():
         found = found[::-1]  # from red to blue
     if found[:, 0].max() < _LEAST_NM:
@@ -50,23 +57,19 @@ def read_spectrum_file(path: Path) -> Columns:
 
 def _lines(path: Path) -> list[str]:
     """The lines that are not empty, without the blanks around them."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; not a spectrum")
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror})") from None
+    raw = read_file(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES)
     if b"\0" in raw:
         raise InputError(f"{path}: not a text file; export the spectrum as text, two columns")
     text = raw.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
-    return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+    lines = [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+    if len(lines) > _MOST_LINES:
+        raise InputError(f"{path}: {len(lines)} lines, at most {_MOST_LINES} are read; export it coarser")
+    return lines
 
 
 def _optis_rows(lines: list[str], path: Path) -> list[list[float]]:
     """Rows below the count, which is the second line where the line of text is empty."""
-    at = next((place for place in (1, 2) if place < len(lines) and lines[place].isdigit()), 0)
+    at = next((place for place in (1, 2) if place < len(lines) and _COUNT.fullmatch(lines[place])), 0)
     if at == 0:
         raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
     count, rows = int(lines[at]), [_row(line, path) for line in lines[at + 1 :]]
@@ -102,7 +105,7 @@ def _row(line: str, path: Path) -> list[float]:
     if len(words) != 2:
         raise InputError(f"{path}: {_shown(line)!r}: {len(words)} columns; two, wavelength (nm) and relative power")
     try:
-        return [float(word) for word in words]
+        return [number_in(word) for word in words]
     except ValueError:
         raise InputError(f"{path}: {_shown(line)!r}: not two columns of numbers; wavelength (nm) and power") from None
 

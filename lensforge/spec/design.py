@@ -3,7 +3,6 @@
 A wrong field is reported in one line: its name, its value, what is allowed.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +21,7 @@ from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseS
 from lensforge.spec.section import Section, spec_error
 from lensforge.spec.source import SourceSpec
 from lensforge.spec.target import Target
+from lensforge.spec.toml_file import read_toml
 
 
 class Spec(Section):
@@ -92,14 +92,7 @@ def load_spec(path: Path | str) -> Spec:
     if not isinstance(path, Path | str):
         raise InputError(f"load_spec: {_short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; the shipped specs are in examples/") from None
-    except RecursionError:
-        raise InputError(f"{path}: not readable as TOML (nested too deep)") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not readable as TOML ({error})") from None
+    content = read_toml(path, missing="the shipped specs are in examples/")
     content.setdefault("name", path.stem)
     for section in ("source", "target", "base"):
         resolve_files(content.get(section), path.parent)

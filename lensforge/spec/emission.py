@@ -5,8 +5,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import FilePath, Section
+from lensforge.spec.section import FilePath, Section, Weight
 
+MOST_ENTRIES = 100_000  # of a table in a spec: 0.01 nm or 0.002 degrees
+_FINEST_DEG, _FINEST_NM = 1e-4, 1e-6  # between two entries; slopes over less are rounding
+LEAST_PEAK = 1e-30  # of a table in any unit: what has less is dark
 Nanometres = Annotated[float, Field(ge=100.0, le=20_000.0)]
 
 
@@ -21,15 +24,17 @@ class TableIntensity(Section):
     """Intensity (W/sr or relative) at angles ``gamma_deg`` from the axis, linear in between, none beyond them."""
 
     kind: Literal["table"] = "table"
-    gamma_deg: tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...]
-    intensity: tuple[Annotated[float, Field(ge=0.0)], ...]
+    gamma_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...], Field(max_length=MOST_ENTRIES)]
+    intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableIntensity":
         angles = self.gamma_deg
-        if len(angles) < 2 or any(b <= a for a, b in pairwise(angles)):
-            raise ValueError("gamma_deg must be two angles or more, each larger than the one before")
-        if len(self.intensity) != len(angles) or not any(self.intensity):
+        if len(angles) < 2 or any(b - a < _FINEST_DEG for a, b in pairwise(angles)):
+            raise ValueError(
+                f"gamma_deg must be two angles or more, each larger than the one before, by {_FINEST_DEG:g} at least"
+            )
+        if len(self.intensity) != len(angles) or max(self.intensity) < LEAST_PEAK:
             raise ValueError(f"intensity must be {len(angles)} numbers, one for each gamma_deg, not all zero")
         return self
 
@@ -55,15 +60,18 @@ class TableSpectrum(Section):
     """Power density (relative, per nm) at each wavelength, linear in between, none beyond them."""
 
     kind: Literal["table"] = "table"
-    wavelength_nm: tuple[Nanometres, ...]
-    weight: tuple[Annotated[float, Field(ge=0.0)], ...]
+    wavelength_nm: Annotated[tuple[Nanometres, ...], Field(max_length=MOST_ENTRIES)]
+    weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableSpectrum":
         waves = self.wavelength_nm
-        if len(waves) < 2 or any(b <= a for a, b in pairwise(waves)):
-            raise ValueError("wavelength_nm must be two wavelengths or more, each longer than the one before")
-        if len(self.weight) != len(waves) or not any(self.weight):
+        if len(waves) < 2 or any(b - a < _FINEST_NM for a, b in pairwise(waves)):
+            raise ValueError(
+                "wavelength_nm must be two wavelengths or more, each longer than the one before, by "
+                f"{_FINEST_NM:g} at least"
+            )
+        if len(self.weight) != len(waves) or max(self.weight) < LEAST_PEAK:
             raise ValueError(f"weight must be {len(waves)} numbers, one for each wavelength_nm, not all zero")
         return self
 

@@ -2,23 +2,23 @@
 
 from typing import Annotated
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.optics.photopic import LARGEST_LM_PER_W
 from lensforge.spec.emission import SpectrumSpec
-from lensforge.spec.section import Coordinate, Section
+from lensforge.spec.section import Coordinate, Lumens, Section, Watts
 
 _SAME_EFFICACY = 0.01  # relative: figures of a data sheet, rounded to three digits each, agree this well
 
 Degrees = Annotated[float, Field(ge=-360.0, le=360.0)]
-Lumens = Annotated[float, Field(gt=0.0, le=1e12)]
-LumensPerWatt = Annotated[float, Field(gt=0.0, le=LARGEST_LM_PER_W)]
+Turn = Annotated[float, Field(ge=-36_000.0, le=36_000.0)]  # degrees; beyond 100 turns digits of the angle are lost
+LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light of 830 nm, where V ends, has 3e-4
 
 
 class FluxSection(Section):
     """Flux of a source or of a part of it: ``flux_w`` (W), ``flux_lm`` (lm), or both, which is its lm/W."""
 
-    flux_w: PositiveFloat | None = None
+    flux_w: Watts | None = None
     flux_lm: Lumens | None = None
 
     @model_validator(mode="after")
@@ -54,7 +54,7 @@ class EmitterSection(FluxSection):
 
     luminous_efficacy_lm_per_w: LumensPerWatt | None = None
     spectrum: SpectrumSpec | None = None
-    rotate_z_deg: float = 0.0
+    rotate_z_deg: Turn = 0.0
     tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
     position_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
 

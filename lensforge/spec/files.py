@@ -2,11 +2,14 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from lensforge.errors import InputError
+from lensforge.files import require_regular_file
 from lensforge.spec.section import Section
+
+_NAMED = "the spec names it"
 
 
 def resolve_files(table: object, folder: Path) -> None:
@@ -17,28 +20,55 @@ def resolve_files(table: object, folder: Path) -> None:
     elif isinstance(table, dict):
         for key, value in table.items():
             if key == "file" and isinstance(value, str):
-                table[key] = str((folder / value).resolve())
+                table[key] = _in_folder(value, folder)
             else:
                 resolve_files(value, folder)
+
+
+def _in_folder(name: str, folder: Path) -> str:
+    """Full path of ``name`` in ``folder``; a name that no file can have stays as it is, for the section to refuse."""
+    try:
+        return name if name.startswith("~") else str((folder / name).resolve())
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL, links in a circle
+        return name
 
 
 def input_hashes(section: Section) -> dict[str, str]:
     """SHA-256 of each file that ``section`` names, as ``file:NAME``.
 
-    Raises :class:`InputError` for a file that is not there.
+    Another file of the same name is ``file:NAME (2)``, and so on, in the order of the section: no folder is part of
+    it. Raises :class:`InputError` for a file that is not there.
     """
-    return {f"file:{path.name}": _file_sha256(path) for path in sorted(set(_paths(section)))}
+    found: dict[str, list[str]] = {}
+    for path in dict.fromkeys(_paths(section)):
+        digest, contents = _file_sha256(path), found.setdefault(path.name, [])
+        if digest not in contents:
+            contents.append(digest)
+    return {
+        f"file:{name}" if number == 1 else f"file:{name} ({number})": digest
+        for name, contents in sorted(found.items())
+        for number, digest in enumerate(contents, start=1)
+    }
 
 
-def section_sha256(section: Section) -> str:
-    """SHA-256 of the fields of a section and of the files that it names, whatever their folders."""
-    content = section.model_dump_json()
-    for path in set(_paths(section)):
-        content = content.replace(json.dumps(str(path), ensure_ascii=False), json.dumps(path.name, ensure_ascii=False))
-    digest = hashlib.sha256(content.encode())
-    for name, found in input_hashes(section).items():
-        digest.update(f"{name}={found}".encode())
-    return digest.hexdigest()
+def section_sha256(section: Section, *, without: Collection[str] = ()) -> str:
+    """SHA-256 of the fields of a section, in which a file counts by its name and content, whatever its folder.
+
+    ``without``: fields that do not count. Raises :class:`InputError` for a file that is not there.
+    """
+    content = _by_content(section.model_dump(exclude=set(without)))
+    return hashlib.sha256(json.dumps(content, allow_nan=False).encode()).hexdigest()
+
+
+def _by_content(value: object) -> object:
+    """``value`` with the name and hash of each file in place of its path."""
+    if isinstance(value, Path):
+        return {"name": value.name, "sha256": _file_sha256(value)}
+    if isinstance(value, Mapping):
+        return {key: _by_content(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_by_content(entry) for entry in value]
+    return value
 
 
 def _paths(value: object) -> Iterator[Path]:
@@ -56,8 +86,9 @@ def _paths(value: object) -> Iterator[Path]:
 
 
 def _file_sha256(path: Path) -> str:
+    require_regular_file(path, missing=_NAMED)
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); the spec names it") from None
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {_NAMED}") from None

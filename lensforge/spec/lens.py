@@ -9,9 +9,9 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
-from lensforge.spec.section import Coordinate, Millimetres, Section
+from lensforge.spec.section import Coordinate, Label, Millimetres, Section
 from lensforge.surfaces.conic import Asphere
-from lensforge.surfaces.srbf import SrbfBasis
+from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
@@ -132,11 +132,13 @@ class LensSection(Section):
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
-    material: str = "PMMA at 564 nm"
+    material: Label = "PMMA at 564 nm"
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    levels: tuple[Annotated[int, Field(ge=1, le=100_000)], ...] = (9, 25, 81, 289)
+    levels: Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)] = (
+        9, 25, 81, 289,
+    )  # fmt: skip
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
     inner_offset_mm: Millimetres | None = None
     outer_offset_mm: Millimetres | None = None
@@ -199,6 +201,10 @@ class LensSection(Section):
             raise ValueError(f"{name} = {outer} must exceed where the inner surface meets the axis, {inner:g} mm")
         if not self.levels:
             raise ValueError("levels is empty: give at least one count")
+        try:
+            _ = self.basis
+        except InputError as error:
+            raise ValueError(str(error)) from None
         return self
 
     @property

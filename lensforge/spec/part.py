@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
+from lensforge.spec.section import FilePath, Label, Millimetres, MillimetresOrZero, Section
 
 
 class BaseSection(Section):
@@ -67,7 +67,7 @@ class BaseSection(Section):
 class Tool(Section):
     """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[Label, Field(min_length=1)]
     radius_mm: Millimetres
     shank_radius_mm: Millimetres
     length_mm: Millimetres
@@ -83,7 +83,7 @@ class ManufactureSection(Section):
     """
 
     cutter_radius_mm: Millimetres = 1.0
-    tools: tuple[Tool, ...] = ()
+    tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
     make: Literal["part", "insert"] = "part"
     required: bool = False
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0

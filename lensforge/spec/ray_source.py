@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.spec.arrays import Numbers, numbers_of
 from lensforge.spec.emission import SpectrumSpec
 from lensforge.spec.emitter import EmitterSection, FluxSection
 from lensforge.spec.section import Coordinate, FilePath
+
+Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to mm, with room to spare
 
 
 class Placement(EmitterSection):
@@ -23,7 +25,7 @@ class Placement(EmitterSection):
     """
 
     origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
-    scale: PositiveFloat = 1.0
+    scale: Scale = 1.0
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
     mirror: Literal["none", "x", "y"] = "none"
 
@@ -54,7 +56,7 @@ class RayfilesSource(Placement):
     """Several ray files in one coordinate system as one source, such as the blue and yellow light of a white LED."""
 
     kind: Literal["rayfiles"] = "rayfiles"
-    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1)]
+    files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
 
     @property
     def description(self) -> str:
@@ -129,9 +131,9 @@ class RaySource(Placement):
             array = getattr(self, name)
             if array is not None and len(array) != count:
                 raise ValueError(f"{name}: {len(array)} rows, positions_mm has {count}; one for each ray")
-        if not np.linalg.norm(self.directions, axis=1).all():
+        if not self.directions.any(axis=1).all():
             raise ValueError("directions: one of them is (0, 0, 0); leave that ray out")
-        if self.ray_flux is not None and not (self.ray_flux.min() >= 0.0 and self.ray_flux.sum() > 0.0):
+        if self.ray_flux is not None and not (self.ray_flux.min() >= 0.0 and self.ray_flux.any()):
             raise ValueError("ray_flux: must be 0 or above, and not 0 for all rays")
         if self.ray_flux is None and self.flux_w is None and self.flux_lm is None:
             raise ValueError("flux_w or flux_lm: of all rays, is needed where ray_flux is not given")

@@ -2,11 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
 from lensforge.spec.section import Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.surfaces.srbf import MOST_LEVELS
 
 Accuracy = Literal["draft", "standard", "reference"]
+MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
+Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
 DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 
 
@@ -59,11 +62,11 @@ class OptimiseSection(Section):
     Without ``fresnel`` the search neglects Fresnel losses at both surfaces; the evaluation never does.
     """
 
-    steps_per_level: tuple[PositiveInt, ...] | None = None
+    steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
     rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
-    uniformity_steps: Annotated[int, Field(ge=0)] = 0
+    uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
     fresnel: bool = True
 
 
@@ -73,4 +76,4 @@ class EvaluateSection(Section):
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
     pixels: Annotated[int, Field(ge=1, le=2048)] = 128
     window_mm: Millimetres | None = None
-    filter_variance: Annotated[float, Field(ge=0.0)] = 1.0
+    filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = 1.0

@@ -10,6 +10,7 @@ from lensforge.errors import InputError
 from lensforge.records.validation import input_error, same
 
 _UNIONS = ("source", "target", "intensity", "spectrum", "fixed_inner", "fixed_outer")
+_MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 
 class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
@@ -72,9 +73,31 @@ def rounded_up(value: float, digits: int = 4) -> str:
     return f"{ceil(value / unit * (1.0 - 1e-12)) * unit:.{digits}g}"
 
 
+def _printable(words: str) -> str:
+    if not words.isprintable():
+        raise ValueError("holds a character that cannot be printed, such as a line break; leave it out")
+    return words
+
+
+def _usable_path(path: Path) -> Path:
+    name = str(path)
+    if len(name) > _MOST_PATH_CHARACTERS:
+        raise ValueError(f"{len(name)} characters, a path has {_MOST_PATH_CHARACTERS} at most")
+    if not name.isprintable():
+        raise ValueError("holds a character that cannot be printed, such as a line break; rename the file")
+    if name.startswith("~"):
+        raise ValueError("~ does not stand for the home folder here, which differs by user; write the whole path")
+    return path.absolute()
+
+
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]  # mm
+# Powers, intensities and weights: no light has less or more, and squares of any share of it stay within floating point.
+Watts = Annotated[float, Field(ge=1e-30, le=1e12)]
+Lumens = Annotated[float, Field(ge=1e-30, le=1e12)]
+Weight = Annotated[float, Field(ge=0.0, le=1e12)]
 # A relative name counts from the folder of the spec's file, in a script from the folder in which it runs.
-FilePath = Annotated[Path, AfterValidator(lambda path: path.absolute())]
+FilePath = Annotated[Path, AfterValidator(_usable_path)]
+Label = Annotated[str, Field(max_length=200), AfterValidator(_printable)]  # words of the user, shown on pages

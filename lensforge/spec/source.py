@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from lensforge.pictures.picture import Luminance
 from lensforge.spec.emission import CosineIntensity, IntensitySpec
 from lensforge.spec.emitter import EmitterSection, FluxSection
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
@@ -94,11 +95,15 @@ class ChipArraySource(_PlanarSource):
 
 
 class LuminanceSource(_PlanarSource):
-    """A picture of the lit source, ``width_mm`` wide and centred on the axis: a pixel's flux follows its value."""
+    """A picture of the lit source, ``width_mm`` wide and centred on the axis: a pixel's flux follows its light.
+
+    ``luminance``: the light that its values stand for, as in a target's picture.
+    """
 
     kind: Literal["luminance"] = "luminance"
     file: FilePath
     width_mm: Millimetres
+    luminance: Luminance = "as_stored"
 
     @property
     def description(self) -> str:

@@ -1,16 +1,21 @@
 """The ``[target]`` of a spec: an irradiance pattern on a receiver."""
 
+import unicodedata
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from lensforge.pictures.picture import Luminance
 from lensforge.spec.arrays import Numbers
 from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
 
 IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where the target is brighter than that
+# Unicode's general categories of control characters, format characters, surrogates, and breaks of lines and paragraphs.
+_NOT_DRAWN = ("Cc", "Cf", "Cs", "Zl", "Zp")
+_MOST_VALUES = 2**26  # of an array, as many as a picture may have pixels
 
 
 class _Target(Section):
@@ -51,20 +56,36 @@ class CrossTarget(_SoftTarget):
     stroke_mm: Millimetres
 
 
+def _visible(text: str) -> str:
+    """``text`` itself. Raises :class:`ValueError` for characters that no font draws."""
+    for character in text:
+        if unicodedata.category(character) in _NOT_DRAWN:
+            raise ValueError(
+                f"U+{ord(character):04X} is a line break or another control character, must be one line of visible "
+                'characters; draw several lines as a picture, kind = "image"'
+            )
+    return text
+
+
 class TextTarget(_SoftTarget):
-    """Glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
+    """One line of glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
 
     kind: Literal["text"] = "text"
-    text: Annotated[str, Field(min_length=1, max_length=40)]
+    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
     width_mm: Millimetres
 
 
 class ImageTarget(_SoftTarget):
-    """An image file, ``width_mm`` wide, its luminance taken as irradiance."""
+    """A PNG, TIFF, JPEG or BMP file, ``width_mm`` wide; the light that it stands for is the irradiance.
+
+    ``luminance``: "as_stored" takes the values themselves, half the value for half the irradiance, and of colours their
+    luma; "srgb" what a screen would show, decoded by the sRGB curve. What is transparent is dark.
+    """
 
     kind: Literal["image"] = "image"
     file: FilePath
     width_mm: Millimetres
+    luminance: Luminance = "as_stored"
 
 
 class ArrayTarget(_SoftTarget):
@@ -90,8 +111,17 @@ class ArrayTarget(_SoftTarget):
             edge_mm: float = 0.0,
         ) -> None: ...
 
+    def __hash__(self) -> int:
+        """Hash of all but the numbers themselves, which may be many; equality compares them."""
+        return hash((self.values.shape, self.width_mm, self.distance_mm, self.receiver_mm, self.edge_mm))
+
+    def __eq__(self, other: object) -> bool:
+        return super().__eq__(other)
+
     @model_validator(mode="after")
     def _is_light(self) -> "ArrayTarget":
+        if self.values.size > _MOST_VALUES:
+            raise ValueError(f"values: {self.values.size} numbers, must be at most {_MOST_VALUES}; average them")
         if not (self.values.min() >= 0.0 and self.values.max() > 0.0):
             raise ValueError("values: must be 0 or above, and not 0 everywhere")
         return self

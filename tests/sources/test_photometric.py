@@ -65,7 +65,7 @@ def test_what_is_written_is_read(suffix, revolution, tmp_path):
 def _ies(symmetric_to=90, tilt="NONE", kind=1, lumens=-1, multiplier=2, separator=" "):
     planes = [str(angle) for angle in range(0, symmetric_to + 1, 45)]
     body = [f"1 {lumens} {multiplier} 3 {len(planes)} {kind} 2 0 0 0", "1 1 10", "0 45 90", " ".join(planes)]
-    body += [f"{10 * (i + 1)} {i + 1} 0" for i in range(len(planes))]
+    body += [f"{10 * (i % 8 + 1)} {i % 8 + 1} 0" for i in range(len(planes))]  # C 360 is C 0
     return f"IESNA91\n[TEST] none\nTILT={tilt}\n" + "\n".join(body).replace(" ", separator)
 
 

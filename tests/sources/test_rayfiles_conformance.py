@@ -188,7 +188,7 @@ def test_changed_rays_never_meet_the_old_bytes(tmp_path):
 def test_an_unreadable_file_is_one_line_that_says_what_to_do(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_rayfile(tmp_path / "missing.ray")
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="a folder, must be a file"):
         read_rayfile(tmp_path)
     (tmp_path / "empty.ray").touch()
     with pytest.raises(InputError, match="empty"):

@@ -1,10 +1,19 @@
 """Hashes of what a spec names: the content of a file counts, and its name, not the folder in which it lies."""
 
+import hashlib
+import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
+
+import pytest
+from pydantic.fields import FieldInfo
+from scenes import small_spec
 
 import lensforge as lf
-from lensforge.spec.files import section_sha256
+from lensforge.spec.files import input_hashes, section_sha256
+from lensforge.spec.section import Section
 
 LED = Path(__file__).parents[2] / "examples" / "led.tm25ray"
 
@@ -21,3 +30,69 @@ def test_a_copy_of_a_file_in_another_folder_is_the_same_source(tmp_path: Path) -
     assert own != renamed
     (folder / "led.tm25ray").write_bytes(LED.read_bytes()[:-1] + b"\0")
     assert section_sha256(lf.RayfileSource(file=folder / "led.tm25ray")) != own
+
+
+def test_files_of_one_name_in_two_folders_both_count(tmp_path: Path) -> None:
+    """Blue and yellow light of a white LED, each in its folder, as vendors ship them."""
+    content = LED.read_bytes()
+    for folder, end in (("blue", b"\1"), ("yellow", b"\2")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "led.tm25ray").write_bytes(content[:-1] + end)
+
+    def source(*folders: str) -> lf.RayfilesSource:
+        return lf.RayfilesSource(files=[{"file": tmp_path / folder / "led.tm25ray"} for folder in folders])
+
+    both = source("blue", "yellow")
+    digests = [hashlib.sha256(content[:-1] + end).hexdigest() for end in (b"\1", b"\2")]
+    assert input_hashes(both) == {"file:led.tm25ray": digests[0], "file:led.tm25ray (2)": digests[1]}
+    assert input_hashes(source("blue", "blue")) == {"file:led.tm25ray": digests[0]}
+    before = section_sha256(both)
+    assert section_sha256(source("yellow", "blue")) != before, "each has its own place"
+    assert len({section_sha256(source(*pair)) for pair in (("blue", "blue"), ("yellow", "yellow"))} | {before}) == 3
+    for folder in ("blue", "yellow"):
+        (tmp_path / folder / "led.tm25ray").write_bytes(content[:-1] + b"\3")
+        assert section_sha256(both) != before, folder
+        before = section_sha256(both)
+
+
+def test_every_kind_of_file_counts_by_its_content(tmp_path: Path) -> None:
+    """Each field of a spec that names a file, found in the classes themselves."""
+    kinds = [kind for kind in _sections(Section) if any(_is_file(each) for each in kind.model_fields.values())]
+    assert len(kinds) >= 6, "ray files, photometric file, spectrum, luminance picture, target picture, base"
+    file = tmp_path / "input"
+    for kind in kinds:
+        section = kind.model_construct(file=file, **dict.fromkeys(_needed(kind)))
+        found = []
+        for content in (b"1", b"2"):
+            file.write_bytes(content)
+            found.append((input_hashes(section), section_sha256(section)))
+        assert found[0][0] != found[1][0] and found[0][1] != found[1][1], kind.__name__
+        assert list(found[0][0]) == ["file:input"]
+
+
+def _sections(kind: type[Section]) -> Iterator[type[Section]]:
+    for each in kind.__subclasses__():
+        yield each
+        yield from _sections(each)
+
+
+def _needed(kind: type[Section]) -> list[str]:
+    return [name for name, field in kind.model_fields.items() if field.is_required() and name != "file"]
+
+
+def _is_file(field: FieldInfo) -> bool:
+    return Path in (field.annotation, *get_args(field.annotation))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="makes a pipe")
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name, words in (("pipe", "a pipe, must be a file"), ("none", "no such file"), (".", "a folder, must be")):
+        with pytest.raises(lf.InputError, match=rf"{words}.*; the spec names it"):
+            section_sha256(lf.RayfileSource(file=tmp_path / name))
+
+
+def test_fields_that_are_left_out_do_not_count() -> None:
+    one, other = small_spec(), small_spec(evaluate__rays=999)
+    assert section_sha256(one) != section_sha256(other)
+    assert section_sha256(one, without=["evaluate"]) == section_sha256(other, without=["evaluate"])

@@ -8,6 +8,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.records import Count, Record, Text
+from lensforge.records.validation import shortened
 from lensforge.sources.photometric.reading import read_photometric, write_photometric
 from lensforge.sources.photometric.record import PhotometricFile
 
@@ -40,7 +41,7 @@ def convert_photometric(path_in: Path, path_out: Path) -> PhotometricConversion:
     Raises :class:`InputError` for a suffix of another format, and where the intensities would not be the same.
     """
     found, warnings = read_photometric(path_in), []
-    kept = replace(found, test=f"{found.test} (converted from {Path(path_in).name} by lensforge)".strip())
+    kept = replace(found, test=f"{found.test} (converted from {shortened(Path(path_in).name)} by lensforge)".strip())
     if Path(path_out).suffix.lower() == ".ldt" and found.lamp_lumens is None:
         kept = replace(kept, lamp_lumens=found.intensity.flux())
         warnings.append("absolute photometry: the lumens of the luminaire are written as those of its lamps")

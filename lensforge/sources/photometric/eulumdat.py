@@ -11,7 +11,15 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.sources.photometric.half_planes import tabulated
-from lensforge.sources.photometric.record import HUGE, MOST_NUMBERS, PhotometricFile, PhotometricFormat
+from lensforge.sources.photometric.record import (
+    HUGE,
+    MOST_NUMBERS,
+    SMALLEST,
+    PhotometricFile,
+    PhotometricFormat,
+    known,
+    number_in,
+)
 
 _HEADER_LINES = 26
 _LINES_PER_SET = 6
@@ -39,6 +47,8 @@ def decode(text: str, name: str) -> PhotometricFile:
             f"{name}: truncated: {len(lines)} lines, the header alone has {_HEADER_LINES + _LINES_PER_SET}"
         )
     symmetry, planes, gammas = (_count(lines[i], name) for i in (_SYMMETRY, _PLANES, _GAMMAS))
+    if planes < 1 or gammas < 1:
+        raise InputError(f"{name}: {planes} half-planes C and {gammas} angles gamma in its header; export it again")
     sets = max(_count(lines[_SETS], name), 1)
     body = _HEADER_LINES + _LINES_PER_SET * sets
     stored = _stored_planes(symmetry, planes, name)
@@ -58,14 +68,18 @@ def decode(text: str, name: str) -> PhotometricFile:
     c_deg, gamma_deg = np.split(numbers[_RATIOS : _RATIOS + planes + gammas], [planes])
     factor = (_number(lines[_FACTOR], name) or 1.0) * lumens / 1000.0
     candela = factor * numbers[_RATIOS + planes + gammas :].reshape(len(stored), gammas)
+    if symmetry > 1 and len(stored) < 2:
+        raise InputError(f"{name}: symmetry {symmetry} with {planes} half-planes C, which leaves one; export it again")
     c_deg = c_deg[stored]
     if symmetry == 3:  # in the order of the angles, C 90 to C 270
         c_deg, candela = c_deg[::-1], candela[::-1]
     intensity, warnings = tabulated(c_deg, gamma_deg, candela, name)
+    if symmetry == 0 and planes == 1:
+        warnings = (*warnings, "one half-plane and symmetry 0, none: taken as light of revolution")
     return PhotometricFile(
         intensity=intensity,
         lamp_lumens=lumens,
-        stated_lumens=lumens * _number(lines[_LORL], name) / 100.0,
+        stated_lumens=known(lumens * _number(lines[_LORL], name) / 100.0),
         title=lines[_NAME].strip(),
         diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
         watts=_watts(lines[_HEADER_LINES + _LINES_PER_SET - 1]),
@@ -79,7 +93,7 @@ def decode(text: str, name: str) -> PhotometricFile:
 def encode(photometric: PhotometricFile) -> str:
     """EULUMDAT of a point source without symmetry, or of revolution. ``lamp_lumens`` must be known."""
     table, lumens = photometric.intensity, photometric.lamp_lumens
-    if lumens is None:
+    if lumens is None or not SMALLEST < lumens < HUGE:
         raise InputError("EULUMDAT holds intensities per 1000 lm: give the lumens of the lamp")
     revolution = len(table.c_deg) == 1
     planes = table.c_deg if revolution else table.c_deg[:-1]
@@ -123,7 +137,7 @@ def _lamp_lumens(lines: list[str], name: str) -> float:
 def _watts(line: str) -> float:
     """Power of the first set of lamps with their ballast; 0 where the line holds none, often for want of a lamp."""
     try:
-        return max(_number(line, ""), 0.0)
+        return known(_number(line, "")) or 0.0
     except InputError:
         return 0.0
 
@@ -162,7 +176,7 @@ def _require_one_reading(words: list[str], name: str) -> None:
 def _number(word: str, name: str) -> float:
     word = word.strip()
     try:
-        number = float(word.replace(",", ".") or 0.0)
+        number = number_in(word.replace(",", ".") or "0")
     except ValueError:
         raise InputError(f"{name}: {word[:20]!r} where EULUMDAT has a number; export it again") from None
     if not abs(number) < HUGE:

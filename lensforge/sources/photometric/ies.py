@@ -16,12 +16,20 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.half_planes import not_below_zero, tabulated
-from lensforge.sources.photometric.record import HUGE, MOST_NUMBERS, PhotometricFile, PhotometricFormat
+from lensforge.sources.photometric.record import (
+    HUGE,
+    MOST_NUMBERS,
+    PhotometricFile,
+    PhotometricFormat,
+    known,
+    number_in,
+)
 from lensforge.sources.photometric.types_a_and_b import converted
 
 _Type = Literal["A", "B", "C"]
 _TYPES: dict[float, _Type] = {1: "C", 2: "B", 3: "A"}
 _TYPE_C, _METRES = 1, 2
+_ABSOLUTE = -1.0  # lumens of a lamp in absolute photometry
 _FIXED = 13  # numbers before the angles
 _TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(\S+)[^\n]*$", re.MULTILINE | re.IGNORECASE)
 _TITLE = re.compile(r"^\[LUMINAIRE\][ \t]*(.*)$", re.MULTILINE | re.IGNORECASE)
@@ -74,15 +82,18 @@ def _decode_numbers(body: str, tilt: str, name: str, text: str) -> PhotometricFi
     angles = stream[_FIXED : _FIXED + g + c]
     candela = stream[_FIXED + g + c :].reshape(c, g) * (multiplier * ballast)
     intensity, warnings = _far_field(_TYPES[kind], angles[g:], angles[:g], candela, name)
+    lamp_lumens = known(lamps * lumens) if lumens > 0.0 else None
+    if lamp_lumens is None and lumens != _ABSOLUTE:
+        warnings = (*warnings, f"{lamps:g} lamps of {lumens:g} lm: taken as absolute photometry, which says -1 there")
     title = _TITLE.search(text)
     return PhotometricFile(
         intensity=intensity,
-        lamp_lumens=lamps * lumens if lumens > 0.0 else None,
+        lamp_lumens=lamp_lumens,
         title=title.group(1).strip() if title else "",
         maker=_label(text, "MANUFAC"),
         test=_label(text, "TEST"),
         diameter_mm=-width * (1000.0 if unit == _METRES else 304.8) if width < 0.0 else 0.0,
-        watts=watts,
+        watts=known(watts) or 0.0,
         format="ies",
         photometric_type=_TYPES[kind],
         warnings=warnings,
@@ -134,7 +145,7 @@ def _numbers(text: str, name: str) -> np.ndarray:
     if len(words) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
     try:
-        numbers = np.array([float(word) for word in words])
+        numbers = np.array([number_in(word) for word in words])
     except ValueError:
         raise InputError(f"{name}: not all that follows TILT= are numbers; export it again") from None
     if not np.all(np.abs(numbers) < HUGE):

@@ -4,27 +4,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
+from lensforge.files import MIB, read_file, replacing
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
 from lensforge.sources.photometric.record import PhotometricFile
 from lensforge.sources.photometric.text import text_of
 
 _FORMATS = {entry.suffix: entry for entry in (IES, EULUMDAT)}
-_MOST_BYTES = 50_000_000
+_MOST_BYTES = 16 * MIB  # a million numbers of 16 characters: more than any table that is read
 
 
 def read_photometric(path: Path) -> PhotometricFile:
     """Read an IES LM-63 or EULUMDAT file. Raises :class:`InputError`, one line, if it cannot be used."""
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give an IES LM-63 or EULUMDAT file")
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(f"{path}: larger than {_MOST_BYTES // 10**6} MB; not a photometric file")
-        text, warnings = text_of(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror})") from None
+    text, warnings = text_of(read_file(path, missing="give an IES LM-63 or EULUMDAT file", most_bytes=_MOST_BYTES))
     for entry in _FORMATS.values():
         if entry.matches(text):
             found = entry.decode(text, str(path))
@@ -35,10 +28,8 @@ def read_photometric(path: Path) -> PhotometricFile:
 def is_photometric(path: Path) -> bool:
     """True where the content of ``path`` is recognised as one of the formats; False where it cannot be read."""
     try:
-        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            return False
-        text, _ = text_of(path.read_bytes())
-    except OSError:
+        text, _ = text_of(read_file(path, missing="", most_bytes=_MOST_BYTES))
+    except InputError:
         return False
     return any(entry.matches(text) for entry in _FORMATS.values())
 

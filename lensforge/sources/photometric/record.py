@@ -7,7 +7,21 @@ from typing import Literal
 from lensforge.sources.intensity import TabulatedIntensity
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
+MOST_PLANES, MOST_GAMMAS = 3601, 18_001  # in steps of 0.1 and 0.01 degrees, finer than any goniophotometer
 HUGE = 1e12  # above any real candela or lumen; squares of sums stay finite
+SMALLEST = 1e-30  # below any real candela, lumen or watt but 0
+
+
+def known(value: float) -> float | None:
+    """A number of lumens or watts, or None where it is a way of writing unknown: 0, negative, absurd."""
+    return value if SMALLEST < value < HUGE else None
+
+
+def number_in(word: str) -> float:
+    """The number that a word of a file is. Raises :class:`ValueError` for what only Python takes for one."""
+    if "_" in word or not word.isascii():
+        raise ValueError(f"{word[:20]!r} is no number")
+    return float(word)
 
 
 @dataclass(frozen=True, eq=False)

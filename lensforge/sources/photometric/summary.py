@@ -12,16 +12,13 @@ from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.beam import PlaneBeam, beam_in_plane, plane_profile
 from lensforge.sources.photometric.polar import draw_polar
 from lensforge.sources.photometric.reading import read_photometric
-from lensforge.sources.photometric.record import PhotometricFile
+from lensforge.sources.photometric.warnings import far_field_warnings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT"}
 _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
-_FLUX_TOLERANCE = 0.01  # integral and stated flux of real files agree this well
-_CUT_SHARE = 0.01  # of the peak: more than that at the last gamma, and the file has lost light beyond it
-_MOST_LM_PER_W = 683.0
 
 
 class FarFieldAngles(Record):
@@ -128,7 +125,7 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         watts=watts,
         lumens_per_electric_watt=None if watts is None else lumens / watts,
         opening_diameter_mm=max(found.diameter_mm, 0.0),
-        warnings=(*found.warnings, *_warnings(found, lumens, watts)),
+        warnings=far_field_warnings(found),
     )
     summary._intensity = table
     return summary
@@ -144,23 +141,3 @@ def _flux_below_90(table: TabulatedIntensity) -> float:
     at_90 = np.array([[np.interp(90.0, table.gamma_deg, plane)] for plane in table.values])
     values = np.concatenate([table.values[:, below], at_90], axis=1)
     return TabulatedIntensity(table.c_deg, np.append(table.gamma_deg[below], 90.0), values).flux()
-
-
-def _warnings(found: PhotometricFile, lumens: float, watts: float | None) -> tuple[str, ...]:
-    table, warnings = found.intensity, []
-    stated, peak = found.stated_lumens, float(table.values.max())
-    if stated and abs(lumens / stated - 1.0) > _FLUX_TOLERANCE:
-        warnings.append(f"its intensities integrate to {lumens:.6g} lm, the file states {stated:.6g} lm")
-    if found.lamp_lumens and lumens > found.lamp_lumens * (1.0 + _FLUX_TOLERANCE):
-        warnings.append(f"its light has {lumens:.6g} lm, its lamps only {found.lamp_lumens:.6g} lm: check its factors")
-    last, at_last = float(table.gamma_deg[-1]), float(table.values[:, -1].max()) / peak
-    if last not in (90.0, 180.0) and at_last > _CUT_SHARE:
-        warnings.append(
-            f"its last gamma is {last:g} degrees, with {100.0 * at_last:.3g} % of the largest intensity: light beyond "
-            "is not in the file"
-        )
-    if table.gamma_deg[0] > 0.0:
-        warnings.append(f"its first gamma is {table.gamma_deg[0]:g} degrees: no light is taken within that")
-    if watts is not None and lumens > _MOST_LM_PER_W * watts:
-        warnings.append(f"{lumens / watts:.4g} lm per W, no light has more than 683: check its lumens and watts")
-    return tuple(warnings)

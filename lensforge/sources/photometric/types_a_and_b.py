@@ -19,6 +19,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity, flux_up_to
+from lensforge.sources.photometric.half_planes import require_angles
 
 _MOST_PLANES, _MOST_GAMMAS = 720, 721  # of the converted table
 _FINEST_DEG = 0.05
@@ -40,8 +41,9 @@ def converted(
     A range of angles that begins at 0 is mirrored there (LM-63: laterally symmetric); outside its range the file has no
     light. Raises :class:`InputError` for angles beyond -90 to 90 degrees.
     """
+    require_angles(h_deg, v_deg, name)
     for label, angles in (("V", v_deg), ("H", h_deg)):
-        if len(angles) < 2 or np.any(np.diff(angles) <= 0.0) or np.abs(angles).max() > 90.0:
+        if len(angles) < 2 or np.abs(angles).max() > 90.0:
             raise InputError(f"{name}: type {kind}: its {label} angles must rise within -90 to 90; export it again")
     v_deg, candela = _both_sides(v_deg, candela)
     h_deg, turned = _both_sides(h_deg, candela.T)

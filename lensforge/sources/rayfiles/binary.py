@@ -10,10 +10,12 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
+from lensforge.files import require_regular_file
 
 CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
 HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
-_SMALLEST_KNOWN = 1e-30  # 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
+SMALLEST = 1e-30  # no flux: 0x7F800001 byte-swapped reads as 2.4e-38: a NaN of a writer that mixed its byte orders
+_LEAST_KNOWN = 1e-12  # no total in W or lm, no wavelength
 
 
 @dataclass(frozen=True)
@@ -25,16 +27,15 @@ class FileImage:
 
     @classmethod
     def open(cls, path: Path) -> "FileImage":
-        """Map ``path``. Raises :class:`InputError` if it is missing, no file, empty, or not readable."""
+        """Map ``path``. Raises :class:`InputError` if it is missing, no regular file, empty, or not readable."""
         path = Path(path)
-        if not path.is_file():
-            raise InputError(f"{path}: no such file; give the path of a ray file")
+        require_regular_file(path, missing="give the path of a ray file")
         try:
             if path.stat().st_size == 0:
                 raise InputError(f"{path}: the file is empty; fetch it again")
             return cls(path, np.asarray(np.memmap(path, dtype=np.uint8, mode="r")))
-        except OSError as error:
-            raise InputError(f"{path}: not readable ({error.strerror})") from error
+        except (OSError, ValueError) as error:  # ValueError: mapped while another program empties it
+            raise InputError(f"{path}: not readable ({getattr(error, 'strerror', None) or error})") from error
 
     @property
     def size(self) -> int:
@@ -86,7 +87,7 @@ class FileImage:
 
 def known(value: float) -> float | None:
     """A header number, or None where it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
-    return float(value) if _SMALLEST_KNOWN < value < HUGE else None
+    return float(value) if _LEAST_KNOWN < value < HUGE else None
 
 
 def plain_text(raw: bytes, encoding: str) -> str:

@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
+from lensforge.records.validation import shortened
+from lensforge.sources.rayfiles.binary import HUGE
 from lensforge.sources.rayfiles.rayfile import RayFile, as_float64, no_usable_ray, usable_chunks
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ _COSINES = 64  # pixels across the unit disc of directions
 _RINGS = 180  # of 1 degree each
 _QUANTILES = (0.002, 0.998)  # of the start points: few rays start outside, and would shrink the rest
 _SAMPLE = 100_000  # rays that choose the frame
+_LEAST_FRAME_MM = 1e-3
+_LEAST_FRAME = 1e-9  # of its distance from the origin: smaller pixels would be no wider than rounding there
 _SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -46,12 +50,12 @@ class Histograms:
         """
         step = max(len(rayfile) // _SAMPLE, 1)
         starts = np.concatenate([as_float64(block.positions_mm[::step]) for block in rayfile.blocks()])
-        starts = starts[np.isfinite(starts).all(axis=1)]
+        starts = starts[(np.abs(starts) < HUGE).all(axis=1)]
         if len(starts) == 0:
             raise no_usable_ray(rayfile, {"not_finite": len(rayfile)})
         low, high = np.quantile(starts, _QUANTILES, axis=0)
-        half = max(0.55 * float((high - low).max()), 1e-3)
         middle = 0.5 * (low + high)
+        half = max(0.55 * float((high - low).max()), _LEAST_FRAME_MM, _LEAST_FRAME * float(np.abs(middle).max()))
         histograms = cls(middle - half, middle + half)
         for part in usable_chunks(rayfile):
             histograms.add(part.positions_mm, part.directions, part.flux)
@@ -104,7 +108,8 @@ def draw(rayfile: RayFile, path: Path) -> None:
     histograms = Histograms.of(rayfile)
     figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     flux = float(histograms.rings.sum())
-    figure.suptitle(f"{Path(rayfile.path).name}: {len(rayfile):,} rays, {flux:.4g} {rayfile.flux_unit}")
+    title = f"{shortened(Path(rayfile.path).name)}: {len(rayfile):,} rays, {flux:.4g} {rayfile.flux_unit}"
+    figure.suptitle(title, parse_math=False)  # a name may hold $, _ and ^
     for place, which in enumerate(get_args(Panel), start=1):
         draw_panel(figure.add_subplot(2, 2, place), histograms, which, rayfile.flux_unit)
     with replacing(Path(path)) as temporary:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.binary import CHUNK_ROWS, HUGE, release_pages
+from lensforge.sources.rayfiles.binary import CHUNK_ROWS, HUGE, SMALLEST, release_pages
 
 FluxUnit = Literal["W", "lm"]
 # Value of a header field: a number, a text, or lists of them, such as spectral tables.
@@ -183,7 +183,7 @@ def usable_rays(rayfile: RayFile) -> UsableRays:
     """Select the rays that can be traced and normalise their directions.
 
     Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
-    ``no_flux`` (zero or negative).
+    ``no_flux`` (zero, negative, or so little that it is a damaged number).
     """
     finite, directed, bright = _faultless(rayfile)
     keep = finite & directed & bright
@@ -214,7 +214,7 @@ def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:
             along = rayfile.directions[:, axis]
             finite &= (np.abs(along) < HUGE) & (np.abs(rayfile.positions_mm[:, axis]) < HUGE)
             squared += np.square(along, dtype=np.float64)
-        return finite, squared > _NO_DIRECTION**2, rayfile.flux > 0.0
+        return finite, squared > _NO_DIRECTION**2, rayfile.flux > SMALLEST
 
 
 def usable_chunks(rayfile: RayFile) -> Iterator[UsableRays]:

@@ -4,9 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
+from lensforge.sources.rayfiles.binary import HUGE
 from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, UsableRays, no_usable_ray, usable_chunks
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
+from lensforge.sources.spectrum import usable_wavelengths
 
 
 @dataclass
@@ -41,7 +44,16 @@ class RaySums:
             sums.add(part)
         if sums.rays == 0:
             raise no_usable_ray(rayfile, sums.dropped)
-        return sums
+        return sums.possible(rayfile)
+
+    def possible(self, rayfile: RayFile) -> "RaySums":
+        """Return these sums. Raises :class:`InputError` where the rays add up to more than any light has."""
+        if self.flux > HUGE:
+            raise InputError(
+                f"{rayfile.path}: its rays add up to {self.flux:.3g} {rayfile.flux_unit}, must be at most {HUGE:g}; "
+                "export it again"
+            )
+        return self
 
     @classmethod
     def of_part(cls, rays: UsableRays) -> "RaySums":
@@ -96,10 +108,3 @@ class RaySums:
         if not self.coloured > 0.0:
             return None
         return self.as_lumens / self.coloured if unit == "W" else self.coloured / self.as_watts
-
-
-def usable_wavelengths(wavelengths_nm: np.ndarray) -> np.ndarray:
-    """Mask of the wavelengths that are numbers above 0, and light."""
-    with np.errstate(invalid="ignore"):
-        usable: np.ndarray = (wavelengths_nm > 0.0) & (wavelengths_nm < 1e7)
-        return usable

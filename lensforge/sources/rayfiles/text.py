@@ -112,7 +112,7 @@ def opening_lines(head: bytes) -> list[str] | None:
     """The complete lines of a file's first bytes, or None if they are not plain text."""
     if any(byte < 9 for byte in head):
         return None
-    lines = head.decode("latin-1").splitlines()
+    lines = [line.removesuffix("\r") for line in head.decode("latin-1").split("\n")]
     return lines if len(lines) > 1 else None
 
 

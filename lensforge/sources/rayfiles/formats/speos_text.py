@@ -34,13 +34,13 @@ def _matches(head: bytes, size: int) -> bool:
 
 def _decode(image: FileImage) -> RayFile:
     first, _, _ = image.part(0, HEAD_BYTES).partition(b"\n")
-    (count,) = numbers(first.decode("latin-1")) or [0.0]
+    count = (numbers(first.decode("latin-1")) or [0.0])[0]
     rows = parse_rows(image, len(first) + 1, image.size, first_line=2)
     if rows.shape[1] not in _WIDTHS:
         raise image.refuse(f"line 2: {rows.shape[1]} numbers; {_WIDTHS[0]} or {_WIDTHS[1]}")
     if len(rows) != count:
         fault = "truncated" if len(rows) < count else "more than that"
-        raise image.refuse(f"line 1 promises {count:.0f} rays, the file holds {len(rows)} ({fault}); fetch it again")
+        raise image.refuse(f"line 1 promises {count:.15g} rays, the file holds {len(rows)} ({fault}); fetch it again")
     unused = ("columns 10 to 14 are not used here, and lost when converted",) if rows.shape[1] > _WIDTHS[0] else ()
     return RayFile(
         positions_mm=rows[:, 1:4],

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.sources.rayfiles.binary import FileImage, float_rows, known, plain_text
+from lensforge.sources.rayfiles.binary import HUGE, FileImage, float_rows, known, plain_text
 from lensforge.sources.rayfiles.format import Format, require_watts_with_wavelengths
 from lensforge.sources.rayfiles.rayfile import HeaderValue, RayFile, SpectralTable, as_float64, shared_wavelength
 
@@ -32,6 +32,10 @@ _WIDTHS = {
     "stokes": 6, "tristimulus": 2, "spectrum_index": 1,
 }  # fmt: skip
 _NOT_USED = ("stokes", "tristimulus")
+# A table of 0.01 nm from 200 to 3000 nm has 280,000 pairs, and each becomes two numbers in the header's record.
+_MOST_PAIRS, _MOST_TABLES = 10**6, 1000
+_MOST_EXTRA_COLUMNS = 1000
+_SHOWN_TEXT_BYTES = 2**16  # of the extra text, which may be of any length
 _SPECTRAL_IDS = ("none", "single wavelength", "wavelength of each ray", "common tables", "table of each ray")
 
 
@@ -75,6 +79,7 @@ def _decode(image: FileImage) -> RayFile:
     labels_end = position + _LABEL_BYTES * fields.extra_columns
     start = labels_end + fields.extra_text_bytes
     rows = image.rows(start, fields.rays, fields.columns)
+    shown_end = min(start, labels_end + _SHOWN_TEXT_BYTES)
     labels = [
         plain_text(image.part(at, at + _LABEL_BYTES), "utf-32-le") for at in range(position, labels_end, _LABEL_BYTES)
     ]
@@ -90,7 +95,7 @@ def _decode(image: FileImage) -> RayFile:
         format=FORMAT.name,
         header_flux_w=known(fields.radiant_w),
         header_flux_lm=known(fields.luminous_lm),
-        header=_describe(image, fields, tables, labels, plain_text(image.part(labels_end, start), "utf-32-le")),
+        header=_describe(image, fields, tables, labels, plain_text(image.part(labels_end, shown_end), "utf-32-le")),
         warnings=tuple(_warnings(fields)),
     )
 
@@ -111,21 +116,31 @@ def _read_fields(image: FileImage) -> _Fields:
         raise image.refuse("its column flags announce no flux; export radiant or luminous flux for each ray")
     if min(fields.tables, fields.extra_columns, fields.extra_text_bytes) < 0:
         raise image.refuse("a negative count in the header: it is damaged, fetch the file again")
+    if fields.tables > _MOST_TABLES or fields.extra_columns > _MOST_EXTRA_COLUMNS:
+        raise image.refuse(
+            f"{fields.tables} spectral tables and {fields.extra_columns} extra columns in its header, at most "
+            f"{_MOST_TABLES} and {_MOST_EXTRA_COLUMNS} are read; fetch or export it again"
+        )
     return fields
 
 
 def _read_tables(image: FileImage, fields: _Fields) -> tuple[list[dict[str, list[float]]], int]:
     """The spectral tables, and where their padded block ends."""
     tables: list[dict[str, list[float]]] = []
-    position = _TABLES_START
+    position, read = _TABLES_START, 0
     for _ in range(fields.tables):
         (count,) = image.unpack(_COUNT, position)
         position += _COUNT.size
         if not 0 < count <= (image.size - position) // 8:
             raise image.refuse(f"spectral table {len(tables) + 1} claims {count} pairs: more than the file can hold")
+        read += count
+        if read > _MOST_PAIRS:
+            raise image.refuse(f"its spectral tables have {read} pairs or more, at most {_MOST_PAIRS} are read")
         pairs = as_float64(np.frombuffer(image.part(position, position + 8 * count), "<f4").reshape(count, 2))
-        if not np.isfinite(pairs).all():
-            raise image.refuse(f"spectral table {len(tables) + 1} holds numbers that are not finite; export it again")
+        if not (np.abs(pairs) < HUGE).all():
+            raise image.refuse(
+                f"spectral table {len(tables) + 1} holds numbers that are not finite and below {HUGE:g}; export again"
+            )
         tables.append({"wavelength_nm": pairs[:, 0].tolist(), "weight": pairs[:, 1].tolist()})
         position += 8 * count
     return tables, _padded(position)

@@ -40,7 +40,7 @@ def _decode(image: FileImage) -> RayFile:
         raise image.refuse(f"line 2: {rows.shape[1]} numbers; 7, or 8 with a wavelength")
     if len(rows) != rays:
         fault = "truncated" if len(rows) < rays else "more than that"
-        raise image.refuse(f"line 1 promises {rays:.0f} rays, the file holds {len(rows)} ({fault}); fetch it again")
+        raise image.refuse(f"line 1 promises {rays:.15g} rays, the file holds {len(rows)} ({fault}); fetch it again")
     spectral = rows.shape[1] == 8
     unit: FluxUnit = "lm" if flux_type == 1.0 and not spectral else "W"
     mm_per_unit = MM_PER_UNIT[int(unit_code)]
