@@ -2,42 +2,65 @@
 
 from collections.abc import Iterable, Mapping
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import ModelWrapValidatorHandler, computed_field, model_validator
 
 from lensforge.errors import CriterionMissed
 from lensforge.records import Number, Record, Text
 
+Sense = Literal["<=", ">="]
 
-class Criterion(Record):
+
+def within(value: float | None, sense: Sense, limit: float | None) -> bool:
+    """True where ``value`` is ``sense`` ``limit``: the one judgement behind every verdict.
+
+    ``value``: None, not measured, is never within. ``limit``: None, there is none.
+    """
+    if value is None:
+        return False
+    if limit is None:
+        return True
+    return value <= limit if sense == "<=" else value >= limit
+
+
+class Judged(Record):
+    """A ``value`` that must be ``sense`` ``limit``. A file also states the outcome; it must be that of the two."""
+
+    outcome: ClassVar[str]  # name of the computed field that is True where the value is within the limit
+
+    value: Number | None
+    sense: Sense
+    limit: Number | None
+    unit: Text
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _outcome_agrees(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Compare the outcome, which a file also states, with value and limit."""
+        if not isinstance(content, Mapping) or cls.outcome not in content:
+            return handler(content)
+        judged = handler({key: value for key, value in content.items() if key != cls.outcome})
+        found, stated = within(judged.value, judged.sense, judged.limit), content[cls.outcome]
+        if stated is not found:
+            raise ValueError(f"{cls.outcome} = {stated!r}, but its value and limit say {found}")
+        return judged
+
+
+class Criterion(Judged):
     """``value`` (None: not measured) must be ``sense`` ``limit``; ``remedy``: what to try where it is not."""
 
+    outcome: ClassVar[str] = "passed"
+
     name: Text
-    value: Number | None
-    sense: Literal["<=", ">="]
     limit: Number
-    unit: Text
     remedy: Text
 
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
     def passed(self) -> bool:
         """True where the criterion is met; False where the value could not be measured."""
-        if self.value is None:
-            return False
-        return self.value <= self.limit if self.sense == "<=" else self.value >= self.limit
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _passed_agrees(cls, content: Any, handler: ModelWrapValidatorHandler["Criterion"]) -> "Criterion":
-        """Compare ``passed``, which a file also states, with value and limit."""
-        if not isinstance(content, Mapping) or "passed" not in content:
-            return handler(content)
-        criterion = handler({key: value for key, value in content.items() if key != "passed"})
-        if content["passed"] is not criterion.passed:
-            raise ValueError(f"passed = {content['passed']!r}, but its value and limit say {criterion.passed}")
-        return criterion
+        return within(self.value, self.sense, self.limit)
 
     def __str__(self) -> str:
         if self.value is None:

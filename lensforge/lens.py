@@ -15,18 +15,22 @@ from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError
 from lensforge.files import read_json, write_json
-from lensforge.records import Count, Number, Positive, Record, Text
+from lensforge.records import Count, Number, Record, Text
 from lensforge.records.html import section_html
-from lensforge.records.stored import validated, without_schema
+from lensforge.records.stored import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.spec import Accuracy, Spec, parse_spec
 from lensforge.surfaces.conic import Asphere
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.version import __version__
 
 SCHEMA = "lensforge-lens-2"
 EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
+_DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not by far; tables of it would not end
+
+Length = Annotated[Number, Field(ge=1e-6, le=1e9)]  # mm; the ranges of the spec, strict as in all records
+Place = Annotated[Number, Field(ge=-1e9, le=1e9)]  # mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +88,8 @@ class Lens:
         return hash(self.sha256)
 
     def save(self, path: Path | str) -> None:
-        """Write ``lens.json``; weights are written with all digits."""
-        write_json(Path(path), self.to_json())
+        """Write ``lens.json``, with the hash of its content; weights are written with all digits."""
+        write_json(Path(path), with_checksum(self.to_json()))
 
     def _repr_html_(self) -> str:
         """HTML for a notebook: a section at y = 0, and the facts that identify the lens."""
@@ -111,9 +115,15 @@ def _describe(surface: Surface) -> str:
 
 
 def load_lens(path: Path | str) -> Lens:
-    """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else."""
+    """Read what :meth:`Lens.save` wrote, in this version or in 0.1.0. Raises :class:`InputError` for anything else.
+
+    A lens that another program writes may leave out the hash of its content.
+    """
     path = Path(path)
     content = read_json(path)
+    hashed = content if isinstance(content, dict) and CHECKSUM in content else None
+    if isinstance(content, dict):
+        content = {key: value for key, value in content.items() if key != CHECKSUM}
     if isinstance(content, dict) and content.get("format") == EARLIER_FORMAT:
         content = {"schema": SCHEMA, **{key: value for key, value in content.items() if key != "format"}}
         for side in ("inner", "outer"):
@@ -123,9 +133,23 @@ def load_lens(path: Path | str) -> Lens:
     spec = parse_spec(record.spec, str(path))
     try:
         inner, outer = record.inner.surface(), record.outer.surface()
+        for side, surface in (("inner", inner), ("outer", outer)):
+            _require_size(side, surface, _LARGEST * spec.constraints.max_radius_mm)
     except InputError as error:
         raise InputError(f"{path}: {error}; {_REMEDY}") from None
+    if hashed is not None:
+        require_checksum(hashed, path, _REMEDY)
     return Lens(inner, outer, spec, record.seed, record.accuracy, record.version)
+
+
+def _require_size(side: str, surface: Surface, most_mm: float) -> None:
+    """Raise :class:`InputError` where a surface meets the origin, or is larger than any lens of its spec."""
+    radius = surface.radius(fibonacci_hemisphere(_DIRECTIONS))
+    if not (radius.min() > 0.0 and radius.max() <= most_mm):
+        raise InputError(
+            f"{side}: {radius.min():.4g} to {radius.max():.4g} mm from the origin, must be above 0 and at most "
+            f"{most_mm:.4g}, ten times constraints.max_radius_mm"
+        )
 
 
 class LensUnits(Record):
@@ -139,11 +163,11 @@ class SrbfRecord(Record):
     """A sum of spherical radial basis functions: those of ``levels``, each with its weight, on a sphere."""
 
     kind: Literal["srbf"] = "srbf"
-    levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1, le=100_000)], ...], Field(min_length=1)]
-    sigma_c: Positive
+    levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
+    sigma_c: Annotated[Number, Field(ge=1e-6, le=1e6)]
     symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
-    offset_mm: Positive
-    weights_mm: tuple[Number, ...]
+    offset_mm: Length
+    weights_mm: Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
 
     def surface(self) -> SrbfSurface:
         """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
@@ -155,10 +179,10 @@ class AsphereRecord(Record):
     """A fixed surface: a sphere or an even asphere."""
 
     kind: Literal["asphere"]
-    vertex_mm: Number
-    radius_mm: Number
-    conic: Number
-    coefficients: tuple[Number, ...]
+    vertex_mm: Length
+    radius_mm: Place
+    conic: Annotated[Number, Field(ge=-1e3, le=1e3)]
+    coefficients: Annotated[tuple[Place, ...], Field(max_length=10)]
 
     def surface(self) -> Asphere:
         """The surface. Raises :class:`InputError` where it is not star-shaped about the origin."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from lensforge.agreement import contradiction
 from lensforge.criteria import Criterion
 from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.evaluation.light import Light
@@ -13,12 +14,14 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.optimisation.design import Design
 from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof, StrayLight
+from lensforge.version import __version__
 
 LENS_FILE, REPORT_FILE = "lens.json", "report.html"
 # Results of a whole run, each after those that it is made from.
@@ -128,6 +131,11 @@ class Results:
     __hash__ = None  # type: ignore[assignment]  # results hold arrays
 
 
+def is_own(stem: str) -> bool:
+    """True for the stem of a result under the lens's own conditions."""
+    return stem in _FILES
+
+
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
     stem = f"compare_{result.surface}" if isinstance(result, SurfaceComparison) else result.stage
@@ -141,7 +149,7 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
     With ``damaged_too`` a damaged record counts as not run, like an outdated one, so that its stage can write it anew.
     """
     folder = Path(folder)
-    lens = load_lens(folder / LENS_FILE)
+    lens = _lens_in(folder)
     found: dict[str, StageResult] = {}
     outdated: dict[str, str] = {}
     others: dict[str, SimulatedResult] = {}
@@ -155,6 +163,10 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
             outdated[stem] = str(error)
             continue
         why = _mismatch(result, lens, found) or _foreign_conditions(result, stem)
+        if not why and (wrong := contradiction(result, lens, found)):
+            if result.version == __version__ and not damaged_too:
+                raise InputError(f"{folder / stem}.json: {wrong}; {kind.again()}")
+            why = wrong  # another version of the program may have had other limits
         if why:
             outdated[stem] = f"{why}; {kind.again()}"
         elif stem in _FILES:
@@ -162,6 +174,13 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
         elif isinstance(result, SimulatedResult):
             others[stem] = result
     return Results(lens, found, outdated, others)
+
+
+def _lens_in(folder: Path) -> Lens:
+    path = folder / LENS_FILE
+    if not path.exists() and is_checkpoint(folder / CHECKPOINT):
+        raise InputError(f"{path}: no such file: the search was interrupted; design with --resume continues it")
+    return load_lens(path)
 
 
 def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
@@ -176,13 +195,13 @@ def _files_in(folder: Path) -> Iterator[tuple[str, type[StageResult]]]:
 
 
 def _foreign_conditions(result: StageResult, stem: str) -> str:
-    """The reason why ``result`` is not what its file's name says: the lens's own, or one under other conditions."""
+    """The reason why ``result`` is not what its file's name says: the lens's own, of a surface, under conditions."""
     conditions = result.conditions if isinstance(result, SimulatedResult) else None
     if stem in _FILES and conditions is not None:
         return f"it was made under other conditions than the lens's own ({conditions})"
     if stem not in _FILES and conditions is None:
         return "it was made under the lens's own conditions, so another file holds it"
-    return ""
+    return "" if stem_of(result) == stem else f"it belongs into {stem_of(result)}.json"
 
 
 def _mismatch(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:

@@ -2,22 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
-from lensforge.files import replacing, write_json
+from lensforge.files import require_writable
 from lensforge.lens import Lens
-from lensforge.records import Conditions, Count, Record, Sha256, Text
-from lensforge.records.result import SCHEMA_VERSION
-from lensforge.records.stored import read_object, validated
+from lensforge.records import Conditions, StageResult
 from lensforge.records.validation import its_type
-from lensforge.results import Results, load_results
-from lensforge.spec import Accuracy
+from lensforge.report.ownership import require_own
+from lensforge.results import Results, load_results, stem_of
+from lensforge.run_record import RUN_FILE, as_recorded, recorded_hashes, require_recorded, write_record
 from lensforge.verdict import Verdict
-from lensforge.version import __version__
 
-RUN_FILE, RUN_SCHEMA = "run.json", f"lensforge-run-{SCHEMA_VERSION}"
-_RENEW = "run `lensforge report` again"
+_Result = TypeVar("_Result", bound=StageResult)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +25,17 @@ class Run(Results):
     folder: Path = Path()
 
     def report(self, path: Path | str) -> Path:
-        """Write the report as one page of HTML to ``path``, and return it."""
+        """Write the report as one page of HTML to ``path``, and return it; a PDF of an earlier page is deleted.
+
+        Raises :class:`InputError` where ``path`` cannot be written, or holds a file that this program did not write.
+        """
         from lensforge.report.lens_page import render_report
+        from lensforge.report.page import write_page
 
         path = Path(path)
-        page = render_report(self, self.folder)
-        with replacing(path) as temporary:
-            temporary.write_text(page, encoding="utf-8")
+        require_own(path)
+        require_writable(path)
+        write_page(render_report(self, self.folder), path)
         return path
 
     def row(self) -> dict[str, float | int | bool | str | None]:
@@ -58,42 +60,30 @@ class Run(Results):
         return results_html(self)
 
 
-class RunRecord(Record):
-    """``run.json``: the verdict, hashes of the results it rests on and of the ``others``, the reasons for ``outdated``.
-
-    ``others``: results under other conditions than the lens's own.
-    """
-
-    version: Text = __version__
-    name: Text
-    accuracy: Accuracy
-    seed: Count
-    verdict: Verdict
-    results: dict[Text, Sha256]
-    others: dict[Text, Sha256]
-    outdated: dict[Text, Text]
-
-
 def load(folder: Path | str) -> Run:
-    """Read a result folder: the object that :func:`run` returned. Raises :class:`InputError` for any other folder."""
+    """Read a result folder: the object that :func:`run` returned.
+
+    Raises :class:`InputError` for any other folder, and for a record that contradicts itself, ``run.json`` or the files
+    that it describes.
+    """
     folder = folder_of(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; run `lensforge design` first")
-    _require_verdict_file(folder / RUN_FILE)
     results = load_results(folder)
-    return Run(results.lens, results.found, results.outdated, results.others, folder)
+    require_recorded(results, folder)
+    return _run(results, folder)
 
 
 def open_run(folder: Path) -> Run:
-    """The run in ``folder``, complete or not; a damaged record counts as not run; its stage writes it anew."""
-    results = load_results(folder, damaged_too=True)
+    """The run in ``folder``, complete or not, for the command of a stage.
+
+    A record that :func:`load` would refuse counts as not run; its stage writes it anew.
+    """
+    return _run(as_recorded(load_results(folder, damaged_too=True), recorded_hashes(folder)), folder)
+
+
+def _run(results: Results, folder: Path) -> Run:
     return Run(results.lens, results.found, results.outdated, results.others, folder)
-
-
-def _require_verdict_file(path: Path) -> None:
-    """Raise :class:`InputError` for an invalid ``run.json``; a missing one is accepted."""
-    if path.exists():
-        validated(RunRecord, read_object(path, RUN_SCHEMA, _RENEW), path, _RENEW)
 
 
 def folder_of(folder: object) -> Path:
@@ -101,25 +91,30 @@ def folder_of(folder: object) -> Path:
     if not isinstance(folder, Path | str):
         raise InputError(f"{str(folder)[:60]!r} is {its_type(folder)}; give the path of a result folder")
     path = Path(folder)
-    if path.is_file():
+    try:
+        is_file = path.is_file()
+        _ = (path / RUN_FILE).exists()  # what is in it can be asked for
+    except OSError as error:  # a name that is too long, a folder that the user may not search
+        raise InputError(f"{str(path)[:60]}: cannot be read ({error.strerror}); give a result folder") from None
+    if is_file:
         raise InputError(f"{path}: a file, must be a result folder")
     return path
 
 
-def renew(folder: Path) -> Verdict:
-    """Write ``run.json`` with the verdict on the results in ``folder``, and return it."""
-    found = load_results(folder, damaged_too=True)
-    record = RunRecord(
-        name=found.spec.name,
-        accuracy=found.lens.accuracy,
-        seed=found.lens.seed,
-        verdict=found.verdict,
-        results={stem: result.sha256 for stem, result in found.found.items()},
-        others={stem: result.sha256 for stem, result in found.others.items()},
-        outdated=dict(found.outdated),
-    )
-    write_json(folder / RUN_FILE, {"schema": RUN_SCHEMA, **record.model_dump(mode="json")})
-    return found.verdict
+def renew(folder: Path, *written: str) -> Verdict:
+    """Write ``run.json`` with the verdict on the results in ``folder``, and return it.
+
+    ``written``: stems of the results that the caller has just written, and vouches for.
+    """
+    return write_record(load_results(folder, damaged_too=True), folder, written).verdict
+
+
+def write_result(result: _Result, folder: Path) -> _Result:
+    """Write ``result`` into ``folder``, renew the verdict, and return the result."""
+    stem = stem_of(result)
+    result.write(folder, stem)
+    renew(folder, stem)
+    return result
 
 
 def require_free(folder: Path, lens: Lens, conditions: Conditions) -> None:

@@ -130,8 +130,14 @@ def _files(design: Design | None, part: Part | None, check: Check | None, proof:
             yield from _failed(result.criteria)
     if part is None:
         yield "undecided", "no files have been exported"
-    elif proof is None:
+        return
+    for name in part.altered:
+        yield "undecided", f"{name} is not the file that export.json describes: run `lensforge export` again"
+    if proof is None:
         yield "undecided", "the exported part has not been verified"
+    elif proof.altered_files and not part.altered:
+        names = ", ".join(proof.altered_files)
+        yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
 
 
 def _cutting(lens: Lens, check: Check) -> Iterator[_Reason]:

@@ -5,31 +5,17 @@ import time
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion, at_least
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.part import Part, SplineNodes
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import (
-    cutter_finding,
-    draft_finding,
-    relief_findings,
-    tilt_finding,
-    tool_findings,
-    wall_finding,
-)
+from lensforge.manufacturing.findings import check_findings, radial_criterion
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
-    FaceName,
-    FaceResult,
-    Finding,
-    Relief,
     Scallop,
     Scallops,
-    ToolResult,
-    Wall,
     Walls,
 )
 from lensforge.manufacturing.scallop import scallop
@@ -68,8 +54,8 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(_radial_criterion(lens, walls.radial),),
-        verdicts=_findings(lens, *faces, min_wall_mm, relief, tools),
+        criteria=(radial_criterion(lens.spec, walls.radial),),
+        verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
         inner_xyz=_map(inner, inner.samples.points),
@@ -112,14 +98,6 @@ def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
     )
 
 
-def _radial_criterion(lens: Lens, radial: Wall) -> Criterion:
-    """The radial wall, which the design constrains as the paper does; along the normal it may be thinner."""
-    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # no "-0"
-    limit = lens.spec.constraints.min_thickness_mm - lens.spec.constraints.tolerance_mm
-    remedy = f"raise lens.outer_offset_mm or give the last level more steps; the wall is thinnest at ({place}) mm"
-    return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
-
-
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
     """Cusps where the face is most convex, where they are highest and steepest."""
     manufacture = lens.spec.manufacture
@@ -134,19 +112,4 @@ def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
         slope_limit_mrad=manufacture.slope_limit_mrad,
         inner=of(inner),
         outer=of(outer),
-    )
-
-
-def _findings(
-    lens: Lens, inner: FaceResult, outer: FaceResult, wall_mm: float, relief: Relief, tools: tuple[ToolResult, ...]
-) -> tuple[Finding, ...]:
-    allowed_deg = lens.spec.manufacture.max_tilt_deg
-    faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
-    return (
-        *(cutter_finding(name, face.cutter) for name, face in faces),
-        *relief_findings(relief),
-        *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
-        wall_finding(wall_mm, lens.spec.constraints.min_thickness_mm),
-        *(draft_finding(name, face) for name, face in faces),
-        *(finding for tool in tools for finding in tool_findings(tool)),
     )

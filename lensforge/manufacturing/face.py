@@ -15,8 +15,8 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.geometry.acceptance import NORMAL_LIMIT_MRAD
 from lensforge.geometry.curvature import Jet, PrincipalCurvatures, principal_curvatures
-from lensforge.geometry.form import NORMAL_LIMIT_MRAD
 from lensforge.geometry.patch import Patch
 from lensforge.surfaces.chart import HALF_WIDTH
 

@@ -1,8 +1,13 @@
-"""Findings of the check: one statement for the shop on each measurement, with its reason and, if needed, a remedy."""
+"""Findings of the check: one statement for the shop on each measurement, with its reason and, if needed, a remedy.
+
+All follow from the measurements of the check and the spec alone, so that the findings in a file can be held against
+what the file's own numbers say.
+"""
 
 from math import ceil, degrees
 
-from lensforge.geometry.form import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
+from lensforge.criteria import Criterion, at_least, within
+from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.manufacturing.result import (
     CustomBaseRelief,
     Cutter,
@@ -13,20 +18,48 @@ from lensforge.manufacturing.result import (
     OuterRelief,
     Relief,
     ToolResult,
+    Wall,
 )
+from lensforge.spec import Spec
 
 GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
+_BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
 # The export allows this error of a wall between two faces, and of the normals of one.
 _WALL_TOLERANCE_MM, _TILT_TOLERANCE_DEG = 2e-6 * FORM_LIMIT_NM, degrees(1e-3 * NORMAL_LIMIT_MRAD)
 _FACES: tuple[FaceName, FaceName] = ("inner", "outer")
+_AnyRelief = OuterRelief | InnerRelief | CustomBaseRelief
+
+
+def check_findings(
+    spec: Spec, inner: FaceResult, outer: FaceResult, wall_mm: float, relief: Relief, tools: tuple[ToolResult, ...]
+) -> tuple[Finding, ...]:
+    """All findings on a lens of ``spec`` from the measurements of its check; ``wall_mm``: the thinnest wall."""
+    allowed_deg = spec.manufacture.max_tilt_deg
+    faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
+    return (
+        *(cutter_finding(name, face.cutter) for name, face in faces),
+        *relief_findings(relief),
+        *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
+        wall_finding(wall_mm, spec.constraints.min_thickness_mm),
+        *(draft_finding(name, face) for name, face in faces),
+        *(finding for tool in tools for finding in tool_findings(tool)),
+    )
+
+
+def radial_criterion(spec: Spec, radial: Wall) -> Criterion:
+    """The radial wall, which the design constrains as the paper does; along the normal it may be thinner."""
+    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # no "-0"
+    limit = spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
+    remedy = f"raise lens.outer_offset_mm or give the last level more steps; the wall is thinnest at ({place}) mm"
+    return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
 
 
 def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
     """Reach of the spec's ball cutter on a face."""
     ball, largest = f"a ball of {cutter.radius_mm:g} mm radius", cutter.largest_radius_mm
-    holds = largest is None or largest >= cutter.radius_mm * (1.0 - 1e-6)
-    if holds:
+    limit = None if largest is None else largest * _BALL
+    if within(cutter.radius_mm, "<=", limit):
         others = "any ball" if largest is None else f"any ball of up to {largest:.4g} mm radius"
         reason = f"{ball} reaches all of the {surface} face; so does {others}"
     else:
@@ -34,30 +67,32 @@ def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
             f"{ball} reaches {100.0 * cutter.reachable_fraction:.1f} % of the {surface} face; "
             f"the largest that reaches all of it has {largest:.4g} mm radius"
         )
-    return Finding(name="cutter", surface=surface, holds=holds, reason=reason)
+    return Finding(
+        name="cutter", surface=surface, value=cutter.radius_mm, sense="<=", limit=limit, unit="mm", reason=reason
+    )
 
 
 def relief_findings(relief: Relief) -> list[Finding]:
     """Clearance of the ball at the base: one statement for each face that has a base below it."""
-    faces: tuple[tuple[FaceName, OuterRelief | InnerRelief | CustomBaseRelief | None], ...]
-    faces = (("outer", relief.outer), ("inner", relief.inner))
+    faces: tuple[tuple[FaceName, _AnyRelief | None], ...] = (("outer", relief.outer), ("inner", relief.inner))
     return [_relief_finding(surface, found) for surface, found in faces if found is not None]
 
 
-def _relief_finding(surface: FaceName, relief: OuterRelief | InnerRelief | CustomBaseRelief) -> Finding:
+def _relief_finding(surface: FaceName, relief: _AnyRelief) -> Finding:
+    """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
     retreat, setback = _needed(relief)
+    needed = None if retreat is None else max(retreat, setback)
     if retreat is None:
         reason = f"the ball reaches no part of the {surface} face, with or without the base"
-        return Finding(name="relief", surface=surface, holds=False, reason=reason)
-    if retreat <= 0.0 and setback <= 0.0:
+    elif within(needed, "<=", 0.0):
         reason = f"the base clears the ball at the {surface} face"
-        return Finding(name="relief", surface=surface, holds=True, reason=reason)
-    reached = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
-    reason = f"{reached}; {_remedy(relief, retreat, setback)}"
-    return Finding(name="relief", surface=surface, holds=False, reason=reason)
+    else:
+        reached = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
+        reason = f"{reached}; {_remedy(relief, retreat, setback)}"
+    return Finding(name="relief", surface=surface, value=needed, sense="<=", limit=0.0, unit="mm", reason=reason)
 
 
-def _needed(relief: OuterRelief | InnerRelief | CustomBaseRelief) -> tuple[float | None, float]:
+def _needed(relief: _AnyRelief) -> tuple[float | None, float]:
     """Retreat (mm) that the base needs, None where nothing is reached, and the setback (mm) of its step's wall."""
     match relief:
         case OuterRelief():
@@ -68,7 +103,7 @@ def _needed(relief: OuterRelief | InnerRelief | CustomBaseRelief) -> tuple[float
             return relief.retreat_mm, 0.0
 
 
-def _remedy(relief: OuterRelief | InnerRelief | CustomBaseRelief, retreat_mm: float, setback_mm: float) -> str:
+def _remedy(relief: _AnyRelief, retreat_mm: float, setback_mm: float) -> str:
     match relief:
         case CustomBaseRelief():
             return f"the base in its file must be cut back by up to {retreat_mm:.4g} mm where the ball hits it"
@@ -88,23 +123,24 @@ def _up(length_mm: float) -> str:
 
 def tilt_finding(surface: FaceName, slope_deg: float, allowed_deg: float) -> Finding:
     """Tilt of a tool that is held normal to the face everywhere, against the largest allowed."""
-    holds = slope_deg <= allowed_deg + _TILT_TOLERANCE_DEG
+    limit = allowed_deg + _TILT_TOLERANCE_DEG
     reason = (
         f"the {surface} face is up to {slope_deg:.2f} deg steep; a tool held normal to it "
-        f"{'stays within' if holds else 'would exceed'} manufacture.max_tilt_deg = {allowed_deg:g}"
+        f"{'stays within' if within(slope_deg, '<=', limit) else 'would exceed'} "
+        f"manufacture.max_tilt_deg = {allowed_deg:g}"
     )
-    return Finding(name="tilt", surface=surface, holds=holds, reason=reason)
+    return Finding(name="tilt", surface=surface, value=slope_deg, sense="<=", limit=limit, unit="deg", reason=reason)
 
 
 def wall_finding(wall_mm: float, required_mm: float) -> Finding:
     """Thinnest wall, radial or along the normal, against the radial thickness of the spec."""
-    holds = wall_mm >= required_mm - _WALL_TOLERANCE_MM
-    word = "at least" if holds else "less than"
+    limit = required_mm - _WALL_TOLERANCE_MM
+    word = "at least" if within(wall_mm, ">=", limit) else "less than"
     reason = (
         f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {required_mm:g}, "
         "which bounds the radial thickness only"
     )
-    return Finding(name="wall", surface="body", holds=holds, reason=reason)
+    return Finding(name="wall", surface="body", value=wall_mm, sense=">=", limit=limit, unit="mm", reason=reason)
 
 
 def draft_finding(surface: FaceName, face: FaceResult) -> Finding:
@@ -115,7 +151,9 @@ def draft_finding(surface: FaceName, face: FaceResult) -> Finding:
     else:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
         reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; a mould needs {GOOD_DRAFT_DEG:g} deg"
-    return Finding(name="draft", surface=surface, holds=least_deg >= GOOD_DRAFT_DEG, reason=reason)
+    return Finding(
+        name="draft", surface=surface, value=least_deg, sense=">=", limit=GOOD_DRAFT_DEG, unit="deg", reason=reason
+    )
 
 
 def tool_findings(tool: ToolResult) -> list[Finding]:
@@ -131,4 +169,6 @@ def _tool_finding(tool: ToolResult, surface: FaceName) -> Finding:
         reason += f"; its ball alone reaches {100.0 * ball:.1f} %: shank or holder collides, a longer tool may help"
     if ball < _WHOLE and reach.largest_radius_mm is not None:
         reason += f"; the largest ball that reaches all of it has {reach.largest_radius_mm:.4g} mm radius"
-    return Finding(name="tool", surface=surface, holds=whole >= _WHOLE, reason=reason)
+    return Finding(
+        name="tool", surface=surface, value=whole, sense=">=", limit=_WHOLE, unit="of the face", reason=reason
+    )

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
+from lensforge.geometry.acceptance import FORM_LIMIT_NM
 from lensforge.geometry.custom_base import read_custom_base, tessellated
-from lensforge.geometry.form import FORM_LIMIT_NM
 from lensforge.manufacturing.cutter import LEAF
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import computed_field
 
-from lensforge.criteria import Criterion
+from lensforge.criteria import Criterion, Judged, within
 from lensforge.records import (
     Array,
-    Flag,
     NotNegative,
     Number,
     Point,
@@ -178,13 +178,24 @@ class ToolResult(Record):
     outer: ToolReach
 
 
-class Finding(Record):
-    """One statement on what the shop can do with this lens: its subject, its face, whether it holds, and the reason."""
+class Finding(Judged):
+    """One statement on what the shop can do with this lens: its subject, its face, and the reason.
+
+    It holds where ``value`` is ``sense`` ``limit``. ``value``: None where the ball reaches nothing. ``limit``: None
+    where there is none, as for a face that any ball reaches.
+    """
+
+    outcome: ClassVar[str] = "holds"
 
     name: Literal["cutter", "relief", "tilt", "wall", "draft", "tool"]
     surface: Literal["inner", "outer", "body"]
-    holds: Flag
     reason: Text
+
+    @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
+    @property
+    def holds(self) -> bool:
+        """True where the shop can do it."""
+        return within(self.value, self.sense, self.limit)
 
 
 class Check(StageResult):
@@ -207,7 +218,7 @@ class Check(StageResult):
     criteria: tuple[Criterion, ...]
     verdicts: tuple[Finding, ...]
     seconds: NotNegative
-    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c")]
+    chart_axis: Annotated[Float[np.ndarray, " c"], Array("c", centred=True)]
     inner_xyz: FacePoints
     inner_sag_mm: FaceMap
     inner_kappa_min: FaceMap

@@ -8,7 +8,7 @@ hemisphere below z = 0 run into the base and are not counted, so at the rim the 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.geometry.form import FORM_LIMIT_NM
+from lensforge.geometry.acceptance import FORM_LIMIT_NM
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.result import Wall
 from lensforge.surfaces import chart

@@ -1,6 +1,6 @@
 """Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
 
-from lensforge.records.arrays import Array, Image, Line
+from lensforge.records.arrays import Array, Image, Irradiance, Line, PixelCentres
 from lensforge.records.conditions import Conditions
 from lensforge.records.fields import (
     Count,
@@ -28,10 +28,12 @@ __all__ = [
     "Given",
     "Image",
     "InFile",
+    "Irradiance",
     "Line",
     "Metric",
     "NotNegative",
     "Number",
+    "PixelCentres",
     "Point",
     "Positive",
     "Record",

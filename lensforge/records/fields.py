@@ -1,20 +1,48 @@
-"""Types of a record's fields: numbers with ranges, strict (text is never taken for a number), and metrics."""
+"""Types of a record's fields: numbers with ranges, strict (text is never taken for a number), and metrics.
 
-from typing import Annotated, Literal
+All numbers are bounded: a page draws them, multiplies and squares them, and must stay within floating point.
+"""
 
-from pydantic import Field
+import unicodedata
+from typing import Annotated, Any, Literal
 
+from pydantic import BeforeValidator, Field
+
+from lensforge.records.arrays import LARGEST
 from lensforge.records.record import Record
 
 _ROUNDING = 1e-9  # sums of shares may leave 0 to 1 by rounding
+LARGEST_COUNT = 2**53  # a float holds every whole number up to this one
+_LONGEST_TEXT = 10_000  # characters; the longest remedy of lensforge has 300, and a page shows all of a text
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=LARGEST)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0 / LARGEST, le=LARGEST)]
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-_ROUNDING, le=1.0 + _ROUNDING)]
-Count = Annotated[int, Field(strict=True, ge=0)]
+Count = Annotated[int, Field(strict=True, ge=0, le=LARGEST_COUNT)]
 Flag = Annotated[bool, Field(strict=True)]
-Text = Annotated[str, Field(strict=True)]
+
+
+def printable(text: Any) -> Any:
+    """``text`` with spaces for line ends and U+FFFD for what a terminal obeys or no file can hold; others as they are.
+
+    Names of files and of their headers, from which texts are made, may have any characters and any length: what exceeds
+    10,000 characters ends in an ellipsis.
+    """
+    if not isinstance(text, str):
+        return text
+    if len(text) > _LONGEST_TEXT:
+        text = f"{text[: _LONGEST_TEXT - 1]}…"
+    return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    if character.isprintable() or unicodedata.category(character) == "Zs":  # a thin space
+        return character
+    return " " if character.isspace() else "\N{REPLACEMENT CHARACTER}"
+
+
+Text = Annotated[str, BeforeValidator(printable), Field(strict=True)]
 Sha256 = Annotated[str, Field(strict=True, pattern=r"^[0-9a-f]{64}$")]
 Point = tuple[Number, Number, Number]  # x, y, z in mm
 

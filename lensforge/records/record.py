@@ -11,6 +11,9 @@ from lensforge.records.arrays import Array, bind
 from lensforge.records.html import table_html
 from lensforge.records.validation import same
 
+# Of entries in a list or table: numbers are drawn as one line, records and texts each take a row of a page.
+_MOST_NUMBERS, _MOST_ROWS = 1_000_000, 10_000
+
 Scalar = float | int | bool | str | None
 _Mark = TypeVar("_Mark")
 
@@ -47,6 +50,16 @@ class Record(BaseModel):
                     bind(mark.axes, value.shape, sizes)
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
+        return self
+
+    @model_validator(mode="after")
+    def _lists_are_bounded(self) -> "Record":
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if isinstance(value, tuple | dict) and len(value) > _MOST_ROWS:
+                most = _MOST_NUMBERS if isinstance(value, tuple) and isinstance(value[0], float | int) else _MOST_ROWS
+                if len(value) > most:
+                    raise ValueError(f"{name}: {len(value)} entries, must be at most {most}")
         return self
 
     def row(self) -> dict[str, Scalar]:

@@ -17,17 +17,26 @@ import numpy as np
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
+from lensforge.files import MIB, replacing
 from lensforge.records.arrays import Array
 from lensforge.records.conditions import Conditions
 from lensforge.records.fields import Sha256, Text
 from lensforge.records.html import PLOT_KINDS, plot_file, plot_html
 from lensforge.records.record import Record, Scalar, marker
-from lensforge.records.stored import read_arrays, read_bytes, read_object, validated
+from lensforge.records.stored import (
+    CHECKSUM,
+    read_arrays,
+    read_bytes,
+    read_object,
+    require_checksum,
+    validated,
+    with_checksum,
+)
 from lensforge.records.validation import its_type
 from lensforge.version import __version__
 
 SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
+_MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
 _UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # differ between runs with the same result
 
@@ -39,9 +48,10 @@ class Given:
 
 @dataclass(frozen=True)
 class InFile:
-    """Marks a field of bytes that are the file ``name`` of a result folder."""
+    """Marks a field of bytes that are the file ``name`` of a result folder, which has at most ``most_bytes``."""
 
     name: str
+    most_bytes: int = _MOST_FILE_BYTES
 
     def beside(self, stage: str, stem: str) -> str:
         """Name of the file that belongs to ``stem``.json: ``lens_x.ies`` to ``photometry_x.json``."""
@@ -132,7 +142,7 @@ class StageResult(Record):
             np.savez_compressed(archive, allow_pickle=False, **arrays)
             files[f"{name}.npz"] = archive.getvalue()
             head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
-        content = {**head, **self.model_dump(mode="json", exclude=elsewhere)}
+        content = with_checksum({**head, **self.model_dump(mode="json", exclude=elsewhere)})
         files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
         return files
 
@@ -185,8 +195,8 @@ class StageResult(Record):
         folder, name = Path(folder), stem or cls.stage
         path = folder / f"{name}.json"
         first = f"run `lensforge {cls.command or cls.stage}` first"
-        content = read_object(path, cls.schema_name(), cls.again(), first)
-        arrays_sha256 = content.pop(_ARRAYS, None)
+        whole = read_object(path, cls.schema_name(), cls.again(), first)
+        content = {key: value for key, value in whole.items() if key != CHECKSUM}
         for field in cls.stored_elsewhere():
             if field in content:
                 raise InputError(f"{path}: {field}: does not belong in the JSON file; {cls.again()}")
@@ -194,14 +204,16 @@ class StageResult(Record):
         fields = type_fields(cls)
         arrays = [field for field, info in fields.items() if marker(info, Array) is not None]
         if arrays:
-            content |= read_arrays(folder / f"{name}.npz", arrays, arrays_sha256, cls.again())
+            content |= read_arrays(folder / f"{name}.npz", arrays, content.pop(_ARRAYS, None), cls.again())
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
-                content[field] = read_bytes(folder / own.beside(cls.stage, name), info.is_required(), cls.again())
+                file = folder / own.beside(cls.stage, name)
+                content[field] = read_bytes(file, info.is_required(), own.most_bytes, cls.again())
         result = validated(cls, content, path, cls.again(), cls.stored_elsewhere())
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")
+        require_checksum({"schema": cls.schema_name(), **whole}, path, cls.again())
         return result
 
 

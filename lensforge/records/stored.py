@@ -1,7 +1,6 @@
 """Reading of records from files; every error is one line with its remedy."""
 
 import hashlib
-import io
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -12,11 +11,36 @@ import numpy as np
 from pydantic import ValidationError
 
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.files import read_json
+from lensforge.files import MIB, read_file, read_json
+from lensforge.npz_file import arrays_in
 from lensforge.records.record import Record
 from lensforge.records.validation import input_error, its_type
 
+CHECKSUM = "content_sha256"  # the key of the hash of all other entries
+# Three maps of 2048 x 2048 pixels take 100 MiB, ten million measured points 300 MiB; there are up to three copies.
+_MOST_ARRAY_BYTES = 512 * MIB
+
 _Record = TypeVar("_Record", bound=Record)
+
+
+def with_checksum(content: Mapping[str, Any]) -> dict[str, Any]:
+    """``content`` of a JSON file with the hash of all its entries, which :func:`require_checksum` compares."""
+    plain = {key: value for key, value in content.items() if key != CHECKSUM}
+    head = {"schema": plain.pop("schema")} if "schema" in plain else {}
+    return {**head, CHECKSUM: _checksum({**head, **plain}), **plain}
+
+
+def require_checksum(content: Mapping[str, Any], path: Path, remedy: str) -> dict[str, Any]:
+    """``content`` of ``path`` without the hash of its entries. Raises :class:`InputError` where that is of others."""
+    plain = {key: value for key, value in content.items() if key != CHECKSUM}
+    if content.get(CHECKSUM) != _checksum(plain):
+        raise InputError(f"{path}: {CHECKSUM}: of other content: the file is damaged or was edited; {remedy}")
+    return plain
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """SHA-256 of ``content`` in one form of text, however a file lays it out."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def read_object(path: Path, schema: str, remedy: str, first: str = "") -> dict[str, Any]:
@@ -53,47 +77,46 @@ def validated(
         record = kind.model_validate(content)
     except ValidationError as error:
         raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
-    missing = _first_missing(record.model_dump(mode="json", exclude={*stored_elsewhere}), content)
+    missing = _first_missing(record, content, frozenset(stored_elsewhere))
     if missing:
         raise InputError(f"{path}: {missing}: missing; {remedy}")
     return record
 
 
-def _first_missing(whole: object, content: object) -> str:
-    """Dotted name of the first field of ``whole`` that ``content`` lacks; empty where it lacks none."""
-    if isinstance(whole, dict) and isinstance(content, dict):
-        for name, value in whole.items():
+def _first_missing(whole: object, content: object, ignored: frozenset[str] = frozenset()) -> str:
+    """Dotted name of the first field of ``whole``, ``ignored`` left out, that ``content`` lacks; "" for none."""
+    if isinstance(whole, Record) and isinstance(content, Mapping):
+        for name in (*type(whole).model_fields, *type(whole).model_computed_fields):
+            if name in ignored:
+                continue
             if name not in content:
-                return str(name)
-            if deeper := _first_missing(value, content[name]):
+                return name
+            if deeper := _first_missing(getattr(whole, name), content[name]):
                 return f"{name}.{deeper}"
-    elif isinstance(whole, list) and isinstance(content, list | tuple):
+    elif isinstance(whole, dict) and isinstance(content, Mapping):
+        for name, value in whole.items():
+            if deeper := _first_missing(value, content.get(name)):
+                return f"{name}.{deeper}"
+    elif isinstance(whole, tuple) and isinstance(content, list | tuple):
         for index, (value, given) in enumerate(zip(whole, content, strict=False)):
             if deeper := _first_missing(value, given):
                 return f"{index}.{deeper}"
     return ""
 
 
-def read_bytes(path: Path, required: bool, remedy: str) -> bytes | None:
-    """Content of a file; None where it is missing and not ``required``."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        if required:
-            raise InputError(f"{path}: no such file; {remedy}") from None
+def read_bytes(path: Path, required: bool, most_bytes: int, remedy: str) -> bytes | None:
+    """Content of a file; None where it is missing and not ``required``. Raises :class:`InputError`."""
+    if not required and not path.is_symlink() and not path.exists():
         return None
-    except OSError as error:
-        raise InputError(f"{path}: not readable ({error.strerror}); {remedy}") from None
+    return read_file(path, missing=remedy, most_bytes=most_bytes)
 
 
 def read_arrays(path: Path, names: Sequence[str], sha256: object, remedy: str) -> dict[str, np.ndarray]:
     """The arrays ``names`` of an npz file whose hash is ``sha256``; missing arrays are left to the validation."""
-    content = read_bytes(path, True, remedy)
-    assert content is not None
+    content = read_file(path, missing=remedy, most_bytes=_MOST_ARRAY_BYTES)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise InputError(f"{path}: not the arrays that {path.stem}.json describes; {remedy}")
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            return {name: archive[name] for name in names if name in archive}
-    except Exception as error:  # whatever the reader raises, the file is damaged
-        raise InputError(f"{path}: damaged ({type(error).__name__}: {error}); {remedy}") from None
+        return arrays_in(content, names, _MOST_ARRAY_BYTES)
+    except ValueError as error:
+        raise InputError(f"{path}: damaged ({error}); {remedy}") from None

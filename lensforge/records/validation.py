@@ -10,6 +10,8 @@ from pydantic import BaseModel, ValidationError
 from lensforge.errors import InputError
 
 _MOST_CHARACTERS = 80  # of a value in a message
+_MOST_OF_MESSAGE = 600  # of what is wrong with it, which may name what is allowed
+_MOST_BITS = 256  # of a whole number in a message; Python refuses to print more than 4300 digits
 
 
 def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions: Collection[str] = ()) -> InputError:
@@ -22,7 +24,8 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     field = ".".join(
         str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
     )
-    message = first["msg"].removeprefix("Value error, ")
+    field = shortened(field)
+    message = shortened(" ".join(first["msg"].removeprefix("Value error, ").split()), _MOST_OF_MESSAGE)
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     parts = [part for part in (origin, f"{field}{_given(first['input'])}" if field else "", f"{message}{more}") if part]
     return InputError(" ".join((": ".join(parts) + (f"; {remedy}" if remedy else "")).split()))
@@ -32,8 +35,16 @@ def _given(value: object) -> str:
     """`` = value``, or the type of a list; empty for tables and arrays, whose message already says what is wrong."""
     if isinstance(value, Mapping | BaseModel | np.ndarray):
         return ""
-    shown = repr(value) if value is None or isinstance(value, str | int | float | Path) else type(value).__name__
-    return f" = {shown if len(shown) <= _MOST_CHARACTERS else shown[: _MOST_CHARACTERS - 3] + '...'}"
+    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        return f" = a whole number of {value.bit_length()} bits"
+    simple = value is None or isinstance(value, str | int | float | Path)
+    return f" = {shortened(repr(value) if simple else type(value).__name__)}"
+
+
+def shortened(text: str, most: int = _MOST_CHARACTERS) -> str:
+    """``text`` as part of a message: what cannot be printed as "?", and no more than ``most`` characters."""
+    text = "".join(character if character.isprintable() else "?" for character in text[: most + 1])
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def its_type(value: object) -> str:

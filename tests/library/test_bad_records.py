@@ -21,8 +21,15 @@ Where = tuple[str | int, ...]
 
 STEMS = {**{kind.stage: kind for kind in STAGES}, **EXTRAS, "sweep": lf.Sweep, "rays": lf.RayFileSummary}
 FILES = ("lens", *(stem for stem in STEMS if stem != "compare_outer"), "run")
-# A spec may leave out what has a default; tables by design, field or stage have as many rows as there are.
-FREE = {("lens", "spec"), ("sweep", "spec"), ("sweep", "inputs"), ("sweep", "changes"), ("run", "results")}
+# A spec may leave out what has a default, a lens of another program its hash; tables have as many rows as there are.
+FREE = {
+    ("lens", "spec"),
+    ("lens", "content_sha256"),
+    ("sweep", "spec"),
+    ("sweep", "inputs"),
+    ("sweep", "changes"),
+    ("run", "results"),
+}
 
 
 def places(content: Any, path: Where = ()) -> Iterator[Where]:

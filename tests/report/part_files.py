@@ -1,7 +1,16 @@
 """Results that not every lens has, with numbers that are easy to recognise: stray light, a photograph, a surface."""
 
 import numpy as np
-from result_folders import MAKERS, PIXELS, STAGES, criterion, evaluate_arrays, make_folder, make_results
+from result_folders import (
+    MAKERS,
+    PIXELS,
+    STAGES,
+    agreeing_results,
+    criterion,
+    evaluate_arrays,
+    make_folder,
+    make_results,
+)
 
 from lensforge.measurement.comparison import (
     DeviationExtent,
@@ -147,6 +156,11 @@ def whole_results(**records):
     return make_results((*STAGES, *EXTRAS), **{"verify": verified(), **records})
 
 
+def whole_agreeing(**records):
+    """The same with figures that agree with each other."""
+    return agreeing_results((*STAGES, *EXTRAS), **{"verify": verified(), **records})
+
+
 def whole_folder(folder, **records):
-    """The files of :func:`whole_results`."""
+    """The files of :func:`whole_agreeing`."""
     return make_folder(folder, (*STAGES, *EXTRAS), **{"verify": verified(), **records})

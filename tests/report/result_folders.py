@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from agreeing_results import agreeing
 
 from lensforge.criteria import Criterion
 from lensforge.evaluation.light import Flux, Light, MissedByCause
@@ -44,6 +45,7 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
         "name": "small",
         "source": {"kind": "square", "side_mm": 2.0, "luminous_efficacy_lm_per_w": lumens_per_watt},
         "lens": {"inner_offset_mm": inner_mm, "outer_offset_mm": outer_mm, "levels": [9]},
+        "evaluate": {"pixels": PIXELS},
         "constraints": {
             "cavity_height_mm": 1.0,
             "cavity_radius_mm": 1.5,
@@ -54,6 +56,11 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
     }
     surfaces = (SrbfSurface(basis, weights, inner_mm), SrbfSurface(basis, weights[::-1].copy(), outer_mm))
     return Lens(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
+
+
+def finding(name, surface, holds, reason):
+    """A finding that holds or does not; its numbers are of no matter."""
+    return Finding(name=name, surface=surface, value=1.0, sense="<=", limit=2.0 * holds, unit="mm", reason=reason)
 
 
 def criterion(name, value, limit, sense="<="):
@@ -75,10 +82,28 @@ def make_results(stages=STAGES, lens=None, outdated=None, **records):
     return Results(lens, found, outdated or {})
 
 
+def _made_from_each_other(found):
+    """The same results, each with the hashes of those that it was made from."""
+    linked = {}
+    for stem, result in found.items():
+        known = {
+            name: linked[name].sha256 for name in ("export", "evaluate") if name in linked and name in result.inputs
+        }
+        linked[stem] = result.model_copy(update={"inputs": {**result.inputs, **known}})
+    return linked
+
+
+def agreeing_results(stages=STAGES, lens=None, **records):
+    """The same with figures that agree with each other, as those of files must."""
+    given = make_results(stages, lens, **records)
+    found = {stem: agreeing(stem, result, given.lens) for stem, result in given.found.items()}
+    return make_results((), given.lens, **_made_from_each_other(found))
+
+
 def make_folder(folder, stages=STAGES, lens=None, **records):
-    """Write the files of :func:`make_results` into ``folder``; return it."""
+    """Write the files of :func:`agreeing_results` into ``folder``; return it."""
     folder.mkdir(parents=True, exist_ok=True)
-    results = make_results(stages, lens, **records)
+    results = agreeing_results(stages, lens, **records)
     results.lens.save(folder / "lens.json")
     for stem, result in results.found.items():
         result.write(folder, stem)
@@ -88,7 +113,7 @@ def make_folder(folder, stages=STAGES, lens=None, **records):
 def page_of(results, folder=None):
     """The report without the three-dimensional views, which take a process and seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solid_view, "_COMMAND", ("false",))
+        patch.setattr(solid_view.Child, "wait", lambda self: (solid_view.Ending.CRASHED, ""))
         return render_report(results, folder)
 
 
@@ -261,7 +286,7 @@ def make_check(lens, **changes):
         "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
         "criteria": (criterion("radial wall", 1.9, 0.999, ">="),),
-        "verdicts": (Finding(name="wall", surface="body", holds=True, reason="the wall is thick enough"),),
+        "verdicts": (finding("wall", "body", True, "the wall is thick enough"),),
         "seconds": 4.5,
         **check_arrays(),
     }

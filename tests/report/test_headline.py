@@ -7,13 +7,13 @@ from result_folders import (
     STAGES,
     criterion,
     evaluate_arrays,
+    finding,
     make_folder,
     make_results,
     page_of,
     small_lens,
 )
 
-from lensforge.manufacturing.result import Finding
 from lensforge.records import Metric
 from lensforge.report.cards import cards
 from lensforge.results import load_results
@@ -39,7 +39,7 @@ def test_the_three_verdicts_stand_at_the_top(page):
 def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     worse = {"nmse": Metric(value=0.3, standard_error=0.001)}
     reason = "a ball of 1 mm radius reaches 75.0 % of the inner face"
-    verdicts = (Finding(name="cutter", surface="inner", holds=False, reason=reason),)
+    verdicts = (finding("cutter", "inner", False, reason),)
     text = text_of(make_results(evaluate=worse, check={"verdicts": verdicts}))
     assert "✗ Light: fail" in text
     assert "Light: NMSE = 0.3, at most 0.1" in text

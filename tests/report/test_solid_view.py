@@ -67,12 +67,15 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
     assert "script" in Page(markup).tags, "it can be turned"
 
 
-def test_without_a_renderer_the_page_says_so(monkeypatch):
-    monkeypatch.setattr(solid_view, "_COMMAND", ("sh", "-c", "kill -SEGV $$"))
+def test_without_a_renderer_the_page_says_so(tmp_path, monkeypatch):
+    script = tmp_path / "renderer.py"
+    script.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n", encoding="utf-8")
+    whole = solid_view.Child
+    monkeypatch.setattr(solid_view, "Child", lambda _, *rest: whole(script, *rest))
     markup = render_report(make_results(("export",)))
     assert "No 3-D picture: this machine has no off-screen renderer (OpenGL)." in markup
 
 
 def test_a_mesh_that_is_none_is_one_line():
-    with pytest.raises(InputError, match=r"lens\.stl: not a readable mesh; run `lensforge export` again"):
+    with pytest.raises(InputError, match=r"lens\.stl: not readable as STL .* run `lensforge export` again"):
         render_report(make_results(("export",), export={"stl": b"not a mesh"}))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from result_folders import PIXELS, criterion, make_results, small_lens
+from result_folders import finding as any_finding
 
 from lensforge.errors import CriterionMissed
 from lensforge.lens import Lens
@@ -109,7 +110,7 @@ def cut(lens: Lens, *findings: Finding) -> Results:
 
 
 def finding(name: str, surface: str = "inner", holds: bool = False) -> Finding:
-    return Finding(name=name, surface=surface, holds=holds, reason=f"{name} of {surface}")
+    return any_finding(name, surface, holds, f"{name} of {surface}")
 
 
 @pytest.mark.parametrize("name", ["cutter", "relief", "tilt", "wall"])

@@ -1,0 +1,81 @@
+"""Agreement of ray casts with their own pictures and distances, and with the light that they were compared to."""
+
+from collections.abc import Iterator
+from math import sqrt
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.agreement.comparing import beyond, differing, judged
+from lensforge.evaluation.light import Light
+from lensforge.evaluation.metrics import relative_square
+from lensforge.verification.acceptance import (
+    DEVIATION_PER_DISTANCE,
+    agreement_of,
+    balance_error,
+    proof_criteria,
+    stray_criteria,
+)
+from lensforge.verification.proof import Agreement, Proof, StrayLight
+
+_QUANTILES, _P99 = 500, 495  # intervals of the gaps' distribution, and the index of its 99 %
+_ENOUGH = 2 * _QUANTILES  # rays for a root mean square by quantiles
+
+
+def proof_contradictions(proof: Proof, distance_mm: float, light: Light | None) -> Iterator[str]:
+    """Contradictions of the record of a verification; ``distance_mm``: to the receiver."""
+    flux = proof.flux
+    yield from judged("criteria", proof.criteria, proof_criteria(proof, distance_mm))
+    limit = DEVIATION_PER_DISTANCE * distance_mm
+    yield from differing("deviation_limit_mm", proof.deviation_limit_mm, limit, "the spec's distances")
+    yield from differing("flux", sum(flux.model_dump().values()), 1.0, "the laws of conservation")
+    yield from differing("flux.missed", flux.missed, sum(proof.missed_by_cause.model_dump().values()), "its causes")
+    yield from differing("efficiency", proof.efficiency, flux.detected, "its shares of flux")
+    seen = relative_square(np.stack([proof.irradiance, proof.design_irradiance]))
+    yield from differing("nmse_vs_design", proof.nmse_vs_design, seen, "its pictures")
+    if light is not None and not np.array_equal(proof.design_irradiance, light.map):
+        yield "design_irradiance: not the picture in evaluate.npz"
+    yield from _gaps("deviation_mm", agreement_of(proof), proof.gaps_mesh_mm)
+    if proof.brep is not None and proof.gaps_step_mm is not None:
+        yield from _gaps("brep.against_design", proof.brep.against_design, proof.gaps_step_mm)
+    if proof.mitsuba is not None and proof.gaps_mitsuba_mm is not None:
+        yield from _gaps("mitsuba.against_design", proof.mitsuba.against_design, proof.gaps_mitsuba_mm)
+    for name, cast, gaps in (
+        ("brep", proof.brep, proof.gaps_step_mm),
+        ("mitsuba", proof.mitsuba, proof.gaps_mitsuba_mm),
+    ):
+        if (cast is None) != (gaps is None):
+            yield f"{name}: {'missing' if cast is None else 'given'}, but its distances are not so"
+
+
+def _gaps(name: str, stated: Agreement, gaps_mm: Float[np.ndarray, " q"]) -> Iterator[str]:
+    """Largest, 99 % and root mean square of the distances, by their quantiles.
+
+    Between two quantiles lie a 500th of the n rays, to one ray: so much is known of their mean square.
+    """
+    if len(gaps_mm) != _QUANTILES + 1 or (np.diff(gaps_mm) < 0.0).any():
+        yield f"{name}: its distances are no distribution"
+        return
+    source = "the distances of its rays"
+    yield from differing(f"{name}.max", stated.max, float(gaps_mm[-1]), source)
+    yield from differing(f"{name}.p99", stated.p99, float(gaps_mm[_P99]), source)
+    if stated.compared > _ENOUGH:
+        squares, one = gaps_mm**2, (_QUANTILES + 1) / stated.compared
+        least = sqrt(float(squares[:-1].mean()) * (1.0 - one))
+        most = sqrt(float(squares[1:].mean()) * (1.0 + one))
+        yield from beyond(f"{name}.rms", stated.rms, least, most, source)
+    yield from beyond(
+        f"{name}.fates_flux", stated.fates_flux, 0.0, 1.0 if stated.fates else 0.0, "the rays lost by one"
+    )
+
+
+def stray_contradictions(stray: StrayLight) -> Iterator[str]:
+    """Contradictions of the record of the stray light."""
+    flux = stray.flux
+    yield from judged("criteria", stray.criteria, stray_criteria(stray))
+    yield from differing("balance_error", stray.balance_error, balance_error(flux), "its shares of flux")
+    yield from differing(
+        "efficiency", stray.efficiency, flux.detected_direct + flux.detected_stray, "its shares of flux"
+    )
+    by_cause = sum(stray.detected_stray_by_cause.model_dump().values())
+    yield from differing("flux.detected_stray", flux.detected_stray, by_cause, "its causes")

@@ -1,0 +1,66 @@
+"""The first contradiction of any record of a result folder."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from pydantic import ValidationError
+
+from lensforge.agreement.cutting import check_contradictions
+from lensforge.agreement.light import light_contradictions
+from lensforge.agreement.part import part_contradictions
+from lensforge.agreement.proof import proof_contradictions, stray_contradictions
+from lensforge.agreement.search import design_contradictions
+from lensforge.agreement.studies import (
+    photo_contradictions,
+    photometry_contradictions,
+    sensitivity_contradictions,
+    surface_contradictions,
+)
+from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens
+from lensforge.manufacturing.result import Check
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.optimisation.design import Design
+from lensforge.records import StageResult
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.verification.proof import Proof, StrayLight
+
+
+def contradiction(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
+    """The first thing that ``result`` states against its own values, against ``lens``, or what it was made from.
+
+    ``found``: the results by stem that it was made from. Empty where everything agrees.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            return next(_contradictions(result, lens, found), "")
+    except (ValidationError, ArithmeticError):  # the ends of their ranges, where what follows from them is beyond
+        return "what follows from its numbers is beyond any range"
+
+
+def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> Iterator[str]:
+    match result:
+        case Design():
+            yield from design_contradictions(result, lens)
+        case Light():
+            yield from light_contradictions(result, lens)
+        case Part():
+            yield from part_contradictions(result)
+        case Check():
+            yield from check_contradictions(result, lens)
+        case Proof():
+            light = found.get(Light.stage)
+            own = light if isinstance(light, Light) else None
+            yield from proof_contradictions(result, lens.spec.target.distance_mm, own)
+        case StrayLight():
+            yield from stray_contradictions(result)
+        case Photometry():
+            yield from photometry_contradictions(result)
+        case Sensitivity():
+            yield from sensitivity_contradictions(result)
+        case PhotoComparison():
+            yield from photo_contradictions(result)
+        case SurfaceComparison():
+            yield from surface_contradictions(result)

@@ -1,0 +1,72 @@
+"""Agreement of the results on request: far field, sensitivity, and measurements of the part."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.agreement.comparing import differing, judged
+from lensforge.evaluation.light import LightMetrics
+from lensforge.evaluation.metrics import relative_square
+from lensforge.far_field.photometry import Photometry, photometry_criteria
+from lensforge.measurement.comparison import (
+    DeviationExtent,
+    PhotoComparison,
+    SurfaceComparison,
+    photo_criteria,
+    surface_criteria,
+)
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+
+
+def photometry_contradictions(found: Photometry) -> Iterator[str]:
+    """Contradictions of the record of the far field: its flux adds up, in W and in lm."""
+    yield from judged("criteria", found.criteria, photometry_criteria(found.files))
+    spent = found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w
+    yield from differing("source_w", found.source_w, spent, "its shares of flux")
+    ratio = found.exit_w.value / found.source_w
+    yield from differing("light_output_ratio", found.light_output_ratio.value, ratio, "its fluxes")
+    yield from differing("exit_lm", found.exit_lm, ratio * found.source_lm, "its fluxes")
+    if found.per_1000_lm:
+        yield from differing("source_lm", found.source_lm, 1000.0, "candela per 1000 lm")
+
+
+def sensitivity_contradictions(found: Sensitivity) -> Iterator[str]:
+    """Contradictions of the table of errors: a change is the difference from the lens as designed."""
+    for row in found.rows:
+        for name, stated in row.change.model_dump().items():
+            derived = _difference(name, row.metrics, found.nominal)
+            yield from differing(f"rows: {row.name}: change.{name}", stated, derived, "its metrics")
+
+
+def _difference(name: str, here: LightMetrics, there: LightMetrics) -> float | None:
+    one, other = getattr(here, name), getattr(there, name)
+    return None if one is None or other is None else float(one.value - other.value)
+
+
+def photo_contradictions(photo: PhotoComparison) -> Iterator[str]:
+    """Contradictions of the comparison with a photograph."""
+    yield from judged("criteria", photo.criteria, photo_criteria(photo.clipped))
+    seen = relative_square(np.stack([photo.measured, photo.simulated]))
+    yield from differing("nmse", photo.nmse, seen, "its pictures")
+
+
+def surface_contradictions(found: SurfaceComparison) -> Iterator[str]:
+    """Contradictions of the comparison with a measured surface."""
+    yield from judged("criteria", found.criteria, surface_criteria(found.used_share, found.covered_share))
+    yield from _extent("point_deviation_um", found.point_deviation_um, found.distance_um)
+    yield from _extent(
+        "form_deviation_um", found.form_deviation_um, found.deviation_um[np.isfinite(found.deviation_um)]
+    )
+    between = relative_square(np.stack([found.irradiance_measured, found.irradiance_design]))
+    yield from differing("nmse_between", found.nmse_between, between, "its pictures")
+
+
+def _extent(name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"]) -> Iterator[str]:
+    for field, derived in (
+        ("pv", np.ptp(values)),
+        ("rms", np.sqrt(np.mean(values**2))),
+        ("min", values.min()),
+        ("max", values.max()),
+    ):
+        yield from differing(f"{name}.{field}", getattr(stated, field), float(derived), "its distances")

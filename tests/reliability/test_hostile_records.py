@@ -1,0 +1,390 @@
+"""Records that came from anywhere: one line, at once, in little memory, and no value that the writer did not write.
+
+Each change is stamped anew with the checksums that it breaks, so that the record's own classes must refuse it.
+"""
+
+import hashlib
+import io
+import json
+import os
+import random
+import re
+import shutil
+import tracemalloc
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from result_folders import evaluate_arrays, make_folder, make_light, make_results, page_of, small_lens
+
+import lensforge as lf
+from lensforge.evaluation.light import Light
+from lensforge.optimisation.design import Design, Level
+from lensforge.records import Conditions, Record, Text
+from lensforge.records.stored import with_checksum
+from lensforge.report.snapshots import load_snapshots
+from lensforge.results import load_results
+
+MOST_BYTES = 200 * 2**20  # of memory while a record is refused
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files of every stage of a small lens."""
+    return make_folder(tmp_path_factory.mktemp("whole") / "run")
+
+
+@pytest.fixture
+def folder(whole: Path, tmp_path: Path) -> Path:
+    """A copy of them."""
+    return Path(shutil.copytree(whole, tmp_path / "run"))
+
+
+@pytest.fixture(autouse=True)
+def _no_warnings() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def refusal(read: Callable[[], object]) -> str:
+    """The line with which ``read`` refuses."""
+    with pytest.raises(lf.InputError) as caught:
+        read()
+    message = str(caught.value)
+    assert message.isprintable() and len(message) < 1000, message
+    return message
+
+
+def refusal_in_little_memory(read: Callable[[], object]) -> str:
+    """The same; ``read`` takes no more than a fraction of what the file asks for."""
+    tracemalloc.start()
+    try:
+        message = refusal(read)
+        assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
+    finally:
+        tracemalloc.stop()
+    return message
+
+
+def content_of(path: Path) -> Any:
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content.pop("content_sha256")
+    return content
+
+
+def changed(path: Path, where: str, value: object) -> None:
+    """Give the entry at the dotted place ``where`` another value; the file's hash is that of its new content."""
+    content = content_of(path)
+    *way, last = (int(part) if part.isdigit() else part for part in where.split("."))
+    holder = content
+    for part in way:
+        holder = holder[part]
+    holder[last] = value
+    path.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
+
+
+DEEP = "[" * 3000 + "]" * 3000
+TEXTS = {
+    "nested": '{"schema": ' + DEEP + "}",
+    "nested at its end": '{"schema": "lensforge-evaluate-2", "seed": ' + '{"a": ' * 900 + "1" + "}" * 901,
+    "digits": '{"schema": "lensforge-evaluate-2", "seed": 1' + "0" * 5000 + "}",
+    "many values": '{"schema": [' + "0," * 5_000_000 + "0]}",
+    "many tables": '{"schema": [' + "{}," * 5_000_000 + "0]}",
+    "no text": "\udcff\udcfe",
+    "half a character": '{"schema": "\\ud800"}',
+    "a list": "[1, 2]",
+    "a number": "1e999",
+    "not finite": '{"schema": NaN}',
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+@pytest.mark.parametrize("name", ["lens.json", "evaluate.json", "run.json"])
+def test_a_text_that_is_no_record_is_one_line(folder: Path, name: str, text: str) -> None:
+    (folder / name).write_bytes(text.encode("utf-8", "surrogateescape"))
+    assert name in refusal_in_little_memory(lambda: lf.load(folder))
+
+
+@pytest.mark.parametrize("name", ["lens.json", "evaluate.json", "evaluate.npz", "lens.step", "check.npz"])
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device", "loop"])
+def test_what_is_no_file_is_not_waited_for(folder: Path, name: str, kind: str) -> None:
+    path = folder / name
+    path.unlink()
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to("/dev/zero" if kind == "device" else path.name)
+    if (name, kind) == ("evaluate.json", "loop"):
+        assert "evaluate" in load_results(folder).missing  # as a link that leads nowhere
+    else:
+        assert name in refusal(lambda: load_results(folder))
+
+
+def with_archive(folder: Path, content: bytes) -> None:
+    """Put ``content`` in place of ``evaluate.npz``, with its hash in the record."""
+    (folder / "evaluate.npz").write_bytes(content)
+    changed(folder / "evaluate.json", "arrays_sha256", hashlib.sha256(content).hexdigest())
+
+
+def archive(members: dict[str, bytes]) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, content in members.items():
+            packed.writestr(f"{name}.npy", content)
+    return file.getvalue()
+
+
+def member(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.lib.format.write_array(file, array, allow_pickle=True)
+    return file.getvalue()
+
+
+def whole_members() -> dict[str, bytes]:
+    return {name: member(values) for name, values in evaluate_arrays().items()}
+
+
+def claims(shape: str, dtype: str = "<f8") -> bytes:
+    """A member whose header claims any shape, with the numbers of one row."""
+    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(128)
+
+
+def bomb() -> bytes:
+    """An archive of 3 MB whose map has 400 million zeros."""
+    header = claims("(20000, 20000)")[:-128]
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        for name, content in whole_members().items():
+            if name != "map":
+                packed.writestr(f"{name}.npy", content)
+        with packed.open("map.npy", "w", force_zip64=True) as stream:
+            stream.write(header)
+            block = bytes(2**22)
+            for _ in range(160):  # 640 MiB, enough to tell
+                stream.write(block)
+    return file.getvalue()
+
+
+ARCHIVES: dict[str, Callable[[], bytes]] = {
+    "empty": lambda: b"",
+    "truncated": lambda: archive(whole_members())[:-300],
+    "bomb": bomb,
+    "claims much": lambda: archive({**whole_members(), "map": claims("(1000000, 1000000)")}),
+    "claims less than nothing": lambda: archive({**whole_members(), "map": claims("(-16, -1)")}),
+    "claims a number of 3,000 digits": lambda: archive({**whole_members(), "map": claims("(1" + "0" * 3000 + ",)")}),
+    "objects": lambda: archive({**whole_members(), "map": member(np.array([{"a": 1}] * 4, dtype=object))}),
+    "text": lambda: archive({**whole_members(), "map": member(np.full((16, 16), "x"))}),
+    "complex": lambda: archive({**whole_members(), "map": member(np.ones((16, 16), complex))}),
+    "one pixel": lambda: archive({**whole_members(), "map": member(np.ones((1, 1)))}),
+    "other sizes": lambda: archive({**whole_members(), "axis_mm": member(np.linspace(-1.0, 1.0, 8))}),
+    "too many pixels": lambda: archive({name: member(np.zeros(5000)) for name in evaluate_arrays()}),
+    "beyond any light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), 1e300))}),
+    "below any light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), 5e-324))}),
+    "negative light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), -1.0))}),
+    "positions that turn round": lambda: archive({**whole_members(), "axis_mm": member(np.arange(16.0)[::-1].copy())}),
+    "many members": lambda: archive({**whole_members(), **{f"x{number}": b"" for number in range(3000)}}),
+}
+
+
+@pytest.mark.parametrize("make", ARCHIVES.values(), ids=ARCHIVES)
+def test_an_archive_of_anything_is_one_line(folder: Path, make: Callable[[], bytes]) -> None:
+    with_archive(folder, make())
+    message = refusal_in_little_memory(lambda: Light.read(folder))
+    assert "evaluate" in message and "run `lensforge evaluate` again" in message
+
+
+@pytest.mark.parametrize("how", [np.asfortranarray, lambda values: values.astype(">f8")], ids=["columns", "big-endian"])
+def test_the_order_of_bytes_and_rows_changes_nothing(folder: Path, how: Callable[[np.ndarray], np.ndarray]) -> None:
+    before = Light.read(folder)
+    with np.load(folder / "evaluate.npz") as arrays:
+        with_archive(folder, archive({name: member(how(arrays[name])) for name in arrays}))
+    assert Light.read(folder) == before
+    assert Light.read(folder).sha256 == before.sha256
+
+
+def cases(table: dict[str, list[Any]]) -> list[tuple[str, Any]]:
+    """Each place with each of its values."""
+    return [(where, value) for where, values in table.items() for value in values]
+
+
+def short(value: object) -> str:
+    """A name of a case, which a terminal shows on one line."""
+    return repr(value)[:24]
+
+
+LENS = {
+    "inner": [[], 3.0, {}, "srbf", None],
+    "inner.levels": [[], [10**9], [9] * 1000, [0], 9, [9.5], [-9]],
+    "inner.sigma_c": [1e300, 1e-300, 0.0, -1.0, "2", [1.75], 10**400],
+    "inner.offset_mm": [1e18, 1e308, 5e-324, 0.0, -3.0, [], True],
+    "inner.weights_mm": [[], [1e308] * 9, [1e18] * 9, [-1e9] * 9, [0.0] * 10, "0" * 9, {}],
+    "inner.symmetry": ["triangle", "", 3, "square\n"],
+    "inner.kind": ["asphere", "nurbs", "", "\x1b[31m", None, 7],
+    "outer": [{"kind": "asphere", "vertex_mm": 1e308, "radius_mm": -1.0, "conic": 0.0, "coefficients": []}],
+    "seed": [-1, 10**400, 1.5, None, "0"],
+    "spec": [[], {}, None, {"a": {}}],
+    "spec.constraints.max_radius_mm": [1e-300, 1e308, -1.0],
+    "spec.source.side_mm": [1e308, -1.0, []],
+    "spec.source.flux_w": [1e308, 1e-320, 0.0],
+    "spec.target.distance_mm": [1e308, "\x00"],
+    "units": [{"length": "m", "angle": "rad"}, []],
+}
+
+
+@pytest.mark.parametrize(("where", "value"), cases(LENS), ids=short)
+def test_nothing_but_a_lens_is_a_lens(folder: Path, where: str, value: object) -> None:
+    changed(folder / "lens.json", where, value)
+    assert "lens.json" in refusal(lambda: lf.load_lens(folder / "lens.json"))
+
+
+RECORD = {
+    "rays": [10**18, -1, 10**400, 1e9, True],
+    "pixels": [3, 1, 20_000, 0],
+    "receiver_mm": [1e300, 5e-324, 0.0, -300.0],
+    "nmse.value": [1e300, -1e300, 1e308 * 10, [], "0.1"],
+    "nmse.standard_error": [-1.0, 1e300],
+    "flux.detected": [-0.5, 1.5, 0.2],
+    "lumens_per_watt": [5e-324, 1e308],
+    "criteria": [[{}] * 20_000, {}, None],
+    "inputs.lens": ["0" * 63, "Z" * 64, "0" * 64 + "\n", None],
+    "seconds": [-1.0],
+    "more": [1, {}, None],
+}
+
+
+@pytest.mark.parametrize(("where", "value"), cases(RECORD), ids=short)
+def test_nothing_but_a_record_is_a_record(folder: Path, where: str, value: object) -> None:
+    changed(folder / "evaluate.json", where, value)
+    assert "evaluate.json" in refusal(lambda: Light.read(folder))
+
+
+def test_a_history_is_bounded(folder: Path) -> None:
+    level = content_of(folder / "design.json")["history"][0]
+    lens = lf.load_lens(folder / "lens.json")
+    changed(folder / "design.json", "history", [level] * 1000)
+    assert "history" in refusal(lambda: Design.read(folder, lens=lens))
+    changed(folder / "design.json", "history", [{**level, "loss": [0.0] * 1_000_001}])
+    assert "loss" in refusal(lambda: Design.read(folder, lens=lens))
+
+
+def test_no_flipped_bit_goes_unnoticed(folder: Path) -> None:
+    chance = random.Random(16)
+    for name, read in (
+        ("evaluate.json", lambda: Light.read(folder)),
+        ("lens.json", lambda: lf.load_lens(folder / "lens.json")),
+    ):
+        path = folder / name
+        whole, before = path.read_bytes(), read()
+        taken = 0
+        for _ in range(300):
+            place = chance.randrange(len(whole))
+            flipped = bytearray(whole)
+            flipped[place] ^= 1 << chance.randrange(8)
+            path.write_bytes(bytes(flipped))
+            try:
+                found = read()
+            except lf.InputError:
+                continue
+            taken += 1
+            assert found == before, (name, place)  # such as a space that became a tab
+        assert taken < 150
+        path.write_bytes(whole)
+
+
+def test_a_record_that_was_edited_says_so(folder: Path) -> None:
+    path = folder / "evaluate.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["rays"] += 1
+    path.write_text(json.dumps(content), encoding="utf-8")
+    assert re.search(r"damaged or was edited; run `lensforge evaluate` again", refusal(lambda: Light.read(folder)))
+    del content["content_sha256"]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    assert "content_sha256" in refusal(lambda: Light.read(folder))
+
+
+@pytest.mark.parametrize("name", ["../up", "/etc/x", "a/b", ".hidden", "", "x" * 300, "a\x00b", "a\n", "-rf"])
+def test_names_of_conditions_stay_inside_the_folder(folder: Path, name: str) -> None:
+    light = make_light(small_lens(), conditions=Conditions.of(rays=64))
+    light.write(folder, "evaluate_64rays")
+    changed(folder / "evaluate_64rays.json", "conditions.name", name)
+    assert "conditions.name" in refusal(lambda: load_results(folder))
+
+
+def test_a_record_belongs_into_the_file_of_its_name(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "run", ("design",))
+    make_light(small_lens(), conditions=Conditions.of(rays=64)).write(folder, "evaluate_other")
+    found = load_results(folder)
+    assert not found.others
+    assert "belongs into evaluate_64rays.json" in found.outdated["evaluate_other"]
+
+
+class Words(Record):
+    """A record of one text."""
+
+    words: Text
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("a\nb\tc\r\n", "a b c  "),
+        ("\x1b[31mred\x00", "\ufffd[31mred\ufffd"),
+        ("half \ud800", "half \ufffd"),
+        ("thin\u2009space, π, é", "thin\u2009space, π, é"),
+        ("\u202egnp.exe", "\ufffdgnp.exe"),
+    ],
+)
+def test_a_text_can_be_printed_on_any_page_or_terminal(given: str, kept: str) -> None:
+    assert Words(words=given).words == kept
+    assert Words(words=kept).words == kept
+
+
+def test_a_text_is_no_longer_than_a_page_can_show() -> None:
+    assert len(Words(words="x" * 10**6).words) == 10_000
+
+
+def test_snapshots_are_bounded(tmp_path: Path) -> None:
+    (tmp_path / "snapshots").mkdir()
+    for level in range(30):
+        (tmp_path / "snapshots" / f"level-{level}.json").write_text("{}", encoding="utf-8")
+    assert "30 snapshots" in refusal(lambda: load_snapshots(tmp_path, small_lens()))
+
+
+def extreme_lights() -> dict[str, dict[str, Any]]:
+    """Lights that every range allows, and no lens makes."""
+    dark = {name: np.zeros((16, 16)) for name in ("map", "raw_map", "target_map")}
+    spot = np.zeros((16, 16))
+    spot[3, 5] = 1e30
+    one = {"map": np.ones((1, 1)), "raw_map": np.ones((1, 1)), "target_map": np.ones((1, 1)), "axis_mm": np.zeros(1)}
+    return {
+        "dark": dark,
+        "a spot": {"map": spot, "raw_map": spot, "target_map": spot[::-1].copy(), "lumens_per_watt": 1e30},
+        "one pixel": {**one, "pixels": 1},
+        "faint": {name: np.full((16, 16), 1e-30) for name in dark} | {"receiver_mm": 1e-30, "window_mm": 1e-30},
+        "wide": {"receiver_mm": 1e30, "window_mm": 1e30, "distance_mm": 1e30},
+        "a mask below a pixel": {"uniform_mm": 1e-3},
+    }
+
+
+@pytest.mark.parametrize("changes", extreme_lights().values(), ids=extreme_lights())
+def test_a_page_shows_whatever_a_light_may_hold(changes: dict[str, Any]) -> None:
+    page = page_of(make_results(("evaluate",), evaluate=changes))
+    assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()
+
+
+def test_a_page_shows_whatever_a_search_may_hold() -> None:
+    steps = (1e30, 1e-30, 0.0, 1e30)
+    names = ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm")
+    margins = dict.fromkeys(names, (-1e30, 1e30, 0.0, 1e-30))
+    level = Level(level=0, functions=9, loss=(-1e30, *steps[1:]), nmse=steps, efficiency=steps, constraints=margins)
+    outline = ((1e30, 0.0, 0.0), (-1e30, 0.0, 1e30))
+    assert page_of(make_results(("design",), design={"history": (level,), "source_outline_mm": outline}))

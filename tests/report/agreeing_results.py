@@ -1,0 +1,172 @@
+"""The small results of :mod:`result_folders` with figures that agree with their own pictures, and with their lens."""
+
+import numpy as np
+
+from lensforge.evaluation.light import light_criteria
+from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
+from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.result import OuterRelief, Relief
+from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
+from lensforge.optimisation.design import Margins
+from lensforge.optimisation.limits import constraint_criteria
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.verification.acceptance import proof_criteria, stray_criteria
+
+
+def squares(image, reference):
+    return float(np.sum((image - reference) ** 2) / np.sum(reference**2))
+
+
+def agreeing(stem, result, lens):
+    """``result`` with criteria, findings and figures that follow from its own values."""
+    change = MAKERS[stem.partition("_")[0] if stem.startswith("compare") else stem](result, lens)
+    changed = result.model_copy(update=change)
+    judged = CRITERIA.get(type(changed).__name__)
+    return changed if judged is None else changed.model_copy(update=judged(changed, lens))
+
+
+def design(result, lens):
+    u, limits = fibonacci_hemisphere(60_000), lens.spec.constraints
+    inner, outer = lens.inner.radius(u), lens.outer.radius(u)
+    cavity = limits.cavity_height_mm / limits.cavity_radius_mm**2 * inner**2 * (1.0 - u[:, 2] ** 2) + inner * u[:, 2]
+    margins = Margins(
+        cavity_clearance_mm=float(cavity.min()) - limits.cavity_height_mm,
+        wall_margin_mm=float((outer - inner).min()) - limits.min_thickness_mm,
+        radius_margin_mm=limits.max_radius_mm - float(outer.max()),
+    )
+    return {"constraints": margins, "max_radius_mm": float(outer.max()), "height_mm": float((outer * u[:, 2]).max())}
+
+
+def light(result, lens):
+    target = result.target_map * result.map.sum() / result.target_map.sum()
+    lit = result.raw_map[target > 0.1 * target.max()].sum() / result.raw_map.sum()
+    share = result.share_in_target.model_copy(update={"value": float(lit) * result.flux.detected})
+    raw = result.raw.model_copy(update={"nmse": squares(result.map, target)})
+    efficiency = result.efficiency.model_copy(update={"value": result.flux.detected})
+    return {
+        "efficiency": efficiency,
+        "window_mm": result.receiver_mm,
+        "share_in_target": share,
+        "target_map": target,
+        "raw": raw,
+        "nmse_of_noise": max(raw.nmse - result.nmse.value, 1e-4),
+    }
+
+
+def corners_of(stl):
+    """The corners of the triangles of a binary STL."""
+    rows = np.frombuffer(stl, np.uint8, offset=84).reshape(-1, 50)
+    return rows[:, 12:48].copy().view("<f4").reshape(-1, 3, 3).astype(float)
+
+
+def part(result, lens):
+    corners = corners_of(result.stl)
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volume = float(np.sum(corners[:, 0] * crossed)) / 6.0
+    extent = result.form_error_nm.model_copy(update={"max": 0.75})
+    mesh = result.triangulation.model_copy(update={"triangles": len(corners), "chord_error_um": 100.0})
+    return {"volume_mm3": volume + 1.0, "volume_mesh_mm3": volume, "form_error_nm": extent, "triangulation": mesh}
+
+
+def files(result, lens):
+    corners = corners_of(result.stl)
+    area = (
+        float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()) / 2
+    )
+    measured = {
+        "form_error": result.form_error_nm.max, "normal_error": result.normal_error_mrad.max, "step_valid": 1.0,
+        "step_volume_change": 0.0, "watertight": float(result.watertight), "watertight_3mf": 1.0,
+        "genus_difference": 0.0, "mesh_volume_change": abs(result.volume_mesh_mm3 / result.volume_mm3 - 1.0),
+    }  # fmt: skip
+    limit = mesh_volume_limit(area, 1e-3 * result.triangulation.chord_error_um, result.volume_mm3)
+    return {"criteria": part_criteria(measured, limit, dict.fromkeys(measured, "try something else"))}
+
+
+def check(result, lens):
+    change = {}
+    for name in ("inner", "outer"):
+        face = getattr(result, name)
+        sag, kappa, left = (getattr(result, f"{name}_{each}") for each in ("sag_mm", "kappa_max", "residual_mm"))
+        curvature, concave = face.curvature, -1.0 / face.curvature.kappa_min_per_mm
+        highest = max(curvature.kappa_max_per_mm, float(np.nanmax(kappa)))
+        change[name] = face.model_copy(
+            update={
+                "best_fit_sphere": face.best_fit_sphere.model_copy(
+                    update={"pv_mm": float(np.nanmax(sag) - np.nanmin(sag))}
+                ),
+                "curvature": curvature.model_copy(
+                    update={"smallest_concave_radius_mm": concave, "kappa_max_per_mm": highest}
+                ),
+                "cutter": face.cutter.model_copy(
+                    update={"largest_radius_mm": 0.99 * concave, "residual_mm": float(np.nanmax(left))}
+                ),
+            }
+        )
+    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flush_fraction=1.0)
+    return change | {"relief": Relief(outer=clear, inner=None)}
+
+
+def findings(result, lens):
+    found = check_findings(lens.spec, result.inner, result.outer, result.min_wall_mm, result.relief, result.tools)
+    return {"verdicts": found, "criteria": (radial_criterion(lens.spec, result.wall.radial),)}
+
+
+def proof(result, lens):
+    seen = squares(result.irradiance, result.design_irradiance)
+    change = {"nmse_vs_design": seen, "noise_floor_nmse": seen, "deviation_limit_mm": 0.015}
+    for name, gaps in (
+        ("mesh", result.gaps_mesh_mm),
+        ("brep", result.gaps_step_mm),
+        ("mitsuba", result.gaps_mitsuba_mm),
+    ):
+        if gaps is None:
+            continue
+        extent = {"rms": float(np.sqrt(np.mean(gaps**2))), "p99": float(gaps[495]), "max": float(gaps[-1])}
+        if name == "mesh":
+            change["deviation_mm"] = result.deviation_mm.model_copy(update=extent)
+        else:
+            cast = getattr(result, name)
+            against = cast.against_design.model_copy(
+                update=extent | ({} if cast.against_design.fates else {"fates_flux": 0.0})
+            )
+            change[name] = cast.model_copy(update={"against_design": against})
+    return change
+
+
+def stray(result, lens):
+    flux = result.flux
+    causes = result.detected_stray_by_cause.model_dump()
+    flux = flux.model_copy(update={"detected_stray": sum(causes.values())})
+    rest = 1.0 - sum(value for name, value in flux.model_dump().items() if name != "backward")
+    flux = flux.model_copy(update={"backward": rest})
+    off = abs(sum(flux.model_dump().values()) - 1.0)
+    return {"flux": flux, "balance_error": off, "efficiency": flux.detected_direct + flux.detected_stray}
+
+
+def compare(result, lens):
+    if hasattr(result, "simulated"):
+        return {"nmse": squares(result.measured, result.simulated)}
+    form = result.deviation_um[np.isfinite(result.deviation_um)]
+    extents = {
+        name: DeviationExtent(
+            pv=float(np.ptp(each)), rms=float(np.sqrt(np.mean(each**2))), min=float(each.min()), max=float(each.max())
+        )
+        for name, each in (("point_deviation_um", result.distance_um), ("form_deviation_um", form))
+    }
+    return extents | {"nmse_between": squares(result.irradiance_measured, result.irradiance_design)}
+
+
+MAKERS = {
+    "design": design, "evaluate": light, "export": part, "check": check, "verify": proof, "stray": stray,
+    "compare": compare,
+}  # fmt: skip
+CRITERIA = {
+    "Design": lambda each, lens: {"criteria": constraint_criteria(lens.spec, each.constraints)},
+    "Light": lambda each, lens: {"criteria": light_criteria(each.flux)},
+    "Part": files,
+    "Check": findings,
+    "Proof": lambda each, lens: {"criteria": proof_criteria(each, lens.spec.target.distance_mm)},
+    "StrayLight": lambda each, lens: {"criteria": stray_criteria(each)},
+    "PhotoComparison": lambda each, lens: {"criteria": photo_criteria(each.clipped)},
+    "SurfaceComparison": lambda each, lens: {"criteria": surface_criteria(each.used_share, each.covered_share)},
+}
