@@ -13,9 +13,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
+from lensforge.files import MIB, read_file
 from lensforge.geometry.mesh import INNER, OUTER, RIM, BodyMesh
 from lensforge.geometry.solid import Solid, uniquely_named
-from lensforge.geometry.step import read_products
+from lensforge.geometry.step_reading import parse_apart
+from lensforge.untrusted.archives import MOST_STEP_MIB
 
 BASE = "BASE"
 
@@ -34,8 +36,15 @@ class CustomBase:
 
 
 def read_custom_base(path: Path) -> CustomBase:
-    """The one solid of ``path``. Raises :class:`InputError` for anything else, or where its top is not in z = 0."""
-    parts = read_products(path, "base.file is relative to the folder of its spec", "export it as AP203, AP214 or AP242")
+    """The one solid of ``path``, read in a child process: it is the user's file, or one that was sent to him.
+
+    Raises :class:`InputError` for anything else, or where its top is not in z = 0.
+    """
+    missing = "base.file is relative to the folder of its spec"
+    content = read_file(path, missing=missing, most_bytes=MOST_STEP_MIB * MIB)
+    parts = parse_apart(
+        content, str(path), "repair it in CAD, and export it as AP203, AP214 or AP242", to_be_joined=True
+    )
     solids = [(solid, part) for part in parts for solid in part.shape.Solids()]
     if len(solids) != 1:
         raise InputError(f"{path}: holds {len(solids)} solids, a base is one; join them, or export the one alone")

@@ -4,9 +4,10 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from lensforge.criteria import Criterion, at_least, at_most
+from lensforge.criteria import Criterion
+from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
-from lensforge.geometry.form import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, FormError, Place, face_error, fit_faces, worst
+from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
 from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
@@ -26,18 +27,16 @@ from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
-    Schema,
     parse_step,
     parse_surfaces,
     require_schema,
     step_bytes,
     surfaces_bytes,
 )
+from lensforge.geometry.step_settings import Schema
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
-
-_ROUND_TRIP_LIMIT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -156,7 +155,7 @@ def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> 
         form=worst(list(errors)),
         volume_change=abs(solid.volume_mm3 / body.solid.volume_mm3 - 1.0),
         mesh_volume_change=abs(closure.volume_mm3 / solid.volume_mm3 - 1.0),
-        mesh_volume_limit=body.mesh.area() * body.reached.chord_mm / solid.volume_mm3,
+        mesh_volume_limit=mesh_volume_limit(body.mesh.area(), body.reached.chord_mm, solid.volume_mm3),
     )
 
 
@@ -166,17 +165,27 @@ def _criteria(proof: _Proof) -> tuple[Criterion, ...]:
     form, faults = proof.form, ", ".join(proof.solid.faults) or "the whole solid"
     wrong_at = f"try another base.diameter_mm, or no base; not valid: {faults}"
     stl, threemf = proof.stl, proof.threemf
-    more_rings, change, limit = "raise the number of rings", proof.mesh_volume_change, proof.mesh_volume_limit
-    return (
-        at_most("form_error", form.form_max_nm, FORM_LIMIT_NM, "nm", finer + _at(form.form_at_mm)),
-        at_most("normal_error", form.normal_max_mrad, NORMAL_LIMIT_MRAD, "mrad", finer + _at(form.normal_at_mm)),
-        at_least("step_valid", float(proof.solid.valid), 1.0, "", wrong_at),
-        at_most("step_volume_change", proof.volume_change, _ROUND_TRIP_LIMIT, "", finer),
-        at_least("watertight", float(stl.watertight), 1.0, "", rings + _at(stl.fault_mm)),
-        at_least("watertight_3mf", float(threemf.watertight), 1.0, "", rings + _at(threemf.fault_mm)),
-        at_most("genus_difference", abs(stl.genus - proof.solid.genus), 0.0, "", rings),
-        at_most("mesh_volume_change", change, limit, "", more_rings),
-    )
+    measured = {
+        "form_error": form.form_max_nm,
+        "normal_error": form.normal_max_mrad,
+        "step_valid": float(proof.solid.valid),
+        "step_volume_change": proof.volume_change,
+        "watertight": float(stl.watertight),
+        "watertight_3mf": float(threemf.watertight),
+        "genus_difference": float(abs(stl.genus - proof.solid.genus)),
+        "mesh_volume_change": proof.mesh_volume_change,
+    }
+    remedies = {
+        "form_error": finer + _at(form.form_at_mm),
+        "normal_error": finer + _at(form.normal_at_mm),
+        "step_valid": wrong_at,
+        "step_volume_change": finer,
+        "watertight": rings + _at(stl.fault_mm),
+        "watertight_3mf": rings + _at(threemf.fault_mm),
+        "genus_difference": rings,
+        "mesh_volume_change": "raise the number of rings",
+    }
+    return part_criteria(measured, proof.mesh_volume_limit, remedies)
 
 
 def _at(place_mm: Place | None) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.geometry.plan import rim_directions
@@ -21,9 +22,7 @@ from lensforge.surfaces.surface import Surface
 SAMPLES = 4096
 _RIM_SHARE = 4  # for every four samples a further one lies exactly on the rim, where splines are worst
 _SAME_CHART = 1e-3
-# The largest errors of an exported face.
-FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
-# A fit aims at half of them; errors fall with these powers of the node count.
+# A fit aims at half of the largest errors that are accepted; errors fall with these powers of the node count.
 _FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5 * FORM_LIMIT_NM, 0.5 * NORMAL_LIMIT_MRAD
 _FORM_ORDER, _NORMAL_ORDER = 6, 5
 

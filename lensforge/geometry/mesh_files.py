@@ -2,11 +2,13 @@
 
 STL is in single precision and repeats every vertex in each of its triangles; 3MF keeps shared vertices, unit and face
 names. The same mesh gives the same bytes: the identifiers that 3MF needs are hashes of the content.
+
+Bytes that come from a file are read within bounds, 3MF in a child process, since its library is C++; bytes that this
+process made are read at once. The child of a usual lens takes 1 s more than reading here.
 """
 
 import ctypes
 import hashlib
-import io
 import uuid
 from pathlib import Path
 from typing import Any
@@ -15,9 +17,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.files import file_bytes, temporary_file
+from lensforge.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.geometry.mesh import BodyMesh
+from lensforge.untrusted.archives import require_small_3mf
+from lensforge.untrusted.child import ChildLimits, serve, work_in_child
+from lensforge.untrusted.own_content import is_own, remembered
+from lensforge.untrusted.stl import MOST_MM, MOST_TRIANGLES, stl_corners
 
+_AGAIN = "run `lensforge export` again"
+_THREEMF, _JOB = "lens.3mf", "job.json"
+# A mesh of 3 million triangles takes 1.5 GiB as lists of Python's numbers; one of 0.2 million 0.3 GiB and 3 s.
+_LIMITS = ChildLimits(memory_mib=1800, seconds=60.0)
 _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at lens size
 
 
@@ -27,7 +37,7 @@ def stl_bytes(mesh: BodyMesh) -> bytes:
 
     content = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(file_type="stl")
     assert isinstance(content, bytes)
-    return content
+    return remembered(content)
 
 
 def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
@@ -35,16 +45,9 @@ def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarra
 
     Raises :class:`InputError` unless they hold a mesh; ``origin`` names the file in the message.
     """
-    import trimesh
-
-    try:
-        body = trimesh.load_mesh(io.BytesIO(content), file_type="stl", process=False)
-    except Exception as error:  # the reader raises many kinds; the cause is always the file
-        raise InputError(f"{origin}: not readable as STL ({error}); run `lensforge export` again") from None
-    if len(getattr(body, "faces", ())) == 0:
-        raise InputError(f"{origin}: holds no triangles; run `lensforge export` again")
-    vertices, index = np.unique(np.asarray(body.vertices, dtype=np.float64), axis=0, return_inverse=True)
-    return vertices, index.reshape(-1)[np.asarray(body.faces)]
+    corners = stl_corners(content, origin, _AGAIN, None if is_own(content) else MOST_TRIANGLES)
+    vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, index.reshape(-1, 3)
 
 
 def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
@@ -76,7 +79,7 @@ def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
         except lib3mf.ELib3MFException as error:
             raise InputError(f"{product}: the 3MF file could not be written to {path.parent} ({error})") from None
 
-    return file_bytes("lens.3mf", write)
+    return remembered(file_bytes("lens.3mf", write))
 
 
 def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
@@ -84,24 +87,51 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
 
     Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
     """
+    if is_own(content):
+        with temporary_file(content, _THREEMF) as path:
+            return _read_3mf(path, origin)
+    require_small_3mf(content, origin, _AGAIN)
+    with temporary_folder(origin) as folder:
+        (folder / _THREEMF).write_bytes(content)
+        write_json(folder / _JOB, {"origin": origin})
+        work_in_child(Path(__file__).resolve(), folder, _LIMITS, origin=origin, remedy=_AGAIN)
+        vertices, triangles = np.load(folder / "vertices.npy"), np.load(folder / "triangles.npy")
+    return vertices, triangles
+
+
+def _read_3mf(path: Path, origin: str) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
     try:
-        with temporary_file(content, "lens.3mf") as path:
-            reader.ReadFromFile(str(path))
+        reader.ReadFromFile(str(path))
     except lib3mf.ELib3MFException as error:
-        raise InputError(f"{origin}: not readable as 3MF ({error}); run `lensforge export` again") from None
+        raise InputError(f"{origin}: not readable as 3MF ({error}); {_AGAIN}") from None
     objects = model.GetMeshObjects()
     if model.GetUnit() != lib3mf.ModelUnit.MilliMeter or not objects.MoveNext():
-        raise InputError(f"{origin}: holds no mesh in mm; run `lensforge export` again")
+        raise InputError(f"{origin}: holds no mesh in mm; {_AGAIN}")
     body = objects.GetCurrentMeshObject()
+    if not 0 < body.GetTriangleCount() <= MOST_TRIANGLES:
+        raise InputError(f"{origin}: {body.GetTriangleCount()} triangles, 1 to {MOST_TRIANGLES} are read; {_AGAIN}")
     vertices = np.array([vertex.Coordinates[:] for vertex in body.GetVertices()], dtype=np.float64)
     triangles = np.array([triangle.Indices[:] for triangle in body.GetTriangleIndices()], dtype=np.int64)
+    if not float(np.abs(vertices).max()) <= MOST_MM:
+        raise InputError(f"{origin}: a vertex lies beyond {MOST_MM:g} mm; {_AGAIN}")
     return vertices, triangles
+
+
+def _write_arrays(folder: Path) -> None:
+    """Work of the child process: the arrays of the 3MF file in ``folder``."""
+    vertices, triangles = _read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"])
+    np.save(folder / "vertices.npy", vertices)
+    np.save(folder / "triangles.npy", triangles)
 
 
 def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
     return (struct * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
+
+
+if __name__ == "__main__":
+    serve(_write_arrays)

@@ -3,47 +3,28 @@
 The same shapes give the same bytes: the header carries no time, so that a hash identifies the geometry.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from lensforge.errors import InputError
 from lensforge.files import file_bytes, temporary_file
 from lensforge.geometry.solid import Solid
+from lensforge.geometry.step_reading import Product, parse_apart, products_in
+from lensforge.geometry.step_settings import KERNEL_SCHEMA, Schema, configure, new_document
+from lensforge.untrusted.own_content import is_own, remembered
 from lensforge.version import __version__
 
 if TYPE_CHECKING:
     import cadquery
 
-Schema = Literal["AP214", "AP242"]
-
-_KERNEL_SCHEMA: dict[Schema, str] = {"AP214": "AP214IS", "AP242": "AP242DIS"}
-_TEXT_SETTINGS = {"write.step.unit": "MM", "xstep.cascade.unit": "MM"}
-_NUMBER_SETTINGS = {
-    "write.surfacecurve.mode": 1,  # keep the parameter curves: readers trim by them (FreeCAD #32435)
-    "write.stepcaf.subshapes.name": 1,
-    "read.stepcaf.subshapes.name": 1,
-    "write.precision.mode": 2,  # state the uncertainty below, whatever the largest vertex tolerance is
-}
-_UNCERTAINTY_MM = 1e-5
 _NO_TIME = "1970-01-01T00:00:00"
-
 _EXPORT_AGAIN = "run `lensforge export` again"
-
-
-@dataclass(frozen=True)
-class Product:
-    """A product of the file: its ``cadquery.Shape``, and the faces of it that have names."""
-
-    name: str
-    shape: Any
-    faces: dict[str, Any]
 
 
 def require_schema(schema: str) -> None:
     """Raise :class:`InputError` for a schema other than AP214 and AP242."""
-    if schema not in _KERNEL_SCHEMA:
-        raise InputError(f"schema = {schema!r}: one of {', '.join(_KERNEL_SCHEMA)}")
+    if schema not in KERNEL_SCHEMA:
+        raise InputError(f"schema = {schema!r}: one of {', '.join(KERNEL_SCHEMA)}")
 
 
 def step_bytes(solid: Solid, product: str, schema: Schema = "AP214") -> bytes:
@@ -62,7 +43,7 @@ def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: S
     from OCP.STEPControl import STEPControl_StepModelType
 
     writer = STEPCAFControl_Writer()
-    _configure(product, schema)
+    configure(product, schema)
     writer.SetNameMode(True)
     writer.Transfer(_document(parts, faces), STEPControl_StepModelType.STEPControl_AsIs)
     _sign(writer.ChangeWriter().Model(), product)
@@ -71,7 +52,7 @@ def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: S
         if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
             raise InputError(f"{product}: the STEP file could not be written to {path.parent}; is the disk full?")
 
-    return file_bytes("lens.step", write)
+    return remembered(file_bytes("lens.step", write))
 
 
 def parse_step(content: bytes, origin: str = "lens.step") -> Solid:
@@ -98,76 +79,10 @@ def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[s
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:
+    if not is_own(content):
+        return parse_apart(content, origin, _EXPORT_AGAIN)
     with temporary_file(content, "lens.step") as path:
-        return _products(path, origin, _EXPORT_AGAIN)
-
-
-def read_products(path: Path, missing: str, damaged: str) -> list[Product]:
-    """All products of a STEP file, in mm whatever its unit; the remedies go into the :class:`InputError`."""
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file; {missing}")
-    return _products(path, str(path), damaged)
-
-
-def _products(path: Path, origin: str, remedy: str) -> list[Product]:
-    import cadquery as cq
-    from OCP.IFSelect import IFSelect_ReturnStatus
-    from OCP.STEPCAFControl import STEPCAFControl_Reader
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
-
-    reader, document, parts = STEPCAFControl_Reader(), _new_document(), TDF_LabelSequence()
-    _configure("", "AP214")
-    reader.SetNameMode(True)
-    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.Transfer(document):
-        raise InputError(f"{origin}: not readable as STEP; {remedy}")
-    XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
-    labels = [parts.Value(k + 1) for k in range(parts.Length())]
-    # All in one go: labels are valid only as long as the document is referenced.
-    return [
-        Product(_name(label), cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(label)), _named_faces(label))
-        for label in labels
-    ]
-
-
-def _named_faces(part: Any) -> dict[str, Any]:
-    import cadquery as cq
-    from OCP.TDF import TDF_LabelSequence
-    from OCP.XCAFDoc import XCAFDoc_ShapeTool
-
-    labels, faces = TDF_LabelSequence(), {}
-    XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
-    for k in range(labels.Length()):
-        shape, name = cq.Shape.cast(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1))), _name(labels.Value(k + 1))
-        if isinstance(shape, cq.Face) and name:
-            faces[name] = shape
-    return faces
-
-
-def _name(label: Any) -> str:
-    from OCP.TDataStd import TDataStd_Name
-
-    name = TDataStd_Name()
-    return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
-
-
-def _configure(product: str, schema: Schema) -> None:
-    """Set the CAD kernel's options, which are global and exist only after a reader or writer has been made."""
-    from OCP.Interface import Interface_Static
-
-    texts = {**_TEXT_SETTINGS, "write.step.schema": _KERNEL_SCHEMA[schema], "write.step.product.name": product}
-    for option, text in texts.items():
-        Interface_Static.SetCVal_s(option, text)
-    for option, number in _NUMBER_SETTINGS.items():
-        Interface_Static.SetIVal_s(option, number)
-    Interface_Static.SetRVal_s("write.precision.val", _UNCERTAINTY_MM)
-
-
-def _new_document() -> Any:
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDocStd import TDocStd_Document
-
-    return TDocStd_Document(TCollection_ExtendedString("lensforge"))
+        return products_in(path, origin, _EXPORT_AGAIN)
 
 
 def _document(parts: dict[str, Any], faces: dict[str, Any]) -> Any:
@@ -176,7 +91,7 @@ def _document(parts: dict[str, Any], faces: dict[str, Any]) -> Any:
     from OCP.TDataStd import TDataStd_Name
     from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
-    document = _new_document()
+    document = new_document()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for product, shape in parts.items():
         part = shapes.AddShape(shape.wrapped, False)

@@ -93,10 +93,10 @@ def _level_cards(results: Results) -> Iterator[Card]:
     if light is None:
         return
     unit = unit_of_light(results)
-    if light.uniform_mm is None:
+    inside = np.abs(light.axis_mm) <= 0.5 * (light.uniform_mm or 0.0)
+    if light.uniform_mm is None or not inside.any():  # a mask may be smaller than a pixel
         label, watts, where = f"Peak {unit.quantity}", float(light.map.max()), "on the receiver"
     else:
-        inside = np.abs(light.axis_mm) <= 0.5 * light.uniform_mm
         label, watts = f"Mean {unit.quantity}", float(np.mean(light.map[np.ix_(inside, inside)]))
         where = f"in the mask of {light.uniform_mm:g} mm"
     note = where if unit == WATTS else f"{where}; {number(watts, 3)} {WATTS.symbol}"

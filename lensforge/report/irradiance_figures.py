@@ -39,7 +39,7 @@ def irradiance_map(
     """
     figure, axes, bar = new_map(width)
     shown = _show(axes, unit.per_w_m2 * image, receiver_mm, "inferno", 0.0, unit.per_w_m2 * top)
-    if outline is not None and outline.max() > 0.0:
+    if outline is not None and len(outline) > 1 and outline.max() > 0.0:
         outline = drawn(outline)
         axis = pixel_axis_mm(receiver_mm, len(outline))
         axes.contour(axis, axis, outline, levels=[0.5 * outline.max()], colors="white", linewidths=0.7, alpha=0.85)
@@ -60,7 +60,8 @@ def isolines(image: Image, receiver_mm: float, level: float, unit: LightUnit = W
     image = drawn(image)
     axis = pixel_axis_mm(receiver_mm, len(image))
     colours = list(ISO_SHARES.values())
-    axes.contour(axis, axis, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
+    if len(image) > 1:  # one pixel has no lines
+        axes.contour(axis, axis, image, levels=[share * level for share in ISO_SHARES], colors=colours, linewidths=0.9)
     half = 0.5 * receiver_mm
     axes.set(xlabel="x (mm)", ylabel="y (mm)", xlim=(-half, half), ylim=(-half, half), aspect="equal")
     axes.grid(True)
@@ -122,7 +123,7 @@ def encircled_energy(wanted: Image, reached: Image, receiver_mm: float) -> Figur
     axes.plot(radius, share, color=INK, linestyle=(0, (4, 2)), linewidth=1.0, label="target")
     axes.plot(*encircled_share(reached, receiver_mm), color=BLUE, label="simulated, unfiltered")
     axes.set(xlabel="radius around the axis (mm)", ylabel="share of the receiver's flux")
-    axes.set(xlim=(0.0, radius[-1]), ylim=(0.0, 1.02))
+    axes.set(xlim=(0.0, float(radius[-1]) or 0.5 * receiver_mm), ylim=(0.0, 1.02))  # 0 for a single pixel
     axes.grid(True)
     axes.legend(loc="lower right")
     return figure

@@ -4,14 +4,15 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from lensforge.errors import InputError
-from lensforge.files import replacing
+from lensforge.files import replacing, temporary_folder
+from lensforge.report.ownership import is_free_or_own, mark_pdf, require_own
+from lensforge.untrusted.child import kill_group
 
 _TEMPLATES = Path(__file__).with_name("templates")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
@@ -39,7 +40,11 @@ def template(name: str) -> Template:
 
 
 def write_page(page: str, path: Path) -> None:
-    """Write ``page`` to ``path``, and remove the PDF of an earlier page."""
+    """Write ``page`` to ``path``, and remove the PDF of an earlier page.
+
+    Raises :class:`InputError` where ``path`` holds a file that this program did not write.
+    """
+    require_own(path)
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
     remove_stale_pdf(path)
@@ -48,31 +53,59 @@ def write_page(page: str, path: Path) -> None:
 def write_pdf(page: Path) -> Path:
     """Print ``page`` into a PDF of the same name in its folder, and return its path.
 
-    Raises :class:`InputError` where there is no Chromium, or where it fails.
+    Raises :class:`InputError` where there is no Chromium, where it fails, and where there is a PDF of another program.
     """
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    browser = _browser()
     instead = f"or open {page} in any browser and print it"
     if browser is None:
         raise InputError(
             f"--pdf: needs Chromium or Chrome, found none of {', '.join(BROWSERS)}; install one, {instead}"
         )
     path = page.with_suffix(".pdf")
-    with replacing(path) as temporary, tempfile.TemporaryDirectory(prefix="lensforge-") as profile:
-        command = [browser, *_OPTIONS, *_sandbox(), f"--user-data-dir={profile}", f"--print-to-pdf={temporary}"]
-        try:
-            done = subprocess.run(
-                [*command, page.resolve().as_uri()], capture_output=True, timeout=_LIMIT_SECONDS, check=False
-            )
-        except subprocess.TimeoutExpired:
-            raise InputError(f"--pdf: {browser} took more than {_LIMIT_SECONDS:.0f} s; {instead}") from None
-        if done.returncode != 0 or not temporary.exists() or not temporary.read_bytes().startswith(b"%PDF"):
-            raise InputError(f"--pdf: {browser} failed (exit code {done.returncode}); {instead}")
+    require_own(path)
+    with replacing(path) as temporary, temporary_folder(path.name) as profile:
+        command = [browser, *_OPTIONS, *_sandbox(), f"--user-data-dir={profile}"]
+        code = _printed([*command, f"--print-to-pdf={temporary.resolve()}", page.resolve().as_uri()], profile)
+        if code is None:
+            raise InputError(f"--pdf: {browser} took more than {_LIMIT_SECONDS:.0f} s; {instead}")
+        if code != 0 or not temporary.exists() or not temporary.read_bytes().startswith(b"%PDF"):
+            raise InputError(f"--pdf: {browser} failed (exit code {code}); {instead}")
+        mark_pdf(temporary)
     return path
 
 
+def _browser() -> str | None:
+    """Path of the first of ``BROWSERS``; one in the current folder, which Windows searches first, is not taken."""
+    for name in BROWSERS:
+        found = shutil.which(name)
+        if found is not None and Path(found).is_absolute() and Path(found).parent != Path.cwd():
+            return found
+    return None
+
+
+def _printed(command: list[str], folder: Path) -> int | None:
+    """Exit code of a browser that works in ``folder``; None where it took too long. Its helpers end with it."""
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        return process.wait(_LIMIT_SECONDS)
+    except subprocess.TimeoutExpired:
+        return None
+    finally:
+        kill_group(process)
+
+
 def remove_stale_pdf(page: Path) -> None:
-    """Remove the PDF of an earlier ``page``, whose numbers are outdated."""
-    page.with_suffix(".pdf").unlink(missing_ok=True)
+    """Remove the PDF of an earlier ``page``, whose numbers are outdated; one of another program stays."""
+    path = page.with_suffix(".pdf")
+    if is_free_or_own(path):
+        path.unlink(missing_ok=True)
 
 
 def _sandbox() -> tuple[str, ...]:

@@ -8,15 +8,16 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
-from lensforge.errors import OutdatedResult
+from lensforge.errors import InputError, OutdatedResult
 from lensforge.figures.light_unit import WATTS, light_unit
 from lensforge.lens import Lens
 from lensforge.optimisation.design import Progress
-from lensforge.records import Array, Count, NotNegative, Number, Positive, StageResult
+from lensforge.records import Array, Count, Irradiance, NotNegative, Number, Positive, StageResult
 from lensforge.report.figure_style import save_picture
 from lensforge.report.search_figures import snapshot_figure
 from lensforge.sources.build import build_source, summarise
 from lensforge.spec import Spec
+from lensforge.surfaces.srbf import MOST_LEVELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 FOLDER = "snapshots"
 _RAYS = 2**18  # enough for a picture
 _POLAR, _AROUND = 61, 121  # nodes of the drawn surface
+_MOST_NODES = 200  # along either; each facet is drawn by itself
 
 
 class Snapshot(StageResult):
@@ -42,9 +44,9 @@ class Snapshot(StageResult):
     nmse: NotNegative
     efficiency: Number
     receiver_mm: Positive
-    irradiance: Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
-    surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3)]
-    slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j")]
+    irradiance: Irradiance
+    surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3, most=_MOST_NODES)]
+    slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j", most=_MOST_NODES)]
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """The light after this level, in false colour."""
@@ -59,8 +61,11 @@ def load_snapshots(directory: Path, lens: Lens) -> list[Snapshot]:
     Raises :class:`InputError` for a damaged file.
     """
     folder = Path(directory) / FOLDER
+    files = snapshot_files(folder, ("json",))
+    if len(files) > MOST_LEVELS:
+        raise InputError(f"{folder}: {len(files)} snapshots, a design has at most {MOST_LEVELS}; delete the others")
     try:
-        found = [Snapshot.read(folder, path.stem) for path in snapshot_files(folder, ("json",))]
+        found = [Snapshot.read(folder, path.stem) for path in files]
     except OutdatedResult:
         return []
     return found if found and _ends_in(found[-1], lens) else []
@@ -70,6 +75,8 @@ def _ends_in(snapshot: Snapshot, lens: Lens) -> bool:
     """True where the outer surface of ``lens`` is that of ``snapshot``, compared on a circle around the axis."""
     points = snapshot.surface_mm[len(snapshot.surface_mm) // 2]
     radius = np.linalg.norm(points, axis=1)
+    if not radius.all():
+        return False
     return bool(np.allclose(lens.outer.radius(points / radius[:, None]), radius, rtol=0.0, atol=1e-6))
 
 
@@ -81,19 +88,22 @@ def snapshot_files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
 
 
 class Snapshots:
-    """An observer of a design that writes a snapshot at the end of every level, after deleting those of earlier runs.
+    """An observer of a design that writes a snapshot at the end of every level.
 
-    With ``resume`` those are kept.
+    At the first step, when the folder is locked, it deletes those of earlier runs; with ``resume`` those are kept.
     """
 
     def __init__(self, spec: Spec, directory: Path, *, resume: bool = False) -> None:
         self._folder = Path(directory) / FOLDER
         self._source = build_source(spec.source, spec.lens.dispersion)
-        for path in () if resume else snapshot_files(self._folder, ("json", "npz", "png")):
-            path.unlink()
+        self._outdated = not resume
 
     def on_step(self, step: Progress) -> None:
         """Write a snapshot if ``step`` was the last of its level."""
+        if self._outdated:
+            for path in snapshot_files(self._folder, ("json", "npz", "png")):
+                path.unlink()
+            self._outdated = False
         if not step.level_done:
             return
         from lensforge.evaluation.evaluate import evaluate_traced

@@ -1,7 +1,7 @@
 """The exported mesh in three dimensions: pictures rendered off-screen, and a small mesh to rotate in the page.
 
-A separate process renders: where a machine has no renderer, OpenGL may end the process instead of raising; then the
-page says so in one line. That process runs this file: ``solid_view.py STL FOLDER RADIUS``.
+A child process renders, within limits of memory and time: where a machine has no renderer, or on a hostile mesh, OpenGL
+may end the process instead of raising; then the page says so in one line.
 
 Bytes of the small mesh, little-endian: vertex and triangle counts (uint32); mm per unit, half the height of the first
 view (mm) and the z of its centre (mm) (float32); then positions about the origin (int16 x 3 per vertex), triangles
@@ -9,9 +9,7 @@ view (mm) and the z of its centre (mm) (float32); then positions about the origi
 """
 
 import json
-import subprocess
-import sys
-import tempfile
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,12 +19,14 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
+from lensforge.files import temporary_folder
+from lensforge.untrusted.child import Child, ChildLimits, Ending, serve
+from lensforge.untrusted.stl import stl_corners
 
-# -P: the folder of this file is not searched for modules, only where lensforge itself is installed.
-_COMMAND = (sys.executable, "-P", str(Path(__file__).resolve()))
-_MESH = "part.stl"
-_LIMIT_SECONDS = 60.0
-_UNREADABLE = 3  # exit code of the process when the file is no mesh
+_MESH, _RADIUS = "part.stl", "radius.json"
+# A mesh of 200,000 triangles takes 0.6 GiB and 4 s, a million 1.4 GiB, with a renderer in software.
+_LIMITS = ChildLimits(memory_mib=4096, seconds=60.0)
+_AGAIN = "run `lensforge export` again"
 _PIXELS = (880, 640)
 _GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
@@ -69,53 +69,41 @@ class Rendering:
     """A rendering of the bytes of an STL in the background, so that figures can be drawn meanwhile."""
 
     def __init__(self, stl: bytes, optics_radius_mm: float) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="lensforge-")
-        folder = Path(self._folder.name).resolve()
-        (folder / _MESH).write_bytes(stl)
-        self._process = subprocess.Popen(
-            [*_COMMAND, str(folder / _MESH), str(folder), str(optics_radius_mm)],
-            cwd=folder,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            stdin=subprocess.DEVNULL,
-        )
+        self._stack = ExitStack()
+        try:
+            self._folder = self._stack.enter_context(temporary_folder(_MESH))
+            (self._folder / _MESH).write_bytes(stl)
+            (self._folder / _RADIUS).write_text(json.dumps(optics_radius_mm), encoding="utf-8")
+            self._child = self._stack.enter_context(Child(Path(__file__).resolve(), self._folder, _LIMITS))
+        except BaseException:
+            self._stack.close()
+            raise
 
     def result(self) -> SolidViews:
         """Wait for the pictures. Raises :class:`InputError` when the bytes are no mesh."""
-        try:
-            code = self._process.wait(_LIMIT_SECONDS)
-        except subprocess.TimeoutExpired:
-            return SolidViews({}, problem=f"No 3-D picture: the renderer took more than {_LIMIT_SECONDS:.0f} s.")
-        finally:
-            self._process.kill()
-            self._process.wait()
-        if code == _UNREADABLE:
-            raise InputError("lens.stl: not a readable mesh; run `lensforge export` again")
-        if code != 0:
+        ending, words = self._child.wait()
+        if ending is Ending.REFUSED:
+            raise InputError(words)
+        if ending in (Ending.TIME, Ending.MEMORY):
+            return SolidViews({}, problem=f"No 3-D picture: the renderer {words}.")
+        if ending is not Ending.DONE:
             return SolidViews({}, problem="No 3-D picture: this machine has no off-screen renderer (OpenGL).")
-        folder = Path(self._folder.name)
+        folder = self._folder
         bounds = json.loads((folder / "bounds.json").read_text(encoding="utf-8"))
         pictures = {name: (folder / f"{name}.png").read_bytes() for name in VIEWS}
         return SolidViews(pictures, tuple(bounds), (folder / "mesh.bin").read_bytes())
 
     def close(self) -> None:
         """End the process if it still runs, and remove its files."""
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
-        self._folder.cleanup()
+        self._stack.close()
 
 
-def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
-    """Write one PNG per view, mesh.bin and bounds.json into ``folder``; :class:`ValueError` for what is no mesh."""
+def _render(folder: Path) -> None:
+    """Work of the child process: one PNG per view, mesh.bin and bounds.json. Raises :class:`InputError` for no mesh."""
     import pyvista as pv
 
-    try:
-        mesh: Any = pv.read(stl).clean()
-    except Exception as error:  # whatever the reader raises, the file is not a mesh
-        raise ValueError(str(error)) from error
-    if mesh.n_cells == 0:
-        raise ValueError("no triangles")
+    optics_radius_mm = float(json.loads((folder / _RADIUS).read_text(encoding="utf-8")))
+    mesh = _merged((folder / _MESH).read_bytes())
     for name, view in VIEWS.items():
         plotter = pv.Plotter(off_screen=True, window_size=list(_PIXELS))
         for part, colour in _parts(mesh, view.cut):
@@ -130,6 +118,21 @@ def _render(stl: Path, folder: Path, optics_radius_mm: float) -> None:
     half_height, centre_z = _frame(mesh, VIEWS["above"], optics_radius_mm)
     (folder / "mesh.bin").write_bytes(small_mesh(mesh, half_height, centre_z))
     (folder / "bounds.json").write_text(json.dumps([float(bound) for bound in mesh.bounds]), encoding="utf-8")
+
+
+def _merged(stl: bytes) -> Any:
+    """The triangles of an STL as a pyvista mesh, equal corners merged; without those that lose an area by it."""
+    import pyvista as pv
+
+    corners = stl_corners(stl, "lens.stl", _AGAIN)
+    rows = np.arange(3 * len(corners)).reshape(-1, 3)
+    points: Any = corners.reshape(-1, 3).astype(np.float32)  # as the file has them
+    mesh: Any = pv.PolyData(points, np.insert(rows, 0, 3, axis=1).ravel()).clean()
+    if mesh.n_cells == 0 or not mesh.is_all_triangles:
+        mesh = mesh.triangulate()
+    if mesh.n_cells == 0 or not mesh.length > 0.0:
+        raise InputError(f"lens.stl: none of its triangles has an area; {_AGAIN}")
+    return mesh
 
 
 def _parts(mesh: Any, cut: bool) -> list[tuple[Any, str]]:
@@ -208,7 +211,4 @@ def _nearest_normals(coarse: Any, fine: Any) -> Float[np.ndarray, "n 3"]:
 
 
 if __name__ == "__main__":
-    try:
-        _render(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]))
-    except ValueError:
-        sys.exit(_UNREADABLE)
+    serve(_render)

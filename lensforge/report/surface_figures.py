@@ -82,7 +82,7 @@ def _readable(values_mm: ChartMap) -> tuple[str, float]:
 
 def _show(axes: Axes, values: ChartMap, colours: str, low: float, high: float, fill: bool = True) -> AxesImage:
     """Draw the map with its rim, and circles every 30 deg from the axis."""
-    half = 1.0 + 1.0 / (len(values) - 1)
+    half = 1.0 + 1.0 / max(len(values) - 1, 1)
     shown = axes.imshow(
         (_filled(values) if fill else values).T,
         origin="lower",

@@ -14,9 +14,17 @@ from jaxtyping import Bool, Float, Int
 from trimesh.intersections import planes_lines
 from trimesh.triangles import points_to_barycentric
 
+from lensforge.errors import InputError
+
 CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
 MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
 _BLOCK = 2**18  # cells of boxes tested together: they stay in the cache
+_CANDIDATES = 2**20  # triangles that rays test together: bounds the memory
+# Bounds for meshes that somebody has changed, whose triangles may span the whole part. The boxes of all triangles of a
+# usual mesh have 3 million cells, and a triangle shares its cells with 70 others; of a lens on a plate of a hundred
+# times its width, with 1,000.
+_BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
+MOST_TOGETHER = 5000.0
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 
 
@@ -52,7 +60,10 @@ class Leg:
 
 
 class Grid:
-    """Triangles of ``mesh``, listed by the cells of a uniform grid that they touch."""
+    """Triangles of ``mesh``, listed by the cells of a uniform grid that they touch.
+
+    Raises :class:`InputError` for a mesh whose triangles all lie in each other's way.
+    """
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         self.triangles = np.asarray(mesh.triangles, dtype=np.float64)
@@ -60,11 +71,25 @@ class Grid:
         low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
         extent = high.max(axis=0) - low.min(axis=0)
         edge = float(np.sqrt(2.0 * np.median(mesh.area_faces)))
-        self.cell = max(CELL_EDGES * edge, float(np.cbrt(extent.prod() / MAX_CELLS)))
+        least = float(extent.max()) / MAX_CELLS  # where half of the triangles have no area
+        self.cell = max(CELL_EDGES * edge, float(np.cbrt(extent.prod() / MAX_CELLS)), least)
+        most = max(_BOX_CELLS, _BOX_CELLS_EACH * len(self.triangles))
+        while self.cell < extent.max() and (
+            (extent / self.cell + 2.0).prod() > 2.0 * MAX_CELLS  # a part that is flat, or a line
+            or ((high - low) / self.cell + 2.0).prod(axis=1).sum() > most
+        ):
+            self.cell *= 1.26  # twice the volume
         self.corner = low.min(axis=0) - 0.5 * self.cell
         self.shape = np.ceil((extent + self.cell) / self.cell).astype(np.int64)
         self.strides = np.array([self.shape[1] * self.shape[2], self.shape[2], 1])
         self._sort_into_cells(low, high)
+        count = np.diff(self.starts).astype(np.float64)
+        together = float(count @ count / count.sum())
+        if together > MOST_TOGETHER:
+            raise InputError(
+                f"STL: each of its triangles lies among {together:.0f} others within {self.cell:.3g} mm, at most "
+                f"{MOST_TOGETHER:.0f} can be cast; it is no mesh of a lens, export it again"
+            )
 
     def _sort_into_cells(self, low: Float[np.ndarray, "t 3"], high: Float[np.ndarray, "t 3"]) -> None:
         """List the cells of each triangle's box that its plane crosses, then sort the triangles by cell."""
@@ -139,6 +164,20 @@ class Grid:
     def _test(self, rays: Int[np.ndarray, " m"], keys: Int[np.ndarray, " m"], leg: Leg, hits: FacetHits) -> None:
         """Test all triangles of the cells ``keys``, one cell for each of ``rays``; write nearer hits into ``hits``."""
         first, count = self.starts[keys], self.starts[keys + 1] - self.starts[keys]
+        upto = np.cumsum(count)
+        ends = np.unique([0, *np.searchsorted(upto, np.arange(_CANDIDATES, upto[-1], _CANDIDATES)), len(rays)])
+        for start, end in itertools.pairwise(ends):
+            part = slice(int(start), int(end))
+            self._test_cells(rays[part], first[part], count[part], leg, hits)
+
+    def _test_cells(
+        self,
+        rays: Int[np.ndarray, " m"],
+        first: Int[np.ndarray, " m"],
+        count: Int[np.ndarray, " m"],
+        leg: Leg,
+        hits: FacetHits,
+    ) -> None:
         ray = np.repeat(rays, count)
         if len(ray) == 0:
             return

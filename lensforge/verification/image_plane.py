@@ -8,9 +8,6 @@ from scipy.ndimage import convolve1d
 
 from lensforge.errors import InputError
 
-# The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
-NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
-
 
 @dataclass(frozen=True)
 class ImagePlane:
@@ -74,11 +71,6 @@ def within(landings: Float[np.ndarray, "n 2"], side_mm: float) -> Bool[np.ndarra
     """True for landings in the centred square of ``side_mm``; False for NaN."""
     inside: Bool[np.ndarray, " n"] = (np.abs(landings) <= 0.5 * side_mm).all(axis=1)
     return inside
-
-
-def noise_limit(floor: float) -> float:
-    """Largest NMSE against the design's irradiance that noise explains; ``floor``: that of the part's rays alone."""
-    return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
 def squared_norm(reference: Float[np.ndarray, "p p"]) -> float:

@@ -11,22 +11,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.advice import Evidence, form_of_mesh
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
-from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm
+from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import CastFate, Passage, indices_of
 from lensforge.verification.proof import MitsubaCast
 
 RAYS = 2**16
 VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
-# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
-# errors are found by the casts through the curved surface.
-DEVIATION_PER_DISTANCE = 1e-3
-FLUX_SHARE = FATE_SHARE = 2e-3
 
 
 def installed() -> bool:
@@ -66,19 +60,6 @@ def cast_mitsuba(
         seconds=perf_counter() - start,
     )
     return cast, gaps
-
-
-def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
-    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver."""
-    design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
-    form = form_of_mesh(0, None)
-    seen = Evidence(design, DEVIATION_PER_DISTANCE * distance_mm, FLUX_SHARE, FATE_SHARE, form)
-    return [
-        at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
-        at_most("mitsuba_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
-        at_most("mitsuba_flux_deviation", design.flux, FLUX_SHARE, "of the flux", seen.of_flux()),
-        at_most("mitsuba_fate_disagreement_flux", design.fates_flux, FATE_SHARE, "of the flux", seen.of_fates()),
-    ]
 
 
 def send_through_mitsuba(

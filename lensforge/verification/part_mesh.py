@@ -5,17 +5,18 @@ mesh's vertices. Averages of facet normals do not suffice: they lean inward at a
 by 6 mrad on a lens of 100,000 triangles.
 """
 
-import io
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
+from lensforge.untrusted.own_content import is_own
+from lensforge.untrusted.stl import MOST_TRIANGLES, stl_corners
 
 # Facets that meet at a larger angle belong to different faces; a mesh of a lens bends by a few degrees at most.
 CREASE_RAD = np.deg2rad(30.0)
@@ -24,6 +25,7 @@ CREASE_RAD = np.deg2rad(30.0)
 # nearly twice what the criterion allows; those of a quintic land them 0.003 mm off on the same mesh, as do exact ones.
 _DEGREE = 5
 NEIGHBOURS = 48  # for 20 terms: fewer leave an irregular mesh undetermined, more reach over the surface's own detail
+_STEEPEST = 0.999  # height of the farthest neighbours over their distance: a dome's are at a tenth
 _CHUNK = 2048  # vertices fitted at a time: bounds the memory, and stays in the cache
 _POWERS = [(degree - k, k) for degree in range(1, _DEGREE + 1) for k in range(degree + 1)]
 # A term that the neighbours do not determine goes to the lower degree: the ridge grows with the degree. At a rim 48
@@ -86,14 +88,13 @@ class PartMesh:
 def read_part_mesh(stl: bytes) -> PartMesh:
     """Read the bytes of an STL file (mm), merge equal vertices, find its smooth faces and their normals.
 
-    Raises :class:`InputError` for bytes that hold no triangles.
+    Raises :class:`InputError` for bytes that hold no triangles, too many, or none that has an area.
     """
-    try:
-        mesh = trimesh.load_mesh(io.BytesIO(stl), file_type="stl", process=True)
-    except Exception as error:  # trimesh's readers raise whatever their parsers do
-        raise InputError(f"STL: not readable as a mesh ({error}); export it again") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        raise InputError("STL: holds no triangles; export it again")
+    corners = stl_corners(stl, "STL", "export it again", None if is_own(stl) else MOST_TRIANGLES)
+    rows = np.arange(3 * len(corners)).reshape(-1, 3)
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), rows, process=True)
+    if not (mesh.area_faces > 0.0).any():
+        raise InputError("STL: none of its triangles has an area; export it again")
     return part_mesh_of(mesh)
 
 
@@ -134,8 +135,21 @@ def fit_vertices(
         for rows in np.split(members, range(_CHUNK, len(members), _CHUNK)):
             near = members[tree.query(vertices[rows], k=NEIGHBOURS)[1]]
             offsets = vertices[near] - vertices[rows, None]
+            fitted = _fittable(offsets, fit.normals[rows])
+            rows, offsets = rows[fitted], offsets[fitted]
             fit.normals[rows], fit.bends[rows] = _quintic(offsets, fit.normals[rows])
     return fit
+
+
+def _fittable(offsets: Float[np.ndarray, "n m 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """True for vertices with a normal and neighbours that spread across it; the others keep their facet average.
+
+    A mesh of the program's own has no others. One that somebody has changed may: points on a line or in a heap.
+    """
+    lengths = np.linalg.norm(offsets, axis=2).max(axis=1)
+    heights = np.abs(np.einsum("nmi,ni->nm", offsets, normals)).max(axis=1)
+    fittable: Bool[np.ndarray, " n"] = (np.abs(normals).max(axis=1) > 0.0) & (heights < _STEEPEST * lengths)
+    return fittable
 
 
 def facet_average(vertices: Float[np.ndarray, "k 3"], triangles: Int[np.ndarray, "t 3"]) -> Float[np.ndarray, "k 3"]:

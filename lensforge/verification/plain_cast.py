@@ -13,6 +13,7 @@ from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross, indices_of, outside_leg
 from lensforge.verification.proof import PlainCast
 
+_CANDIDATES = 2**20  # triangles tested together: bounds the memory, 2.8 GB where all rays were cast at once
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
@@ -42,10 +43,14 @@ def _disagreements(part: PartMesh, grid: Grid, leg: Leg) -> int:
 
 def plain_distances(mesh: trimesh.Trimesh, leg: Leg) -> Float[np.ndarray, " n"]:
     """Distance (mm) of each ray's first hit by trimesh's own ray cast, never Embree; infinite where there is none."""
-    points, ray, _ = RayMeshIntersector(mesh).intersects_location(leg.origins, leg.directions, multiple_hits=True)
     nearest = np.full(len(leg.origins), np.inf)
-    if len(ray):
-        distance = np.sum((points - leg.origins[ray]) * leg.directions[ray], axis=1)
-        ahead = distance > leg.beyond[ray]
-        np.minimum.at(nearest, ray[ahead], distance[ahead])
+    plain, together = RayMeshIntersector(mesh), max(1, _CANDIDATES // len(mesh.faces))
+    for start in range(0, len(nearest), together):
+        rows = slice(start, start + together)
+        origins, directions = leg.origins[rows], leg.directions[rows]
+        points, ray, _ = plain.intersects_location(origins, directions, multiple_hits=True)
+        if len(ray):
+            distance = np.sum((points - origins[ray]) * directions[ray], axis=1)
+            ahead = distance > leg.beyond[rows][ray]
+            np.minimum.at(nearest[rows], ray[ahead], distance[ahead])
     return nearest

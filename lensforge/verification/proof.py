@@ -11,7 +11,7 @@ from lensforge.records import (
     Array,
     Count,
     Extent,
-    Image,
+    Irradiance,
     NotNegative,
     Number,
     Positive,
@@ -122,7 +122,8 @@ class Proof(SimulatedResult):
     """Rays through the exported part, against the same rays through the design.
 
     ``irradiance``, ``design_irradiance``: W/m^2 [row y, column x]. ``gaps_*_mm``: quantiles at 0, 0.2 ... 100 % of the
-    distances between landings of part and design, by the mesh, the STEP and Mitsuba.
+    distances between landings of part and design, by the mesh, the STEP and Mitsuba. ``altered_files``: those whose
+    content was not what export.json describes when the rays were cast.
     """
 
     stage: ClassVar[str] = "verify"
@@ -147,14 +148,15 @@ class Proof(SimulatedResult):
     fate_disagreements: Count
     fate_disagreement_flux: Share
     fate_pairs: tuple[FatePair, ...] = ()
+    altered_files: tuple[Text, ...] = ()
     flux: PartFlux
     missed_by_cause: PartMissed
     plain_cast: PlainCast
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
     criteria: tuple[Criterion, ...]
-    irradiance: Image
-    design_irradiance: Image
+    irradiance: Irradiance
+    design_irradiance: Irradiance
     gaps_mesh_mm: Gaps
     gaps_step_mm: Gaps | None = None
     gaps_mitsuba_mm: Gaps | None = None
@@ -234,9 +236,9 @@ class StrayLight(SimulatedResult):
     receiver_mm: Positive
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
-    sequential: Image
-    direct: Image
-    stray: Image
+    sequential: Irradiance
+    direct: Irradiance
+    stray: Irradiance
 
     def plot(self, axes: "Axes | None" = None, *, which: LightPath = "stray") -> "Axes":
         """Irradiance on the receiver (W/m^2): ``which`` part of it. Raises :class:`InputError` for an unknown one."""

@@ -12,19 +12,15 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
+from lensforge.verification.acceptance import balance_error, stray_criteria
 from lensforge.verification.casting import Grid
 from lensforge.verification.image_plane import ImagePlane, nmse, within
 from lensforge.verification.nonsequential import Base, Body, Cause, FluxBudget, Limits, ReceivedLight, follow
 from lensforge.verification.part_mesh import read_part_mesh
 from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.proof import StrayByCause, StrayFlux, StrayLight, StraySpread
-
-BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
-LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
-DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
 
 
 def trace_stray(
@@ -56,9 +52,8 @@ def trace_stray(
     landed, emitted = budget.landings(), float(rays.flux.sum())
     images = _images(landed, passage, receiver)
     flux = _flux(budget, landed, window_mm, emitted)
-    balance_error = abs(sum(flux.model_dump().values()) - 1.0)
     misplaced, nmse_vs_sequential = _against_sequential(images, receiver, emitted)
-    return StrayLight(
+    found = StrayLight(
         inputs=dict(inputs or {}),
         rays=len(rays),
         base=base,
@@ -66,7 +61,7 @@ def trace_stray(
         cut_off=limits.cut_off,
         depth=limits.depth,
         flux=flux,
-        balance_error=balance_error,
+        balance_error=balance_error(flux),
         detected_stray_by_cause=_by_cause(landed, window_mm, emitted),
         misplaced_flux=misplaced,
         nmse_vs_sequential=nmse_vs_sequential,
@@ -74,12 +69,13 @@ def trace_stray(
         efficiency=flux.detected_direct + flux.detected_stray,
         efficiency_sequential=float(passage.flux[within(passage.landings, window_mm)].sum()) / emitted,
         receiver_mm=receiver.side_mm,
-        criteria=tuple(_criteria(balance_error, flux)),
+        criteria=(),
         sequential=images.sequential,
         direct=images.direct,
         stray=images.stray,
         seconds=perf_counter() - start,
     )
+    return found.model_copy(update={"criteria": stray_criteria(found)})
 
 
 @dataclass(frozen=True)
@@ -150,13 +146,3 @@ def _spread(landed: ReceivedLight, images: _Images, receiver: ImagePlane) -> Str
         peak_w_m2=peak,
         peak_of_mean=peak / mean if mean > 0.0 else None,
     )
-
-
-def _criteria(balance_error: float, flux: StrayFlux) -> list[Criterion]:
-    finer = "export with a finer mesh"
-    report = "do not trust this flux budget, it does not close: please report it"
-    return [
-        at_most("stray_balance", balance_error, BALANCE, "of the flux", report),
-        at_most("stray_leaked", flux.leaked, LEAK_SHARE, "of the flux", finer),
-        at_most("stray_too_dim", flux.too_dim, DIM_SHARE, "of the flux", "lower the cut-off"),
-    ]

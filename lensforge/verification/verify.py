@@ -12,28 +12,19 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.records import Extent
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.advice import Evidence, form_of_mesh
-from lensforge.verification.brep_cast import RAYS, brep_criteria, brep_evidence, cast_brep
+from lensforge.verification.acceptance import BREP_RAYS, DEVIATION_PER_DISTANCE, proof_criteria
+from lensforge.verification.brep_cast import cast_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
-from lensforge.verification.image_plane import ImagePlane, nmse, noise_limit, squared_norm, within
-from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria
+from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm, within
+from lensforge.verification.mitsuba_cast import cast_mitsuba
 from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 from lensforge.verification.passage import Passage, send_through
 from lensforge.verification.plain_cast import cast_plain
 from lensforge.verification.proof import BrepCast, Gaps, LandingDeviation, MitsubaCast, PlainCast, Proof
-
-# Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
-# surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
-DEVIATION_PER_DISTANCE = 1e-4
-# Shares of flux: rays that graze the rim or the limit of total reflection may end either way.
-FLUX_SHARE = FATE_SHARE = 1e-3
-# With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
-SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
 
 
 @dataclass(frozen=True)
@@ -81,7 +72,7 @@ def verify_part(
     filter_variance: float = 1.0,
     plain_rays: int = 200,
     step: bytes | None = None,
-    step_rays: int = RAYS,
+    step_rays: int = BREP_RAYS,
     mitsuba_rays: int = 0,
     threads: int = 1,
     inputs: Mapping[str, str] | None = None,
@@ -126,17 +117,6 @@ class _OtherCasts:
     brep: tuple[BrepCast, Gaps] | None = None
     mitsuba: tuple[MitsubaCast, Gaps] | None = None
 
-    def step_lands_alike(self, distance_mm: float) -> bool | None:
-        """True where the rays through the STEP file land where the design's do; None where it was not cast."""
-        return brep_evidence(self.brep[0], distance_mm).lands_alike if self.brep else None
-
-    def criteria(self, distance_mm: float) -> list[Criterion]:
-        """Acceptance criteria of these casts; ``distance_mm``: to the receiver."""
-        report = "do not trust this verification, its casting is broken: please report it"
-        criteria = [at_most("plain_cast_disagreements", self.plain.disagreements, 0.0, "casts", report)]
-        criteria += brep_criteria(self.brep[0], distance_mm) if self.brep else []
-        return criteria + (mitsuba_criteria(self.mitsuba[0], distance_mm) if self.mitsuba else [])
-
 
 @dataclass(frozen=True)
 class _Irradiance:
@@ -173,11 +153,7 @@ def _proof(
     agreement = compare(case.rays, passage, case.expected, case.receiver.side_mm)
     flux, missed = flux_budget(case.rays, passage, case.window_mm)
     in_window = within(case.expected.landings, case.window_mm)
-    others_met = others.criteria(case.distance_mm)
-    form = form_of_mesh(part.open_edges, others.step_lands_alike(case.distance_mm))
-    evidence = Evidence(agreement, DEVIATION_PER_DISTANCE * case.distance_mm, FLUX_SHARE, FATE_SHARE, form)
-    criteria = _criteria(part.open_edges, evidence, seen) + others_met
-    return Proof(
+    proof = Proof(
         inputs=inputs,
         rays=len(case.rays),
         cast_seconds=clock[1],
@@ -202,7 +178,7 @@ def _proof(
         plain_cast=others.plain,
         brep=others.brep[0] if others.brep else None,
         mitsuba=others.mitsuba[0] if others.mitsuba else None,
-        criteria=tuple(criteria),
+        criteria=(),
         irradiance=seen.irradiance,
         design_irradiance=case.expected.irradiance,
         gaps_mesh_mm=gap_quantiles(passage, case.expected, case.receiver.side_mm),
@@ -210,19 +186,4 @@ def _proof(
         gaps_mitsuba_mm=others.mitsuba[1] if others.mitsuba else None,
         seconds=perf_counter() - clock[0],
     )
-
-
-def _criteria(open_edges: int, found: Evidence, seen: _Irradiance) -> list[Criterion]:
-    floor, agreement = seen.noise_floor_nmse, found.agreement
-    same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
-    noise = "evaluate the design with more rays and the same filter, or verify with more rays"
-    light = noise if seen.nmse_same_rays <= same_rays else found.of_pixels()
-    limits: list[tuple[str, float, float, str, str]] = [
-        ("open_edges", open_edges, 0.0, "edges", "export again: the mesh is not closed"),
-        ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
-        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
-        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
-        ("nmse_same_rays", seen.nmse_same_rays, same_rays, "", found.of_pixels()),
-        ("nmse_vs_design", seen.nmse_vs_design, noise_limit(floor), "", light),
-    ]
-    return [at_most(*limit) for limit in limits]
+    return proof.model_copy(update={"criteria": proof_criteria(proof, case.distance_mm)})

@@ -108,7 +108,7 @@ def test_a_file_that_is_no_step_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "clamp.step"
     if content:
         path.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=r"clamp\.step: (no such file; base\.file|not readable as STEP; export)"):
+    with pytest.raises(InputError, match=r"clamp\.step: (no such file; base\.file|not readable as STEP \(it)"):
         read_custom_base(path)
 
 

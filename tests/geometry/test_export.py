@@ -33,6 +33,7 @@ KEYS = {
     "files",
     "seconds",
     "criteria",
+    "content_sha256",
 }
 
 

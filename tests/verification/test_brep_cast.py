@@ -5,7 +5,8 @@ from lens_meshes import lambertian, lens_mesh, oracle, sphere
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.brep_cast import StepBody, brep_criteria, cast_brep, send_through_step
+from lensforge.verification.acceptance import brep_criteria
+from lensforge.verification.brep_cast import StepBody, cast_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
 from lensforge.verification.image_plane import ImagePlane

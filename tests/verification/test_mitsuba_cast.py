@@ -9,7 +9,7 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification import mitsuba_cast
 from lensforge.verification.comparison import Expected
 from lensforge.verification.image_plane import ImagePlane
-from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria, send_through_mitsuba
+from lensforge.verification.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.verification.part_mesh import part_mesh_of
 from lensforge.verification.passage import CastFate
 from lensforge.verification.verify import verify_part

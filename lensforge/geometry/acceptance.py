@@ -1,0 +1,50 @@
+"""Acceptance of the exported files: the largest errors, and the criteria on the values measured by reading back."""
+
+from collections.abc import Mapping
+
+from lensforge.criteria import Criterion, Sense, at_least, at_most
+
+# The largest errors of an exported face.
+FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
+ROUND_TRIP_LIMIT = 1e-9  # relative change of the volume by writing and reading: all digits are written
+# Sense and unit of each criterion by its name; flags count as 1 or 0.
+PART_CRITERIA: dict[str, tuple[Sense, str]] = {
+    "form_error": ("<=", "nm"),
+    "normal_error": ("<=", "mrad"),
+    "step_valid": (">=", ""),
+    "step_volume_change": ("<=", ""),
+    "watertight": (">=", ""),
+    "watertight_3mf": (">=", ""),
+    "genus_difference": ("<=", ""),
+    "mesh_volume_change": ("<=", ""),
+}
+
+
+def part_limits(mesh_volume_limit: float) -> dict[str, float]:
+    """The limit of each criterion by name; ``mesh_volume_limit``: relative, what flat facets cut off."""
+    return {
+        "form_error": FORM_LIMIT_NM,
+        "normal_error": NORMAL_LIMIT_MRAD,
+        "step_valid": 1.0,
+        "step_volume_change": ROUND_TRIP_LIMIT,
+        "watertight": 1.0,
+        "watertight_3mf": 1.0,
+        "genus_difference": 0.0,
+        "mesh_volume_change": mesh_volume_limit,
+    }
+
+
+def part_criteria(
+    measured: Mapping[str, float], mesh_volume_limit: float, remedies: Mapping[str, str]
+) -> tuple[Criterion, ...]:
+    """The criteria that the files must meet before they go to a shop; ``measured``, ``remedies``: by their names."""
+    limits = part_limits(mesh_volume_limit)
+    return tuple(
+        (at_most if sense == "<=" else at_least)(name, measured[name], limits[name], unit, remedies[name])
+        for name, (sense, unit) in PART_CRITERIA.items()
+    )
+
+
+def mesh_volume_limit(area_mm2: float, chord_error_mm: float, volume_mm3: float) -> float:
+    """Largest relative change of the volume (mm^3) by facets of ``area_mm2`` that stay within a chord error."""
+    return area_mm2 * chord_error_mm / volume_mm3

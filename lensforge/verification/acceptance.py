@@ -1,0 +1,149 @@
+"""Acceptance of an exported part by its ray casts: the limits, and the criteria on the results of each cast.
+
+The criteria follow from the results and the distance to the receiver alone, so that the criteria in a file can be held
+against what the file's own numbers say.
+"""
+
+from collections.abc import Iterator
+
+from lensforge.criteria import Criterion, at_most
+from lensforge.verification.advice import Evidence, form_of_mesh
+from lensforge.verification.proof import (
+    Agreement,
+    BrepCast,
+    MitsubaCast,
+    PlainCast,
+    Proof,
+    StrayFlux,
+    StrayLight,
+)
+
+# Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
+# surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
+DEVIATION_PER_DISTANCE = 1e-4
+# Shares of flux: rays that graze the rim or the limit of total reflection may end either way.
+FLUX_SHARE = FATE_SHARE = 1e-3
+# With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
+SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
+# The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
+NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
+
+BREP_RAYS = 1024  # through the STEP file: the CAD kernel casts a few hundred in a second
+# Half of the mesh's limit. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the
+# deviation from the design is that of the design's own table: 4 um at draft accuracy, 2 um at standard.
+BREP_DEVIATION_PER_DISTANCE = 5e-5
+BREP_FLUX_SHARE = 1e-4
+BREP_FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total reflection may end either way
+
+# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
+# errors are found by the casts through the curved surface.
+MITSUBA_DEVIATION_PER_DISTANCE = 1e-3
+MITSUBA_FLUX_SHARE = MITSUBA_FATE_SHARE = 2e-3
+
+BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
+LEAK_SHARE = 1e-3  # light that passes through the mesh at an edge
+DIM_SHARE = 1e-2  # rays below the flux cut-off: the most that they could still change
+
+
+def noise_limit(floor: float) -> float:
+    """Largest NMSE against the design's irradiance that noise explains; ``floor``: that of the part's rays alone."""
+    return NOISE_FLOORS * floor + NOISE_ALLOWANCE
+
+
+def agreement_of(proof: Proof) -> Agreement:
+    """Agreement of the exported mesh with the design, from the fields of its record."""
+    gap = proof.deviation_mm
+    return Agreement(
+        compared=proof.rays_compared,
+        rms=gap.rms,
+        p99=gap.p99,
+        max=gap.max,
+        flux=proof.flux_deviation,
+        fates=proof.fate_disagreements,
+        fates_flux=proof.fate_disagreement_flux,
+        pairs=proof.fate_pairs,
+    )
+
+
+def proof_criteria(proof: Proof, distance_mm: float) -> tuple[Criterion, ...]:
+    """Acceptance criteria of all casts of a part; ``distance_mm``: to the receiver."""
+    brep, mitsuba = proof.brep, proof.mitsuba
+    step_alike = None if brep is None else brep_evidence(brep, distance_mm).lands_alike
+    form, limit = form_of_mesh(proof.open_edges, step_alike), DEVIATION_PER_DISTANCE * distance_mm
+    found = Evidence(agreement_of(proof), limit, FLUX_SHARE, FATE_SHARE, form)
+    return (
+        *_mesh_criteria(proof, found),
+        plain_criterion(proof.plain_cast),
+        *([] if brep is None else brep_criteria(brep, distance_mm)),
+        *([] if mitsuba is None else mitsuba_criteria(mitsuba, distance_mm)),
+    )
+
+
+def _mesh_criteria(proof: Proof, found: Evidence) -> Iterator[Criterion]:
+    agreement, floor = found.agreement, proof.noise_floor_nmse
+    same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
+    noise = "evaluate the design with more rays and the same filter, or verify with more rays"
+    light = noise if proof.nmse_same_rays <= same_rays else found.of_pixels()
+    limits: tuple[tuple[str, float, float, str, str], ...] = (
+        ("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
+        ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
+        ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
+        ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
+        ("nmse_same_rays", proof.nmse_same_rays, same_rays, "", found.of_pixels()),
+        ("nmse_vs_design", proof.nmse_vs_design, noise_limit(floor), "", light),
+    )
+    yield from (at_most(*limit) for limit in limits)
+
+
+def plain_criterion(plain: PlainCast) -> Criterion:
+    """Acceptance criterion of the grid's first hits against trimesh's own."""
+    remedy = "do not trust this verification, its casting is broken: please report it"
+    return at_most("plain_cast_disagreements", plain.disagreements, 0.0, "casts", remedy)
+
+
+def brep_criteria(cast: BrepCast, distance_mm: float) -> list[Criterion]:
+    """Acceptance criteria of a STEP file; ``distance_mm``: to the receiver."""
+    design, seen = cast.against_design, brep_evidence(cast, distance_mm)
+    allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
+    return [
+        at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("brep_flux_deviation", design.flux, BREP_FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("brep_fate_disagreements", design.fates, allowed, "rays", seen.of_fates()),
+    ]
+
+
+def brep_evidence(cast: BrepCast, distance_mm: float) -> Evidence:
+    """Agreement of the STEP file with the design, and its limits; ``distance_mm``: to the receiver."""
+    form = "export again; if it stays, lens.step is not the lens of lens.json"
+    limit, fates = BREP_DEVIATION_PER_DISTANCE * distance_mm, BREP_FATE_RAYS / BREP_RAYS
+    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form)
+
+
+def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
+    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver."""
+    design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
+    limit, form = MITSUBA_DEVIATION_PER_DISTANCE * distance_mm, form_of_mesh(0, None)
+    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form)
+    fates = design.fates_flux
+    return [
+        at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
+        at_most("mitsuba_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
+        at_most("mitsuba_flux_deviation", design.flux, MITSUBA_FLUX_SHARE, "of the flux", seen.of_flux()),
+        at_most("mitsuba_fate_disagreement_flux", fates, MITSUBA_FATE_SHARE, "of the flux", seen.of_fates()),
+    ]
+
+
+def balance_error(flux: StrayFlux) -> float:
+    """Distance of the sum of all shares of flux from 1."""
+    return float(abs(sum(flux.model_dump().values()) - 1.0))
+
+
+def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
+    """Acceptance criteria of the flux budget with reflections."""
+    finer = "export with a finer mesh"
+    report = "do not trust this flux budget, it does not close: please report it"
+    return (
+        at_most("stray_balance", stray.balance_error, BALANCE, "of the flux", report),
+        at_most("stray_leaked", stray.flux.leaked, LEAK_SHARE, "of the flux", finer),
+        at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", "lower the cut-off"),
+    )

@@ -1,0 +1,88 @@
+"""The casts through a part whose files come from outside, in a child process with limits of memory and time.
+
+The CAD kernel reads and intersects the STEP file in C++, where a hostile file may end the process or let it grow; so
+all of the work on the part is done in the child, and the parent reads nothing but the child's record. A cast by a child
+gives the same bits; it takes 2 s more, to start Python and load the libraries, which the parent then need not load.
+"""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from lensforge.files import temporary_folder, write_json
+from lensforge.records import SimulatedResult
+from lensforge.sources.bundle import RayBundle
+from lensforge.untrusted.child import ChildLimits, serve, work_in_child
+from lensforge.untrusted.own_content import is_own
+from lensforge.verification.proof import Proof, StrayLight
+
+# A mesh of 200,000 triangles takes 1.2 GiB, one of 3 million, the most that is read, as much as this.
+_MEMORY_MIB = 6144
+# On one slow core, 2**17 rays through the mesh, by Mitsuba and, some of them, through the STEP file take 120 s, with
+# reflections 400 s.
+_SECONDS, _SECONDS_PER_RAY = 180.0, 0.01
+_JOB, _ARRAYS, _STL, _STEP = "job.json", "given.npz", "part.stl", "part.step"
+
+_Result = TypeVar("_Result", bound=SimulatedResult)
+
+
+def verify_apart(stl: bytes, *, rays: RayBundle, step: bytes, **given: Any) -> Proof:
+    """:func:`verify_part`, in a child process unless this process made the files."""
+    if is_own(stl) and is_own(step):
+        from lensforge.verification.verify import verify_part
+
+        return verify_part(stl, rays=rays, step=step, **given)
+    return _cast_in_child(Proof, stl, step, rays, given)
+
+
+def stray_apart(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
+    """:func:`trace_stray`, in a child process unless this process made the file."""
+    if is_own(stl):
+        from lensforge.verification.stray import trace_stray
+
+        return trace_stray(stl, rays=rays, **given)
+    return _cast_in_child(StrayLight, stl, b"", rays, given)
+
+
+def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle, given: dict[str, Any]) -> _Result:
+    """Leave the work on the files in a folder to a child process, and read the record that it writes."""
+    arrays = {name: value for name, value in given.items() if isinstance(value, np.ndarray)}
+    numbers = {name: value for name, value in given.items() if name not in arrays}
+    if "receiver" in numbers:
+        numbers["receiver"] = asdict(numbers["receiver"])
+    bundle = {f"rays.{name}": value for name, value in vars(rays).items() if value is not None}
+    with temporary_folder(_STL) as folder:
+        (folder / _STL).write_bytes(stl)
+        (folder / _STEP).write_bytes(step)
+        np.savez(folder / _ARRAYS, allow_pickle=False, **arrays, **bundle)
+        write_json(folder / _JOB, {"stage": kind.stage, "given": numbers})
+        limits = ChildLimits(_MEMORY_MIB, _SECONDS + _SECONDS_PER_RAY * len(rays))
+        words = "export it again, or cast fewer rays"
+        work_in_child(Path(__file__).resolve(), folder, limits, origin="lens.stl and lens.step", remedy=words)
+        return kind.read(folder)
+
+
+def _cast(folder: Path) -> None:
+    """Work of the child process: the record of the cast through the files in ``folder``."""
+    from lensforge.verification.image_plane import ImagePlane
+    from lensforge.verification.stray import trace_stray
+    from lensforge.verification.verify import verify_part
+
+    job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
+    with np.load(folder / _ARRAYS, allow_pickle=False) as archive:
+        arrays = dict(archive)
+    bundle = {name: arrays.pop(name) for name in [*arrays] if name.startswith("rays.")}
+    rays = RayBundle(**{name.removeprefix("rays."): value for name, value in bundle.items()})
+    given, stl = {**job["given"], **arrays}, (folder / _STL).read_bytes()
+    if job["stage"] == Proof.stage:
+        verify_part(stl, rays=rays, step=(folder / _STEP).read_bytes(), **given).write(folder)
+    else:
+        given["receiver"] = ImagePlane(**given["receiver"])
+        trace_stray(stl, rays=rays, **given).write(folder)
+
+
+if __name__ == "__main__":
+    serve(_cast)
