@@ -6,25 +6,24 @@ result under other conditions than the lens's own, such as another source, goes 
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 from lensforge import stages
 from lensforge.arguments import threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
-from lensforge.files import replacing
+from lensforge.folder_lock import in_locked_folder, locked
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
-from lensforge.measured_part import compare
-from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
-from lensforge.measurement.figures import photo_png, surface_png
+from lensforge.optimisation.checkpoint import CHECKPOINT, delete_checkpoint, is_checkpoint
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, source_with_file
 from lensforge.records import StageResult
-from lensforge.results import LENS_FILE, REPORT_FILE, stem_of
-from lensforge.run_folder import Run, folder_of, open_run, renew, require_free
+from lensforge.report.ownership import require_own
+from lensforge.results import LENS_FILE, REPORT_FILE
+from lensforge.run_folder import Run, folder_of, load, open_run, renew, require_free, write_result
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
@@ -34,10 +33,7 @@ from lensforge.verification.proof import Proof, StrayLight
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
-CHECKPOINT = "checkpoint.pt"
-
 Announce = Callable[[str], None]
-_Result = TypeVar("_Result", bound=StageResult)
 
 
 def run(
@@ -58,12 +54,14 @@ def run(
 
     Arguments are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
     in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
-    the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``.
+    the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``. Raises
+    :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage below.
     """
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
     folder, announce = folder_of(folder), announce or (lambda _: None)
-    with threads_of_torch(threads):
+    with locked(folder, create=True), threads_of_torch(threads):
+        require_own(folder / REPORT_FILE)
         result = stages.design(
             spec,
             accuracy=accuracy,
@@ -80,17 +78,23 @@ def run(
             announce(name)
             stage(folder)
         announce("report")
-        run_report(folder)
-    (folder / CHECKPOINT).unlink(missing_ok=True)  # not earlier: a run interrupted in any stage resumes from it
-    return open_run(folder)
+        refresh_report(folder)
+        delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
+        return open_run(folder)
+
+
+def resumable(folder: Path) -> bool:
+    """True where an interrupted run in ``folder`` can be resumed."""
+    return is_checkpoint(folder / CHECKPOINT)
 
 
 def write_design(result: Design, folder: Path) -> Design:
     """Write ``lens.json`` and ``design.json``."""
     result.lens.save(folder / LENS_FILE)
-    return _written(result, folder)
+    return write_result(result, folder)
 
 
+@in_locked_folder
 def run_evaluate(
     folder: Path,
     *,
@@ -116,9 +120,10 @@ def run_evaluate(
     light = stages.evaluate(lens, rays=rays, pixels=pixels, source=other)
     if conditions is not None and light.conditions is not None:
         light = light.model_copy(update={"conditions": light.conditions.renamed(conditions.name)})
-    return _written(light, folder)
+    return write_result(light, folder)
 
 
+@in_locked_folder
 def run_export(
     folder: Path,
     *,
@@ -129,17 +134,19 @@ def run_export(
 ) -> Part:
     """Write STEP, STL and 3MF, verified by reading them back."""
     lens = load_lens(folder / LENS_FILE)
-    return _written(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
+    return write_result(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
 
 
+@in_locked_folder
 def run_check(folder: Path) -> Check:
     """Check whether the part can be cut: the exported one or, before an export, the one to be exported."""
     from lensforge.manufacturing.check import check_lens, check_part
 
     part = open_run(folder).find(Part)
-    return _written(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
+    return write_result(check_lens(load_lens(folder / LENS_FILE)) if part is None else check_part(part), folder)
 
 
+@in_locked_folder
 def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
     """Cast rays through the exported part, and compare their landings with the design's.
 
@@ -147,69 +154,51 @@ def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
     names, the results of the functions below.
     """
     results = open_run(folder)
-    return _written(stages.verify(results.part, results.light, rays=rays), folder)
+    return write_result(stages.verify(results.part, results.light, rays=rays), folder)
 
 
+@in_locked_folder
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
-    return _written(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
+    return write_result(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
 
 
+@in_locked_folder
 def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
     """Compute the effect of manufacturing and alignment errors on the light."""
-    return _written(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
+    return write_result(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
 
 
+@in_locked_folder
 def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | None = None) -> Photometry:
     """Write the light of the lens as IES, EULUMDAT and TM-25 files."""
-    return _written(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
+    return write_result(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
 
 
-def run_compare_photo(
-    folder: Path,
-    *,
-    on: Path,
-    off: Path | None,
-    corners: list[tuple[float, float]] | None,
-    target_mm: float | None = None,
-    gamma: float = 1.0,
-) -> PhotoComparison:
-    """Compare a photograph with the simulation; also draws ``compare.png``."""
-    light = open_run(folder).light
-    result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
-    with replacing(folder / "compare.png") as temporary:
-        temporary.write_bytes(photo_png(result))
-    return _written(result, folder)
-
-
-def run_compare_surface(
-    folder: Path,
-    *,
-    points: Path,
-    surface: Literal["inner", "outer"],
-    registration: Literal["rigid", "shift", "none"] = "rigid",
-    rays: int | None = None,
-) -> SurfaceComparison:
-    """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
-    lens = load_lens(folder / LENS_FILE)
-    result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
-    with replacing(folder / f"{stem_of(result)}.png") as temporary:
-        temporary.write_bytes(surface_png(result))
-    return _written(result, folder)
-
-
+@in_locked_folder
 def run_handover(folder: Path) -> "Handover":
     """Write the documents that go to the shop with the STEP file."""
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(open_run(folder))
+    handover = make_handover(load(folder))
     handover.save(folder)
     renew(folder)
     return handover
 
 
+@in_locked_folder
 def run_report(folder: Path) -> Path:
-    """Write ``report.html`` from the results in ``folder``; a PDF of an earlier page is deleted."""
+    """Write ``report.html`` from the results in ``folder``; a PDF of an earlier page is deleted.
+
+    Raises :class:`InputError` for a record that contradicts itself, ``run.json`` or the files that it describes, before
+    anything is written.
+    """
+    load(folder)
+    return refresh_report(folder)
+
+
+def refresh_report(folder: Path) -> Path:
+    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run."""
     from lensforge.report.lens_page import render_report
     from lensforge.report.page import write_page
 
@@ -224,15 +213,8 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     from lensforge.report.page import write_page
 
     names = folder_names(folders)
-    write_page(render_comparison([open_run(folder) for folder in folders], names), page)
+    write_page(render_comparison([load(folder) for folder in folders], names), page)
     return page
-
-
-def _written(result: _Result, folder: Path) -> _Result:
-    """Write ``result`` into ``folder``, renew the verdict, and return the result."""
-    result.write(folder, stem_of(result))
-    renew(folder)
-    return result
 
 
 _AFTER_DESIGN: dict[str, Callable[[Path], StageResult]] = {

@@ -45,6 +45,11 @@ class AugmentedLagrangian:
         )
         self.multipliers = torch.zeros(len(self.constraints), len(area), dtype=torch.float64)
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the constraints in the history of a search."""
+        return tuple(constraint.key for constraint in self.constraints)
+
     def fresh(self, penalty: float) -> "AugmentedLagrangian":
         """The same constraints with multipliers of 0."""
         return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
@@ -58,7 +63,7 @@ class AugmentedLagrangian:
     def least(self, fields: Float[Tensor, "c k"]) -> dict[str, float]:
         """The minimum of each constraint over the points, in its unit, for the history of a search."""
         least = (fields.detach() / self._factor).amin(dim=1).tolist()
-        return {constraint.key: value for constraint, value in zip(self.constraints, least, strict=True)}
+        return dict(zip(self.keys, least, strict=True))
 
     def term(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""

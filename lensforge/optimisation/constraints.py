@@ -15,6 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
+from lensforge.optimisation.limits import Limit, limits_of
 from lensforge.optimisation.surface_shape import draft_sine, least_curvature
 from lensforge.spec import Spec
 
@@ -22,16 +23,13 @@ from lensforge.spec import Spec
 # move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
 _CURVATURE_MARGIN = 0.01
 _DRAFT_MARGIN_DEG = 0.1
-# What counts as feasible in the finished lens, relative to the cutter's curvature, and in degrees.
-_CURVATURE_TOLERANCE = 1e-3
-_DRAFT_TOLERANCE_DEG = 0.01
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
 Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 
 
 @dataclass(frozen=True)
-class Constraint:
+class Constraint(Limit):
     """A field over both surfaces that is at least 0 where the lens is feasible.
 
     ``key`` ends with the unit of the field, of ``margin`` (how far inside the search aims) and of ``tolerance``. The
@@ -39,19 +37,10 @@ class Constraint:
     curvatures by the sag that they make over the narrowest function, relative to that radius.
     """
 
-    key: str
-    unit: str
     field: Field
     factor: float
     margin: float
-    tolerance: float
-    remedy: str
     derivatives: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name of its criterion."""
-        return self.key.removesuffix("_per_mm").removesuffix("_mm").removesuffix("_deg").replace("_", " ")
 
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
@@ -73,22 +62,16 @@ def _of_paper(spec: Spec) -> list[Constraint]:
     def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
         return limits.max_radius_mm - outer.rho
 
-    length = partial(
-        Constraint,
-        unit="mm",
-        factor=1.0 / limits.max_radius_mm,
-        margin=limits.margin_mm,
-        tolerance=limits.tolerance_mm,
-    )
+    fields = {"cavity_clearance_mm": cavity, "wall_margin_mm": wall, "radius_margin_mm": size}
+    known, factor = limits_of(spec), 1.0 / limits.max_radius_mm
     return [
-        length("cavity_clearance_mm", field=cavity, remedy="raise lens.inner_offset_mm or lower constraints.cavity_*"),
-        length("wall_margin_mm", field=wall, remedy="raise lens.outer_offset_mm or lower constraints.min_thickness_mm"),
-        length("radius_margin_mm", field=size, remedy="raise constraints.max_radius_mm or lower lens.outer_offset_mm"),
+        Constraint(**vars(known[key]), field=field, factor=factor, margin=limits.margin_mm)
+        for key, field in fields.items()
     ]
 
 
 def _of_cutter(spec: Spec) -> list[Constraint]:
-    sigma = spec.lens.basis.detail_rad
+    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
     found = []
     for surface, limit_mm in (
         ("inner", spec.constraints.inner_concave_radius_mm),
@@ -100,13 +83,10 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
         air = (-1 if surface == "inner" else 1) * (1 if spec.manufacture.make == "part" else -1)
         found.append(
             Constraint(
-                f"{surface}_curvature_margin_per_mm",
-                "1/mm",
-                partial(_curvature_margin, surface, air, 1.0 / limit_mm),
+                **vars(known[f"{surface}_curvature_margin_per_mm"]),
+                field=partial(_curvature_margin, surface, air, 1.0 / limit_mm),
                 factor=0.5 * sigma**2 * spec.constraints.max_radius_mm,
                 margin=_CURVATURE_MARGIN / limit_mm,
-                tolerance=_CURVATURE_TOLERANCE / limit_mm,
-                remedy=f"lower constraints.{surface}_concave_radius_mm or raise lens.{surface}_offset_mm",
                 derivatives=True,
             )
         )
@@ -114,16 +94,13 @@ def _of_cutter(spec: Spec) -> list[Constraint]:
 
 
 def _of_mould(spec: Spec) -> list[Constraint]:
-    sigma = spec.lens.basis.detail_rad
+    sigma, known = spec.lens.basis.detail_rad, limits_of(spec)
     return [
         Constraint(
-            f"{surface}_draft_margin_deg",
-            "deg",
-            partial(_draft_margin, surface, limit_deg),
+            **vars(known[f"{surface}_draft_margin_deg"]),
+            field=partial(_draft_margin, surface, limit_deg),
             factor=radians(sigma),
             margin=_DRAFT_MARGIN_DEG,
-            tolerance=_DRAFT_TOLERANCE_DEG,
-            remedy=f"lower constraints.{surface}_draft_deg or take more steps",
             derivatives=True,
         )
         for surface, limit_deg in (

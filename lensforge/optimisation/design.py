@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.lens import Lens
 from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy
+from lensforge.surfaces.srbf import MOST_LEVELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +75,7 @@ class Design(StageResult):
     constraints: Margins
     source: SourceSummary
     source_outline_mm: tuple[Point, ...]
-    history: tuple[Level, ...]
+    history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
     criteria: tuple[Criterion, ...]
 
     @model_validator(mode="after")

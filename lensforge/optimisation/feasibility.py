@@ -10,13 +10,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.criteria import Criterion, at_least
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
 from lensforge.optimisation.constraints import Constraint, constraints_of
 from lensforge.optimisation.design import Margins
+from lensforge.optimisation.limits import DIRECTIONS
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
@@ -33,7 +33,7 @@ _STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do 
 _HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of steps finds its way out of fewer
 
 
-def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
+def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     """Measure the least value of each constraint.
 
     Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim.
@@ -48,14 +48,6 @@ def measure_constraints(lens: Lens, directions: int = 60_000) -> Margins:
         everywhere = constraint_points(grid, lens.spec.lens.basis.symmetry)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
     return Margins.model_validate(found)
-
-
-def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:
-    """One criterion for each constraint of ``spec``: at least 0 but for its tolerance."""
-    return tuple(
-        at_least(each.name, getattr(measured, each.key), -each.tolerance, each.unit, each.remedy)
-        for each in constraints_of(spec)
-    )
 
 
 def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, RadiusJet]:

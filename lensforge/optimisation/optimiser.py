@@ -2,32 +2,26 @@
 
 import time
 from collections.abc import Iterator
-from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from lensforge import seeds
 from lensforge.accuracy import PRESETS
 from lensforge.errors import Cancelled, remedy
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.checkpoint import fingerprint, load_checkpoint, save_checkpoint
-from lensforge.optimisation.design import Design, Level, Observer, Progress
-from lensforge.optimisation.feasibility import (
-    constraint_criteria,
-    measure_constraints,
-    project_to_feasible,
-    require_feasible_start,
-)
+from lensforge.optimisation.checkpoint import delete_checkpoint, fingerprint
+from lensforge.optimisation.design import Design, Observer, Progress
+from lensforge.optimisation.feasibility import measure_constraints, project_to_feasible, require_feasible_start
+from lensforge.optimisation.limits import constraint_criteria
 from lensforge.optimisation.merit import Evaluated, MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.scene_check import SceneCheck
 from lensforge.optimisation.schedule import Stage, plan, rays_ahead
+from lensforge.optimisation.search_state import SearchState, level_of, moments_of, restored, resume_adam
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
@@ -38,23 +32,6 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 _ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
-
-
-@dataclass(frozen=True)
-class _State:
-    """Everything that a resumed run needs to end with the same bits; never changed in place.
-
-    An interrupt may come between any two instructions: it finds either the old state or the new one.
-    """
-
-    weights: Float[Tensor, "m 2"]
-    offsets: Float[Tensor, "2"]
-    multipliers: Float[Tensor, "c k"]
-    stage: int = 0
-    step: int = 0
-    optimiser: dict[str, Any] | None = None
-    history: list[dict[str, Any]] = field(default_factory=list)
-    seconds: float = 0.0
 
 
 def search(
@@ -87,9 +64,11 @@ def search(
     key = fingerprint(spec, seed, accuracy, start, device)
     state = _fresh_state(parametrisation, constraints, start)
     if resume and checkpoint is not None:
-        state = _State(**load_checkpoint(checkpoint, key))
+        state = restored(checkpoint, key, state, stages, constraints.keys)
     elif start is None:
         require_feasible_start(spec, parametrisation, constraints)
+    if checkpoint is not None and not resume:
+        delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
     run = _Search(source, merit, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
     run.run(checkpoint, key)
     state = run.state
@@ -98,7 +77,7 @@ def search(
     return _design(lens, source, state, stages[-1].rays, scene.warnings())
 
 
-def _design(lens: Lens, source: Source, state: _State, rays_per_step: int, warnings: tuple[str, ...]) -> Design:
+def _design(lens: Lens, source: Source, state: SearchState, rays_per_step: int, warnings: tuple[str, ...]) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
@@ -116,23 +95,16 @@ def _design(lens: Lens, source: Source, state: _State, rays_per_step: int, warni
         constraints=margins,
         source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
-        history=tuple(_level(level) for level in state.history),
+        history=tuple(level_of(level) for level in state.history),
         criteria=constraint_criteria(lens.spec, margins),
     )
 
 
-def _level(history: dict[str, Any]) -> Level:
-    """A level's history as its record: all other names are constraints."""
-    own = ("level", "functions", "loss", "nmse", "efficiency")
-    margins = {name: tuple(values) for name, values in history.items() if name not in own}
-    return Level.model_validate({name: history[name] for name in own} | {"constraints": margins})
-
-
-def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian, start: Lens | None) -> _State:
+def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian, start: Lens | None) -> SearchState:
     if start is not None:
-        return _State(*parametrisation.parameters_of(start), constraints.multipliers)
+        return SearchState(*parametrisation.parameters_of(start), constraints.multipliers)
     weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64)
-    return _State(weights, torch.ones(2, dtype=torch.float64), constraints.multipliers)
+    return SearchState(weights, torch.ones(2, dtype=torch.float64), constraints.multipliers)
 
 
 @dataclass
@@ -144,7 +116,7 @@ class _Search:
     seed: int
     accuracy: Accuracy
     observer: Observer
-    state: _State
+    state: SearchState
 
     def run(self, checkpoint: Path | None, key: str) -> None:
         """Run all remaining stages; keep the checkpoint fresh, also at an interrupt."""
@@ -153,20 +125,20 @@ class _Search:
             while self.state.stage < len(self.stages):
                 for _ in self._stage_steps(self.stages[self.state.stage]):
                     if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
-                        save_checkpoint(checkpoint, key, vars(self.state))
+                        self.state.save(checkpoint, key)
                         saved = time.monotonic()
-                self.state = replace(self.state, stage=self.state.stage + 1, step=0, optimiser=None)
+                self.state = replace(self.state, stage=self.state.stage + 1, step=0, moments=None)
         finally:
             if checkpoint is not None:
-                save_checkpoint(checkpoint, key, vars(self.state))
+                self.state.save(checkpoint, key)
 
     def _stage_steps(self, stage: Stage) -> Iterator[None]:
         """Take the stage's remaining steps, one for each item; the state is replaced before every yield."""
         weights = self.state.weights[: stage.functions].clone().requires_grad_()
         offsets = self.state.offsets.clone().requires_grad_()
         optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99))
-        if self.state.optimiser is not None:
-            optimiser.load_state_dict(deepcopy(self.state.optimiser))
+        if self.state.moments is not None:
+            resume_adam(optimiser, self.state.step, self.state.moments)
         self.constraints.multipliers = self.state.multipliers
         earlier = sum(before.steps for before in self.stages[: self.state.stage])
         steps = range(self.state.step, stage.steps)
@@ -184,23 +156,25 @@ class _Search:
                 self.constraints.update(result.fields)
             every_weight = self.state.weights.clone()
             every_weight[: stage.functions] = weights.detach()
-            self.state = replace(
+            following = replace(
                 self.state,
                 weights=every_weight,
                 offsets=offsets.detach().clone(),
                 multipliers=self.constraints.multipliers,
                 step=step + 1,
-                optimiser=deepcopy(optimiser.state_dict()),
+                moments=moments_of(optimiser),
                 history=_extended(self.state.history, stage, step, self._values(result)),
                 seconds=self.state.seconds + time.perf_counter() - started,
             )
-            if self.observer(self._progress(stage, earlier, result)) is False:
+            proceed = self.observer(self._progress(following, stage, earlier, result))
+            self.state = following  # not earlier: where the observer is interrupted, a resumed search calls it again
+            if proceed is False:
                 raise Cancelled(f"{self.merit.spec.name}: cancelled after step {earlier + self.state.step}")
             yield
             started = time.perf_counter()
 
-    def _progress(self, stage: Stage, earlier: int, result: Evaluated) -> Progress:
-        state, merit = self.state, self.merit
+    def _progress(self, state: SearchState, stage: Stage, earlier: int, result: Evaluated) -> Progress:
+        merit = self.merit
 
         def lens() -> Lens:
             make = merit.parametrisation.lens

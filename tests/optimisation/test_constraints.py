@@ -5,7 +5,8 @@ from scenes import random_surface, small_spec, sphere, table_of
 
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints
+from lensforge.optimisation.feasibility import measure_constraints
+from lensforge.optimisation.limits import constraint_criteria
 from lensforge.surfaces.spline import TableGrid
 
 

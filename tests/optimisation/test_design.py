@@ -9,12 +9,12 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import Cancelled, InputError
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.checkpoint import CHECKPOINT as FILE_NAME
 from lensforge.optimisation.design import Progress
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation, fit_surface
 from lensforge.optimisation.schedule import plan
-from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -90,7 +90,7 @@ def test_a_checkpoint_of_another_design_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="belongs to another spec"):
         search(spec, source, accuracy="draft", seed=1, checkpoint=path, resume=True)
     path.write_bytes(b"not a checkpoint")
-    with pytest.raises(InputError, match="damaged checkpoint"):
+    with pytest.raises(InputError, match="no checkpoint of a search"):
         search(spec, source, accuracy="draft", checkpoint=path, resume=True)
     path.unlink()
     with pytest.raises(InputError, match="no checkpoint"):

@@ -11,10 +11,10 @@ from scenes import DEVICES, small_spec
 from lensforge.errors import InputError
 from lensforge.optimisation import light_path
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.checkpoint import CHECKPOINT as FILE_NAME
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.pipeline import CHECKPOINT as FILE_NAME
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 

@@ -6,11 +6,11 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.feasibility import (
-    constraint_criteria,
     measure_constraints,
     project_to_feasible,
     require_feasible_start,
 )
+from lensforge.optimisation.limits import constraint_criteria
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.sources.build import build_source

@@ -16,7 +16,8 @@ from lensforge.manufacturing.face_check import SAMPLE_NODES
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartOperator, RadiusJet, constraint_points
 from lensforge.optimisation.constraints import constraints_of
-from lensforge.optimisation.feasibility import constraint_criteria, measure_constraints
+from lensforge.optimisation.feasibility import measure_constraints
+from lensforge.optimisation.limits import constraint_criteria
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.surface_shape import draft_sine, least_curvature
 from lensforge.sources.build import build_source

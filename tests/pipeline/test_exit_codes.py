@@ -14,7 +14,7 @@ from scenes import hemisphere_directions, small_spec
 
 import lensforge as lf
 from lensforge.cli import main
-from lensforge.geometry import export as lensforge_export
+from lensforge.geometry import acceptance
 from lensforge.spec.target import FlatTopTarget
 
 TARGET = FlatTopTarget(half_width_mm=20.0, distance_mm=100.0, receiver_mm=200.0)
@@ -105,6 +105,7 @@ def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
 def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(folder: Path) -> None:
     record = json.loads((folder / "lens.json").read_text(encoding="utf-8"))
     record["spec"]["manufacture"] = {"required": True}
+    del record["content_sha256"]  # of the lens as it was
     (folder / "lens.json").write_text(json.dumps(record), encoding="utf-8")
     code, stderr = lensforge("check", folder)  # 0 in the spec as it was, see above
     assert code == 1 and "cutting: " in stderr
@@ -112,7 +113,7 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
 
 
 def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lensforge_export, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
+    monkeypatch.setattr(acceptance, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
     code, stderr = lensforge("export", folder)
     assert code == 1 and "form_error = " in stderr.splitlines()[-1], stderr
     assert verdict_in(folder)["files"] == "fail"

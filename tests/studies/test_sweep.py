@@ -1,17 +1,21 @@
 """A sweep varies what it says, keeps what is finished, and shows each design's own figures."""
 
+import shutil
+
 import numpy as np
 import pytest
+from PIL import Image
+from pydantic import ValidationError
 from scenes import small_spec
 
 from lensforge.criteria import require
 from lensforge.errors import InputError
 from lensforge.lens import load_lens
-from lensforge.pipeline import CHECKPOINT
+from lensforge.optimisation.checkpoint import CHECKPOINT
 from lensforge.results import Results, load_results
 from lensforge.stages import build, check, design, evaluate
 from lensforge.studies.sweep.page import sweep_figure
-from lensforge.studies.sweep.runs import run_sweep
+from lensforge.studies.sweep.runs import resumable, run_sweep
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import parse_variation, variant_name, variation_of
 
@@ -201,3 +205,49 @@ def test_what_is_no_variation_is_one_line(field, values, scaled):
     with pytest.raises(InputError) as caught:
         variation_of(field, values, scaled)
     assert "\n" not in str(caught.value)
+
+
+def test_a_picture_that_changed_is_not_resumed_from(tmp_path):
+    picture = tmp_path / "arrow.png"
+    Image.fromarray(np.tri(32, dtype=np.uint8) * 255).save(picture)
+    target = {"kind": "image", "file": str(picture), "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0}
+    spec = small_spec(target=target, optimise=SPEC.optimise.model_dump(exclude_unset=True), base={"kind": "none"})
+    variation = parse_variation("constraints.max_radius_mm=7,8", SCALED)
+    assert not resumable(tmp_path / "made")
+    run_sweep(spec, variation, tmp_path / "made", Designer(), **SETTINGS)
+    assert resumable(tmp_path / "made")
+    again = Designer()
+    run_sweep(spec, variation, tmp_path / "made", again, **SETTINGS, resume=True)
+    assert again.made == []
+    Image.fromarray(np.tri(32, dtype=np.uint8)[::-1] * 255).save(picture)
+    with pytest.raises(InputError, match="another spec, or file that it names"):
+        run_sweep(spec, variation, tmp_path / "made", again, **SETTINGS, resume=True)
+    assert again.made == []
+
+
+def test_a_folder_that_holds_another_lens_is_not_kept(swept, tmp_path):
+    made = tmp_path / "made"
+    shutil.copytree(swept[0], made)
+    first, last = (made / row.folder / "lens.json" for row in (swept[1].designs[0], swept[1].designs[-1]))
+    first.write_bytes(last.read_bytes())
+    variation = parse_variation("constraints.max_radius_mm=8,6.5", SCALED)
+    with pytest.raises(InputError, match=r"small-6_5: not the design that sweep\.json lists"):
+        run_sweep(SPEC, variation, made, Designer(), **SETTINGS, resume=True)
+
+
+def test_a_record_of_a_sweep_agrees_with_itself(swept):
+    content = swept[1]
+    fields = {name: getattr(content, name) for name in Sweep.model_fields}
+    row = content.designs[0]
+    for change in (
+        {"inputs": {}},
+        {"inputs": {**content.inputs, "more": "0" * 64}},
+        {"designs": content.designs[::-1]},
+        {"designs": (row, row)},
+        {"designs": (row.model_copy(update={"folder": "../other"}), content.designs[1])},
+    ):
+        plain = {**fields, **change}
+        plain["designs"] = [each.model_dump() for each in plain["designs"]]
+        with pytest.raises(ValidationError):
+            Sweep.model_validate(plain)
+    Sweep.model_validate({**fields, "designs": [each.model_dump() for each in content.designs]})

@@ -3,15 +3,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from PIL import Image
 from scenes import random_surface, small_spec
 
 from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.lens import Lens, load_lens
+from lensforge.pipeline import write_design
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.spec import parse_spec
-from lensforge.studies.tradeoff.measure import Effort, measure, run_tradeoff
+from lensforge.stages import design
+from lensforge.studies.tradeoff.measure import Effort, _lens_in, measure, run_tradeoff
 from lensforge.studies.tradeoff.record import Tradeoff
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.evaluate_nodes_per_sigma)}))
@@ -132,3 +135,15 @@ def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
 def test_the_spec_of_a_lens_file_is_the_scene_it_was_designed_for(folder):
     lens = load_lens(folder / "lens.json")
     assert parse_spec(lens.spec.model_dump(mode="json"), "lens.json") == SPEC
+
+
+def test_a_lens_whose_picture_changed_since_is_not_measured(tmp_path):
+    picture, folder = tmp_path / "arrow.png", tmp_path / "made"
+    Image.fromarray(np.tri(32, dtype=np.uint8) * 255).save(picture)
+    target = {"kind": "image", "file": str(picture), "width_mm": 100.0, "distance_mm": 100.0, "receiver_mm": 200.0}
+    spec = small_spec(target=target, optimise={"steps_per_level": [1, 1], "rays": 256, "pixels": 16})
+    lens = write_design(design(spec, accuracy="draft"), folder).lens
+    assert _lens_in(folder, spec, build_source(spec.source), pytest.fail) == lens
+    Image.fromarray(np.tri(32, dtype=np.uint8)[::-1] * 255).save(picture)
+    with pytest.raises(InputError, match="a file that its spec names has changed since"):
+        run_tradeoff(spec, folder)

@@ -4,18 +4,21 @@
 within a design from its checkpoint.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
-from lensforge.pipeline import CHECKPOINT
-from lensforge.results import load_results
+from lensforge.folder_lock import locked
+from lensforge.lens import load_lens
+from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.results import LENS_FILE, load_results
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.files import section_sha256
 from lensforge.studies.sweep.page import sweep_page, sweep_png
 from lensforge.studies.sweep.table import Sweep, sweep_of
-from lensforge.studies.sweep.vary import Variation
+from lensforge.studies.sweep.vary import Variant, Variation
 from lensforge.version import __version__
 
 PAGE, PLOT = "sweep.html", "sweep.png"
@@ -44,10 +47,32 @@ def run_sweep(
 
     ``accuracy`` and ``seed``: those that ``run_design`` uses. With ``resume`` designs that sweep.json lists are kept,
     whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues. Raises
-    :class:`InputError` before the first design for a value that the spec cannot have, and for a sweep.json of another
-    sweep.
+    :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of another
+    sweep, and where another process writes in ``directory``.
     """
     variants = variation.variants(spec)
+    with locked(directory, create=True):
+        return _run(spec, variation, variants, directory, run_design, accuracy, seed, resume, announce)
+
+
+def resumable(directory: Path) -> bool:
+    """True where an interrupted sweep in ``directory`` can be resumed: a design is finished, or was begun."""
+    if (directory / f"{Sweep.stage}.json").is_file():
+        return True
+    return any(is_checkpoint(checkpoint) for checkpoint in directory.glob(f"*/{CHECKPOINT}"))
+
+
+def _run(
+    spec: Spec,
+    variation: Variation,
+    variants: Sequence[Variant],
+    directory: Path,
+    run_design: RunDesign,
+    accuracy: Accuracy,
+    seed: int,
+    resume: bool,
+    announce: Callable[[str], None],
+) -> Sweep:
     sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
     for number, variant in enumerate(variants, start=1):
         if sweep is not None and variant.value in sweep.values:
@@ -73,20 +98,25 @@ def _write_page(sweep: Sweep, directory: Path) -> None:
 def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:
     """The designs that an earlier call finished, None without any. Only its values may differ from this call's.
 
-    Raises :class:`InputError` where anything else differs.
+    Raises :class:`InputError` where anything else differs, the content of a file too, and where the folder of one of
+    the designs holds another lens now.
     """
-    if not (directory / f"{Sweep.stage}.json").exists():
+    path = directory / f"{Sweep.stage}.json"
+    if not path.exists():
         return None
     sweep = Sweep.read(directory)
-    wanted: dict[str, object] = {
-        "spec": spec,
-        "vary": variation.field,
-        "scale": variation.scaled,
-        "accuracy": accuracy,
-        "seed": seed,
-        "version": __version__,
-    }
-    for name, value in wanted.items():
-        if getattr(sweep, name) != value:
-            raise InputError(f"{directory / 'sweep.json'}: a sweep with another {name!r}; start again without resume")
+    for words, found, wanted in (
+        ("spec, or file that it names", sweep.spec_sha256, section_sha256(spec)),
+        ("field", sweep.vary, variation.field),
+        ("scaled fields", sweep.scale, variation.scaled),
+        ("accuracy", sweep.accuracy, accuracy),
+        ("seed", sweep.seed, seed),
+        ("version of lensforge", sweep.version, __version__),
+    ):
+        if found != wanted:
+            raise InputError(f"{path}: a sweep with another {words}; start again without resume")
+    for row in sweep.designs:
+        folder = directory / row.folder
+        if load_lens(folder / LENS_FILE).sha256 != sweep.inputs[row.folder]:
+            raise InputError(f"{folder}: not the design that {path.name} lists; start again without resume")
     return sweep

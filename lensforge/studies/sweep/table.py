@@ -2,18 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.optimisation.design import Margins
-from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, StageResult, Text
+from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, Sha256, StageResult, Text
 from lensforge.results import Results
 from lensforge.spec import Accuracy, Spec
+from lensforge.spec.files import section_sha256
 from lensforge.studies.sweep.vary import Variant, Variation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# A name of a spec, and so never the way out of the sweep's own folder.
+FolderName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 SweptMetric = Literal["nmse", "uniformity", "rsd", "efficiency", "share_in_target"]
 
 
@@ -24,7 +29,7 @@ class SweepRow(Record):
     """
 
     value: Number
-    folder: Text
+    folder: FolderName
     changes: dict[Text, Number]
     nmse: Metric
     uniformity: Metric | None
@@ -42,18 +47,29 @@ class SweepRow(Record):
 class Sweep(StageResult):
     """Designs by the value of the field ``vary``, smallest first; the fields of ``scale`` keep their ratio to it.
 
-    ``spec``: the one that was varied. ``inputs``: the lenses, by folder.
+    ``spec``: the one that was varied; ``spec_sha256``: its hash, in which every file that it names counts by its
+    content. ``inputs``: the lenses, by folder.
     """
 
     stage: ClassVar[str] = "sweep"
     made_from: ClassVar[tuple[str, ...]] = ()
 
     spec: Spec
+    spec_sha256: Sha256
     vary: Text
     scale: tuple[Text, ...]
     accuracy: Accuracy
     seed: Count
     designs: tuple[SweepRow, ...]
+
+    @model_validator(mode="after")
+    def _every_design_has_its_lens(self) -> "Sweep":
+        folders = [row.folder for row in self.designs]
+        if sorted(self.inputs) != sorted(folders):
+            raise ValueError(f"inputs: must be the lenses of {', '.join(folders)}, one for each of the designs")
+        if any(low >= high for low, high in zip(self.values, self.values[1:], strict=False)):
+            raise ValueError("designs: must have rising values")
+        return self
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -121,6 +137,7 @@ def sweep_of(spec: Spec, variation: Variation, found: Sequence[tuple[Variant, Re
     return Sweep(
         inputs={variant.spec.name: results.lens.sha256 for variant, results in found},
         spec=spec,
+        spec_sha256=section_sha256(spec),
         vary=variation.field,
         scale=variation.scaled,
         accuracy=lens.accuracy,

@@ -10,13 +10,18 @@ import torch
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.files import replacing
-from lensforge.lens import Lens, load_lens
+from lensforge.folder_lock import locked
+from lensforge.lens import Lens
+from lensforge.optimisation.design import Design
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.pipeline import write_design
 from lensforge.receivers.plane import PlaneReceiver
+from lensforge.results import LENS_FILE
+from lensforge.run_folder import open_run
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
+from lensforge.spec.files import section_sha256
 from lensforge.stages import design
 from lensforge.studies.tradeoff import exported, pixels, rays, tables
 from lensforge.studies.tradeoff.page import tradeoff_page
@@ -58,21 +63,31 @@ def run_tradeoff(
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
     Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next. Raises
-    :class:`InputError` if the lens is that of another scene.
+    :class:`InputError` if the lens is that of another scene, and where another process writes there.
     """
-    path, source = directory / "lens.json", build_source(spec.source, spec.lens.dispersion)
-    if path.exists():
-        lens = load_lens(path)
-        require_same_scene(lens, spec, source, str(path))
-    else:
+    with locked(directory, create=True):
+        source = build_source(spec.source, spec.lens.dispersion)
+        lens = _lens_in(directory, spec, source, announce)
+        found = measure(lens, source, effort or Effort(), announce)
+        found.write(directory)
+        with replacing(directory / PAGE) as temporary:
+            temporary.write_text(tradeoff_page(found), encoding="utf-8")
+        return found
+
+
+def _lens_in(directory: Path, spec: Spec, source: Source, announce: Callable[[str], None]) -> Lens:
+    """The lens in ``directory``, or where there is none a draft that is designed and written there."""
+    path = directory / LENS_FILE
+    if not path.exists():
         announce("no lens yet: a draft is designed")
         draft = design(spec, accuracy="draft", warn=lambda words: announce(f"warning: {words}"))
-        lens = write_design(draft, directory).lens
-    found = measure(lens, source, effort or Effort(), announce)
-    found.write(directory)
-    with replacing(directory / PAGE) as temporary:
-        temporary.write_text(tradeoff_page(found), encoding="utf-8")
-    return found
+        return write_design(draft, directory).lens
+    results = open_run(directory)
+    require_same_scene(results.lens, spec, source, str(path))
+    made = results.find(Design)
+    if made is not None and made.inputs["spec"] != section_sha256(results.spec):
+        raise InputError(f"{path}: a file that its spec names has changed since; give another folder, or design again")
+    return results.lens
 
 
 def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str], None]) -> Tradeoff:
@@ -110,7 +125,7 @@ def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> N
     """Raise :class:`InputError` where ``lens`` was designed for another scene than ``spec`` with its ``source``."""
     wanted = settled_symmetry(spec, source)
     for section in ("source", "lens", "target"):
-        if getattr(lens.spec, section) != getattr(wanted, section):
+        if section_sha256(getattr(lens.spec, section)) != section_sha256(getattr(wanted, section)):
             raise InputError(
                 f"{origin}: its lens was designed for another [{section}] than {spec.name!r} has now; "
                 "give another folder, or design it again"

@@ -1,0 +1,48 @@
+"""Comparison of the machined part with the design in a result folder: the record, and a picture of it."""
+
+from pathlib import Path
+from typing import Literal
+
+from lensforge.files import replacing
+from lensforge.folder_lock import in_locked_folder
+from lensforge.lens import load_lens
+from lensforge.measured_part import compare
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.figures import photo_png, surface_png
+from lensforge.results import LENS_FILE, stem_of
+from lensforge.run_folder import open_run, write_result
+
+
+@in_locked_folder
+def run_compare_photo(
+    folder: Path,
+    *,
+    on: Path,
+    off: Path | None,
+    corners: list[tuple[float, float]] | None,
+    target_mm: float | None = None,
+    gamma: float = 1.0,
+) -> PhotoComparison:
+    """Compare a photograph with the simulation; also draws ``compare.png``."""
+    light = open_run(folder).light
+    result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
+    with replacing(folder / "compare.png") as temporary:
+        temporary.write_bytes(photo_png(result))
+    return write_result(result, folder)
+
+
+@in_locked_folder
+def run_compare_surface(
+    folder: Path,
+    *,
+    points: Path,
+    surface: Literal["inner", "outer"],
+    registration: Literal["rigid", "shift", "none"] = "rigid",
+    rays: int | None = None,
+) -> SurfaceComparison:
+    """Compare measured points with one surface of the lens; also draws ``compare_<surface>.png``."""
+    lens = load_lens(folder / LENS_FILE)
+    result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
+    with replacing(folder / f"{stem_of(result)}.png") as temporary:
+        temporary.write_bytes(surface_png(result))
+    return write_result(result, folder)
