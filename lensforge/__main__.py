@@ -1,5 +1,28 @@
-"""``python -m lensforge`` is the command line."""
+"""``python -m lensforge`` and the program ``lensforge`` are the command line.
 
-from lensforge.cli import main
+Signals are noted before anything else is loaded: an interrupt in the first half second is one line, too.
 
-main()
+``python -m`` puts the current folder before all others, so that any module is searched there first; this one can only
+put it behind the others for what is loaded from here on. ``python -P -m lensforge``, and the installed program, never
+search the current folder, which may be one that somebody else has sent.
+"""
+
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    sys.path.append(sys.path.pop(0))
+
+from lensforge.commands.interrupts import Interrupts
+
+_interrupts = Interrupts().install()
+
+from lensforge.cli import main  # noqa: E402
+
+
+def run() -> None:
+    """Entry point of the installed program."""
+    main(_interrupts)
+
+
+if __name__ == "__main__":
+    run()

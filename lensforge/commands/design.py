@@ -6,9 +6,10 @@ from typing import Literal
 import click
 
 from lensforge import pipeline
-from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, with_rays
+from lensforge.commands.options import ACCURACY, DEVICE, RAYS, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.commands.printing import print_headline, require_pass
 from lensforge.errors import InputError
+from lensforge.optimisation.checkpoint import CHECKPOINT
 from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run
 from lensforge.spec import Accuracy, Spec, load_spec
@@ -38,6 +39,7 @@ def design(
     """Make a lens from SPEC: design, evaluate, export, check, verify, report."""
     content = with_rays(load_spec(spec), rays)
     directory = out or Path("cad_out") / content.name
+    resume_after_interrupt(lambda: pipeline.resumable(directory))
     run = run_with_progress(
         content,
         directory,
@@ -71,7 +73,7 @@ def run_with_progress(
     from lensforge.commands.progress import Reporter
     from lensforge.report.snapshots import Snapshots
 
-    checkpoint = directory / pipeline.CHECKPOINT
+    checkpoint = directory / CHECKPOINT
     if resume and not checkpoint.exists():
         raise InputError(f"{checkpoint}: no checkpoint to resume from; run without --resume")
     observers = [Snapshots(spec, directory, resume=resume).on_step] if snapshots else []

@@ -1,10 +1,12 @@
 """Options that several commands share."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 from lensforge import seeds
+from lensforge.commands.interrupts import Interrupts
 from lensforge.spec import Spec
 
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
@@ -33,3 +35,10 @@ DEVICE = click.option(
 def with_rays(spec: Spec, rays: int | None) -> Spec:
     """Return ``spec`` with ``rays`` rays in each step of its search; None leaves it as it is."""
     return spec if rays is None else spec.replace({"optimise.rays": rays})
+
+
+def resume_after_interrupt(resumable: Callable[[], bool]) -> None:
+    """Let an interrupt of the running command advise ``--resume`` where ``resumable()`` is True at that moment."""
+    interrupts = click.get_current_context().find_object(Interrupts)
+    if interrupts is not None:
+        interrupts.resumable = resumable

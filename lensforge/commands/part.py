@@ -1,7 +1,7 @@
 """Commands on a finished part: sensitivity, handover to the shop, comparison with the machined part, photometry."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -9,7 +9,13 @@ from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
+from lensforge.compared_folder import run_compare_photo, run_compare_surface
 from lensforge.errors import InputError
+
+if TYPE_CHECKING:
+    _Pixel = click.ParamType[tuple[float, float]]
+else:
+    _Pixel = click.ParamType  # generic from click 8.4 on only
 
 
 @click.command()
@@ -42,7 +48,7 @@ def handover(directory: Path) -> None:
     conclude(directory)
 
 
-class _Corner(click.ParamType[tuple[float, float]]):
+class _Corner(_Pixel):
     """A pixel, written as column,row."""
 
     name = "x,y"
@@ -90,16 +96,14 @@ def compare(
 ) -> None:
     """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
     if on is not None and points is None:
-        found = pipeline.run_compare_photo(
+        found = run_compare_photo(
             directory, on=on, off=off, corners=list(corners) if corners else None, target_mm=target_mm, gamma=gamma
         )
         finish(directory, found)
     elif points is not None and on is None:
         if surface is None:
             raise InputError("compare: --points needs --surface, inner or outer")
-        measured = pipeline.run_compare_surface(
-            directory, points=points, surface=surface, registration=registration, rays=rays
-        )
+        measured = run_compare_surface(directory, points=points, surface=surface, registration=registration, rays=rays)
         finish(directory, measured)
     else:
         raise InputError("compare: give --on PHOTO, or --points FILE with --surface")

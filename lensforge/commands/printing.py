@@ -10,8 +10,9 @@ import click
 from lensforge.criteria import require
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
-from lensforge.pipeline import run_report
+from lensforge.pipeline import refresh_report
 from lensforge.records import SimulatedResult, StageResult
+from lensforge.report.ownership import is_free_or_own
 from lensforge.results import REPORT_FILE, stem_of
 from lensforge.run_folder import Run, open_run
 from lensforge.verdict import Verdict, verdict_on
@@ -48,8 +49,8 @@ def conclude(
         print_verdict(run)
     elif isinstance(first, Light):
         print_parts("conditions", verdict_on(run.lens, None, first, None, None, None), ("light",))
-    if (directory / REPORT_FILE).exists():
-        run_report(directory)
+    if (directory / REPORT_FILE).exists() and is_free_or_own(directory / REPORT_FILE):
+        refresh_report(directory)
     require(criterion for each in results for criterion in getattr(each, "criteria", ()))
     if decides and own:
         require_pass(directory, decides)
@@ -73,7 +74,12 @@ def print_conditions(result: StageResult, prefix: str = "") -> None:
 
 def warning_line(words: str) -> str:
     """A warning as one line."""
-    return f"warning: {' '.join(words.split())}"
+    return f"warning: {printable(' '.join(words.split()))}"
+
+
+def printable(text: str) -> str:
+    """``text`` with escapes for characters that steer a terminal: names in a file may come from anywhere."""
+    return "".join(each if each.isprintable() or each == "\t" else ascii(each)[1:-1] for each in text)
 
 
 def _not_printed(result: StageResult) -> set[str]:
@@ -90,7 +96,8 @@ def print_table(content: Mapping[str, object], prefix: str = "") -> None:
         elif isinstance(value, Mapping):
             print_table(value, f"{prefix}{key}.")
         else:
-            click.echo(f"{prefix}{key}\t{json.dumps(value) if isinstance(value, list | tuple) else value}")
+            shown = json.dumps(value) if isinstance(value, list | tuple) else value
+            click.echo(printable(f"{prefix}{key}\t{shown}"))
 
 
 _HEADLINE = {
@@ -122,7 +129,7 @@ def print_parts(prefix: str, verdict: Verdict, parts: Sequence[str]) -> None:
     for name in parts:
         click.echo(f"{prefix}.{name}\t{getattr(verdict, name)}")
         for reason in verdict.reasons_of(name):
-            click.echo(f"{prefix}.{name}.reason\t{reason}")
+            click.echo(printable(f"{prefix}.{name}.reason\t{reason}"))
 
 
 def require_pass(directory: Path, *parts: str) -> None:

@@ -7,6 +7,7 @@ import click
 
 from lensforge.commands.printing import print_table
 from lensforge.errors import InputError
+from lensforge.files import require_regular_file, require_writable
 from lensforge.records import Record
 from lensforge.sources.inspection import holds_far_field
 from lensforge.sources.photometric.conversion import convert_photometric
@@ -30,6 +31,12 @@ def rays(
     file: Path, only_header: bool, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None
 ) -> None:
     """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT)."""
+    require_regular_file(file, missing="give the path of a ray file or a photometric file")
+    for option, path in (("--to", to), ("--plot", plot)):
+        if path is not None:
+            require_writable(path)
+        if path is not None and path.exists() and path.samefile(file):
+            raise InputError(f"{option} {path}: is the file itself, which stays as it is; give another name")
     if format_name and not to:
         raise InputError(f"--format {format_name}: give --to FILE with it")
     if holds_far_field(file):

@@ -8,8 +8,10 @@ import click
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
-from lensforge.commands.printing import finish, print_verdict
+from lensforge.commands.printing import finish, print_verdict, warning_line
 from lensforge.errors import InputError
+from lensforge.files import require_writable
+from lensforge.report.ownership import is_free_or_own, require_own
 from lensforge.results import REPORT_FILE
 from lensforge.run_folder import open_run
 
@@ -80,6 +82,11 @@ def verify(
     with threads_of_torch(threads):
         proof = pipeline.run_verify(directory, rays=rays)
         followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
+    if proof.altered_files:
+        names = ", ".join(proof.altered_files)
+        click.echo(
+            warning_line(f"{names}: not as exported, by export.json; the rays went through what is there"), err=True
+        )
     finish(directory, proof, "files", **({} if followed is None else {"stray_light": followed}))
 
 
@@ -94,7 +101,12 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
     from lensforge.report.page import write_pdf
 
     page = directories[0] / REPORT_FILE if len(directories) == 1 else out or Path("compare.html")
-    stale = page.with_suffix(".pdf").exists()
+    printed = page.with_suffix(".pdf")
+    for path in (page, printed) if pdf else (page,):  # before the pages are drawn
+        require_own(path)
+    if len(directories) > 1:
+        require_writable(page)
+    stale = printed.exists() and is_free_or_own(printed)
     if len(directories) == 1:
         pipeline.run_report(directories[0])
         print_verdict(open_run(directories[0]))
@@ -102,7 +114,6 @@ def report(directories: tuple[Path, ...], out: Path | None, pdf: bool) -> None:
         pipeline.run_comparison(directories, page)
     click.echo(f"report\t{page}")
     if stale and not pdf:
-        old = page.with_suffix(".pdf")
-        click.echo(f"{old} showed the earlier page and is removed; --pdf writes a new one", err=True)
+        click.echo(f"{printed} showed the earlier page and is removed; --pdf writes a new one", err=True)
     if pdf:
         click.echo(f"pdf\t{write_pdf(page)}")

@@ -6,7 +6,7 @@ import click
 
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.design import run_with_progress
-from lensforge.commands.options import ACCURACY, RAYS, SEED, THREADS, with_rays
+from lensforge.commands.options import ACCURACY, RAYS, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.commands.printing import print_table
 from lensforge.criteria import require
 from lensforge.spec import Accuracy, Spec, load_spec
@@ -41,12 +41,13 @@ def sweep(
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
         --scale lens.inner_offset_mm --scale lens.outer_offset_mm
     """
-    from lensforge.studies.sweep.runs import run_sweep
+    from lensforge.studies.sweep.runs import resumable, run_sweep
     from lensforge.studies.sweep.vary import parse_variation
 
     content = with_rays(load_spec(spec), rays)
     variation = parse_variation(vary, scale)
     directory = out or Path("cad_out") / f"{content.name}_sweep"
+    resume_after_interrupt(lambda: resumable(directory))
 
     def run_design(spec: Spec, folder: Path, resume: bool) -> object:
         return run_with_progress(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)

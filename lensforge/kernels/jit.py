@@ -8,8 +8,10 @@ Rays are cut into a fixed number of chunks, whatever the number of threads, and 
 of the chunks: the same bits on any number of threads.
 """
 
+import atexit
 import hashlib
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +23,11 @@ import numba
 import numpy as np
 import torch
 
+from lensforge.errors import InputError
+from lensforge.temporary import FOLDER, own_mark
+
 CHUNKS = 8
+_LARGEST_BYTES = 2**20  # of a compiled kernel: the largest has 0.15 MB
 
 
 def cache_folder(kernels: Path) -> Path:
@@ -29,14 +35,26 @@ def cache_folder(kernels: Path) -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(kernels.glob("*.py")):
         digest.update(source.read_bytes())
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = home / "lensforge" / f"kernels-{digest.hexdigest()[:16]}"
     try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = home / "lensforge" / f"kernels-{digest.hexdigest()[:16]}"
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(bytes(_LARGEST_BYTES))
             return folder
-    except OSError:  # a read-only home: the kernels are compiled once for each process
-        return Path(tempfile.mkdtemp(prefix="lensforge-kernels-"))
+    except (OSError, RuntimeError):  # no home, a read-only or a full one: compiled once for each process
+        return _temporary_cache()
+
+
+def _temporary_cache() -> Path:
+    """A folder for this process alone, deleted when it ends."""
+    try:
+        folder = tempfile.mkdtemp(prefix=f"{FOLDER}{own_mark()}-")
+    except OSError as error:
+        place = f"neither ~/.cache nor a temporary folder can be used for the compiled kernels ({error.strerror})"
+        raise InputError(f"{place}; make room, or set XDG_CACHE_HOME to a folder that can be written") from None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 _FOLDER = str(cache_folder(Path(__file__).parent))

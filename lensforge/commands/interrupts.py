@@ -1,0 +1,141 @@
+"""Ctrl-C, SIGTERM and SIGHUP as one exception in the main thread, which ends a command and saves what it can.
+
+Python's own handler raises wherever the program is: in the import of a library, which may swallow the exception or
+leave half a module, in a destructor, which prints it, or in the clean-up after the first one. Here a signal is noted
+at once, and raised as :class:`KeyboardInterrupt` where that is safe; until then, or where it was swallowed, a timer
+asks again. A signal that is ignored when the program starts, as under nohup, stays ignored.
+
+Nothing but the command line handles signals: the library leaves them to the script that imports it.
+"""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+_WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "terminated (the terminal was closed)"}
+_IMPORTING = "<frozen importlib._bootstrap>"
+_AGAIN_SECONDS = 0.1
+_LONGEST_IMPORT_SECONDS = 20.0  # the CAD kernel takes 2 s, and 10 s from a cold network disk
+# Terminals and wrappers such as `timeout` often send a signal twice at once; a later one is a user who does not wait.
+_PATIENCE_SECONDS = 1.0
+
+
+class Interrupts:
+    """The signals that end a command: noted from :meth:`install` on, raised inside :meth:`raised` only.
+
+    ``resumable``: set by a command that leaves something from which its ``--resume`` continues.
+    """
+
+    def __init__(self) -> None:
+        self.received: signal.Signals | None = None
+        self.resumable: Callable[[], bool] = lambda: False
+        self._at = 0.0
+        self._raising = False
+        self._before: dict[int, Any] = {}
+
+    @property
+    def words(self) -> str:
+        """What happened, for the user; how to continue is said only where there is something to continue from."""
+        what = "interrupted" if self.received is None else _WORDS[self.received.name]
+        if not self.resumable():
+            return what
+        return f"{what}; the same command with --resume continues from the last checkpoint"
+
+    @property
+    def exit_code(self) -> int:
+        """128 and the number of the signal, as shells have it: 130 for Ctrl-C, 143 for SIGTERM."""
+        return 128 + (self.received or signal.SIGINT)
+
+    def install(self) -> "Interrupts":
+        """Note signals from now on, in place of Python's own handlers. Outside the main thread nothing is done."""
+        if threading.current_thread() is threading.main_thread():
+            for name in _WORDS:
+                number = getattr(signal, name, None)  # Windows has no SIGHUP
+                if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):
+                    self._before[number] = signal.signal(number, self._on_signal)
+            if hasattr(signal, "SIGALRM"):
+                self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._on_timer)
+        return self
+
+    def uninstall(self, *, at_exit: bool = False) -> None:
+        """Put the earlier handlers back; ``at_exit``: the system's own, which end the process without words."""
+        self._stop_timer()
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_DFL if at_exit else handler)
+        self._before = {}
+
+    @contextmanager
+    def raised(self) -> Iterator[None]:
+        """Raise a signal, also one that came earlier, as :class:`KeyboardInterrupt` in the main thread."""
+        hook = sys.unraisablehook
+        sys.unraisablehook = self._without_interrupts(hook)
+        try:
+            self._raising = True
+            if self.received is not None:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._raising = False
+            self._stop_timer()
+            sys.unraisablehook = hook
+
+    def _without_interrupts(self, hook: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """``hook``, but silent on an interrupt that a destructor swallowed: the timer raises it again."""
+
+        def report(unraisable: Any) -> None:
+            if self.received is None:
+                hook(unraisable)
+
+        return report
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if self.received is None:
+            self.received, self._at = signal.Signals(number), now
+        elif now - self._at > _PATIENCE_SECONDS:
+            os._exit(self.exit_code)
+        else:
+            return
+        self._raise_or_wait(frame)
+
+    def _on_timer(self, _number: int, frame: FrameType | None) -> None:
+        if self.received is not None:
+            self._raise_or_wait(frame)
+
+    def _raise_or_wait(self, frame: FrameType | None) -> None:
+        if not self._raising:
+            return
+        if hasattr(signal, "setitimer"):  # not on Windows: there it is raised at once, and once
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_SECONDS)
+            waited = time.monotonic() - self._at
+            if _is_cleaning_up() or (_is_importing(frame) and waited < _LONGEST_IMPORT_SECONDS):
+                return
+        raise KeyboardInterrupt
+
+    def _stop_timer(self) -> None:
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _is_cleaning_up() -> bool:
+    """True where an interrupt is on its way already, through a ``finally``, a ``with`` or the end of a generator."""
+    error = sys.exception()
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt | GeneratorExit):
+            return True
+        error = error.__context__
+    return False
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == _IMPORTING:
+            return True
+        frame = frame.f_back
+    return False
