@@ -22,9 +22,10 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import load_lens
 from lensforge.receivers.plane import PlaneReceiver
 from lensforge.sources.build import build_source
+from lensforge.verification.acceptance import mitsuba_criteria
 from lensforge.verification.comparison import Expected
 from lensforge.verification.image_plane import ImagePlane
-from lensforge.verification.mitsuba_cast import cast_mitsuba, mitsuba_criteria
+from lensforge.verification.mitsuba_cast import cast_mitsuba
 from lensforge.verification.part_mesh import read_part_mesh
 
 SEED = 2**42  # apart from the seeds of design, evaluation and verification

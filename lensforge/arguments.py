@@ -12,6 +12,7 @@ from lensforge.accuracy import PRESETS, Preset
 from lensforge.errors import InputError, SourceWarning
 from lensforge.lens import Lens
 from lensforge.optimisation.source_clearance import source_clearance_warnings
+from lensforge.records.fields import LARGEST_COUNT
 from lensforge.records.validation import its_type
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes, section_sha256
@@ -101,7 +102,7 @@ def threads_of_torch(threads: int | None) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def count_of(name: str, value: object, least: int = 1) -> int | None:
+def count_of(name: str, value: object, least: int = 1, most: int = LARGEST_COUNT) -> int | None:
     """``value`` as an int, from NumPy integers too; None stays None. Raises :class:`InputError` for anything else."""
     if value is None:
         return None
@@ -111,6 +112,8 @@ def count_of(name: str, value: object, least: int = 1) -> int | None:
         count = least - 1
     if isinstance(value, bool) or count < least:
         raise InputError(f"{name} = {value!r}: an integer, at least {least}")
+    if count > most:
+        raise InputError(f"{name} = {float(min(count, 10**300)):.7g}: an integer, at most {most}")
     return count
 
 

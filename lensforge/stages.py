@@ -29,10 +29,12 @@ from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, photometry_conditions, rays_of, unless_own
 from lensforge.records import Conditions
+from lensforge.records.arrays import MOST_PIXELS
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.verification.apart import stray_apart, verify_apart
 from lensforge.verification.proof import Proof, StrayLight
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
@@ -111,7 +113,7 @@ def evaluate(
     chosen = lens.spec.source if source is None else source
     if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
         raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
-    rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels), count_of("seed", seed, 0)
+    rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
     conditions = light_conditions(lens, accuracy=accuracy, source=source, rays=rays, pixels=pixels, seed=seed)
     preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, chosen)
     if conditions is not None and conditions.source is not None:
@@ -163,7 +165,6 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     from lensforge.evaluation.simulate import TracedLens, design_landings
     from lensforge.verification.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.verification.mitsuba_cast import installed as mitsuba_installed
-    from lensforge.verification.verify import verify_part
 
     lens, spec = require(part, Part, "verify").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -176,7 +177,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     with threads_of_torch(threads):
         bundle = source.sample(count, seeds.of_verification(lens.seed))
         hits, flux, fates = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
-        proof = verify_part(
+        proof = verify_apart(
             part.stl,
             rays=bundle,
             refractive_index=lens.refractive_index,
@@ -194,7 +195,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             threads=torch.get_num_threads(),
             inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
         )
-    return proof.model_copy(update={"conditions": conditions})
+    return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
 
 
 def stray_light(
@@ -202,14 +203,13 @@ def stray_light(
 ) -> StrayLight:
     """Follow rays through the part with reflections, base and absorption, which the sequential design leaves out."""
     from lensforge.verification.image_plane import ImagePlane
-    from lensforge.verification.stray import trace_stray
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
     preset, source = preset_of(lens.accuracy), source_of(spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
     with threads_of_torch(threads):
-        stray = trace_stray(
+        stray = stray_apart(
             part.stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
             refractive_index=lens.refractive_index,

@@ -11,7 +11,7 @@ import lensforge
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "evaluation", "far_field", "optimisation", "geometry",
-    "manufacturing", "verification", "measurement",
+    "manufacturing", "verification", "measurement", "pictures",
 ]  # fmt: skip
 # Kernels are compiled by numba and cannot be wrapped; they have a folder of their own.
 install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")
@@ -53,7 +53,7 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     from PIL import Image
     from scenes import hemisphere_directions
 
-    from lensforge.pipeline import run_compare_photo, run_compare_surface
+    from lensforge.compared_folder import run_compare_photo, run_compare_surface
 
     light = run.light.map
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top

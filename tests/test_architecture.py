@@ -14,11 +14,12 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
-    "version", "seeds", "errors", "files", "kernels", "records", "criteria", "surfaces", "optics", "spec",
-    "accuracy", "lens", "figures", "sources", "tracing", "receivers", "optimisation", "evaluation",
-    "tolerancing", "far_field", "geometry", "manufacturing", "verification", "measurement", "verdict", "results",
-    "report", "drawings", "arguments", "other_conditions", "stages", "measured_part", "run_folder", "pipeline",
-    "studies", "verbs", "api", "commands", "cli", "__main__",
+    "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "untrusted",
+    "pictures", "kernels", "records", "criteria", "surfaces",
+    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "optimisation", "evaluation",
+    "tolerancing", "far_field", "geometry", "manufacturing", "verification", "measurement", "agreement", "verdict",
+    "results", "report", "drawings", "arguments", "other_conditions", "stages", "measured_part", "run_record",
+    "run_folder", "compared_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -175,7 +176,7 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "files", "figures", "criteria", "records", "sources", "verification"}
+    allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "verification"}
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
             assert _layer(name) in allowed, f"{path.name} imports {name}"

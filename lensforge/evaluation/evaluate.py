@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
-from lensforge.criteria import Criterion, at_most
-from lensforge.evaluation.light import Flux, Light, MissedByCause, RawMetrics, TableErrors
+from lensforge.evaluation.light import Flux, Light, MissedByCause, RawMetrics, TableErrors, light_criteria
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
@@ -86,7 +85,7 @@ def evaluate_traced(
         preset_error=None,
         seed=seed,
         seconds=time.perf_counter() - started,
-        criteria=(_all_converged(simulation),),
+        criteria=light_criteria(flux),
         map=mean / area,
         raw_map=raw / area,
         target_map=target * mean.sum() / area,
@@ -150,9 +149,3 @@ def _flux_budget(simulation: Simulation) -> tuple[Flux, MissedByCause]:
         reflected=1.0 - float(share.sum()),
     )
     return flux, missed
-
-
-def _all_converged(simulation: Simulation) -> Criterion:
-    lost = float(simulation.by_fate[:, Fate.NOT_CONVERGED].mean() / simulation.emitted_w)
-    remedy = "take a higher accuracy; please report the lens.json"
-    return at_most("flux not converged", lost, 0.0, "of the source", remedy)

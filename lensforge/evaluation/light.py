@@ -4,20 +4,21 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from lensforge.criteria import Criterion
+from lensforge.criteria import Criterion, at_most
 from lensforge.figures.light_unit import light_unit
 from lensforge.records import (
     Count,
-    Image,
-    Line,
+    Irradiance,
     Metric,
     NotNegative,
+    PixelCentres,
     Positive,
     Record,
     Share,
     SimulatedResult,
     Text,
 )
+from lensforge.records.arrays import MOST_PIXELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,6 +91,12 @@ class RawMetrics(Record):
     rsd: NotNegative | None
 
 
+def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
+    """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
+    remedy = "take a higher accuracy; please report the lens.json"
+    return (at_most("flux not converged", flux.not_converged, 0.0, "of the source", remedy),)
+
+
 class Light(SimulatedResult):
     """The light of a lens on its receiver, simulated with independent replicates of rays.
 
@@ -118,7 +125,7 @@ class Light(SimulatedResult):
     missed_by_cause: MissedByCause
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]
-    pixels: Annotated[Count, Field(ge=1)]
+    pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
     filter: Text
     receiver_mm: Positive
     window_mm: Positive
@@ -131,10 +138,10 @@ class Light(SimulatedResult):
     seed: Count
     seconds: NotNegative
     criteria: tuple[Criterion, ...]
-    map: Image
-    raw_map: Image
-    target_map: Image
-    axis_mm: Line
+    map: Irradiance
+    raw_map: Irradiance
+    target_map: Irradiance
+    axis_mm: PixelCentres
 
     @model_validator(mode="after")
     def _is_of_one_piece(self) -> "Light":

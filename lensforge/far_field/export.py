@@ -12,13 +12,19 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.accuracy import Preset
-from lensforge.criteria import Criterion, at_most
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import MISSED_RECEIVER, TracedLens
 from lensforge.far_field.exit_light import ExitLight, trace_exit_light
 from lensforge.far_field.files import photometric_files, read_back
 from lensforge.far_field.lumens import SourceLumens
-from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, LostFlux, Photometry, WrittenFiles
+from lensforge.far_field.photometry import (
+    IES_FILE,
+    LDT_FILE,
+    TM25_FILE,
+    LostFlux,
+    Photometry,
+    photometry_criteria,
+)
 from lensforge.far_field.spectrum import spectrum_of_source
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
@@ -34,7 +40,6 @@ from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import NAMES, contains
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
-_CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 _NOISY = 0.05  # rms of the nodes, relative; above it the files say that they are noisy
 
 
@@ -94,7 +99,7 @@ def measure_photometry(
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,
         files=files,
-        criteria=tuple(_criteria(files)),
+        criteria=photometry_criteria(files),
         c_deg=candela.c_deg,
         gamma_deg=candela.gamma_deg,
         candela=candela.values,
@@ -163,9 +168,3 @@ def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
 def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
     lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
     return LostFlux.model_validate(lost | {"missed_receiver": float(by_fate_w[MISSED_RECEIVER])})
-
-
-def _criteria(files: WrittenFiles) -> Iterator[Criterion]:
-    remedy = "please report the lens.json"
-    for name, entry in ((IES_FILE, files.ies), (LDT_FILE, files.ldt), (TM25_FILE, files.tm25ray)):
-        yield at_most(f"flux of {name} as read back", entry.relative_error, _CONSERVED, "relative", remedy)

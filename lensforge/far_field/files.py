@@ -1,11 +1,9 @@
 """IES, EULUMDAT and TM-25 files of the far field, and their flux as read back."""
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 
 from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, WrittenFile, WrittenFiles
+from lensforge.files import temporary_folder
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
 from lensforge.sources.rayfiles import RayFile, read_rayfile, write_rayfile
@@ -17,11 +15,11 @@ def photometric_files(
     photometric: PhotometricFile, rays: RayBundle, rays_lm: float | None, spectrum: Spectrum | None
 ) -> dict[str, bytes]:
     """Bytes of the three files, by name; ``rays_lm``: flux of ``rays``, where it is known."""
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder(TM25_FILE) as folder:
         for name in (IES_FILE, LDT_FILE):
-            write_photometric(Path(folder) / name, photometric)
-        write_rayfile(Path(folder) / TM25_FILE, _rayfile(photometric, rays, rays_lm, spectrum), "tm25")
-        return {name: (Path(folder) / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
+            write_photometric(folder / name, photometric)
+        write_rayfile(folder / TM25_FILE, _rayfile(photometric, rays, rays_lm, spectrum), "tm25")
+        return {name: (folder / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
 
 
 def _rayfile(
@@ -50,13 +48,13 @@ def _rayfile(
 def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float) -> WrittenFiles:
     """Flux of each file as read back, and its relative error from ``exit_w``, the flux of the rays."""
     found = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary_folder(TM25_FILE) as folder:
         for name, content in contents.items():
-            (Path(folder) / name).write_bytes(content)
+            (folder / name).write_bytes(content)
         for key, name in (("ies", IES_FILE), ("ldt", LDT_FILE)):
-            back = float(read_photometric(Path(folder) / name).intensity.flux())
+            back = float(read_photometric(folder / name).intensity.flux())
             found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
-        rayfile = read_rayfile(Path(folder) / TM25_FILE)
+        rayfile = read_rayfile(folder / TM25_FILE)
         count, watts, lumens = len(rayfile), float(rayfile.ray_sum()), rayfile.header_flux_lm
         del rayfile  # it maps the file, which is deleted next
     error = float(np.abs(watts / exit_w - 1.0))

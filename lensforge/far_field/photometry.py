@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.criteria import Criterion
+from lensforge.criteria import Criterion, at_most
+from lensforge.files import MIB
 from lensforge.records import (
     Array,
     Count,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 IES_FILE, LDT_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.tm25ray"
+_CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
 class WrittenFile(Record):
@@ -41,6 +43,15 @@ class WrittenFiles(Record):
     ies: WrittenFile
     ldt: WrittenFile
     tm25ray: WrittenFile
+
+
+def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
+    """One criterion for each file: it holds the flux of the rays."""
+    named = ((IES_FILE, files.ies), (LDT_FILE, files.ldt), (TM25_FILE, files.tm25ray))
+    unit, remedy = "relative", "please report the lens.json"
+    return tuple(
+        at_most(f"flux of {name} as read back", found.relative_error, _CONSERVED, unit, remedy) for name, found in named
+    )
 
 
 class LostFlux(Record):
@@ -96,7 +107,7 @@ class Photometry(SimulatedResult):
     candela_standard_error: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
     ies: Annotated[bytes, InFile(IES_FILE)]
     ldt: Annotated[bytes, InFile(LDT_FILE)]
-    tm25: Annotated[bytes, InFile(TM25_FILE)]
+    tm25: Annotated[bytes, InFile(TM25_FILE, 1024 * MIB)]  # 38 million rays
 
     def products(self) -> dict[str, bytes]:
         """Bytes of the IES, EULUMDAT and TM-25 files, by suffix."""

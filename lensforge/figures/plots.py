@@ -31,6 +31,7 @@ def plot_face(values: Image, half_width: float, label: str, axes: Axes | None = 
     axes = new_axes(axes)
     known = values[np.isfinite(values)]
     reach = float(np.abs(known).max()) if len(known) else 1.0
+    half_width = half_width or 1.0  # a single node
     extent = (-half_width, half_width, -half_width, half_width)
     shown = axes.imshow(values.T, origin="lower", extent=extent, cmap="RdBu_r", vmin=-reach, vmax=reach)
     axes.figure.colorbar(shown, ax=axes, label=label)

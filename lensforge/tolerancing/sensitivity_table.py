@@ -1,6 +1,8 @@
 """Result of the sensitivity study: metrics of the lens as designed and with each error, and the errors' amounts."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field
 
 from lensforge.evaluation.light import LightMetrics
 from lensforge.records import Count, NotNegative, Number, Record, SimulatedResult, Text
@@ -9,6 +11,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
+
+
+_MOST_ROWS = 200  # bars of a plot; the study has twelve errors
 
 
 class Amounts(Record):
@@ -52,7 +57,7 @@ class Sensitivity(SimulatedResult):
     stage: ClassVar[str] = "sensitivity"
 
     nominal: LightMetrics
-    rows: tuple[ErrorRow, ...]
+    rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
     amounts: Amounts
     rays: Count
     seconds: NotNegative

@@ -44,7 +44,7 @@ def glyphs(text):
 
 def luma(file):
     red, green, blue = np.moveaxis(np.asarray(Image.open(file).convert("RGB")).astype(int), -1, 0)
-    return (19595 * red + 38470 * green + 7471 * blue + 32768) // 65536 / 255
+    return (19595 * red + 38470 * green + 7471 * blue) / 65536 / 255
 
 
 def pattern(target, x, y, folder):

@@ -142,8 +142,8 @@ def test_a_notebook_shows_the_page_in_a_frame(handed):
 
 def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results):
     verdicts = (
-        Finding(name="cutter", surface="inner", holds=False, reason="no ball fits"),
-        Finding(name="wall", surface="body", holds=True, reason="it is thick"),
+        Finding(name="cutter", surface="inner", value=1.0, sense="<=", limit=0.5, unit="mm", reason="no ball fits"),
+        Finding(name="wall", surface="body", value=1.0, sense=">=", limit=0.5, unit="mm", reason="it is thick"),
     )
     unknown = Criterion(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
     check = results.check.model_copy(update={"verdicts": verdicts, "criteria": (unknown,)})

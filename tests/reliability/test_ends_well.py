@@ -1,0 +1,299 @@
+"""Streams that close or are full, folders that cannot be written, full disks, and pages that belong to others."""
+
+import errno
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import lensforge as lf
+from lensforge.commands.printing import printable
+from lensforge.errors import InputError
+from lensforge.files import replacing, require_writable
+from lensforge.kernels import jit
+from lensforge.report.ownership import PDF_MARK, is_free_or_own, mark_pdf
+from lensforge.report.page import remove_stale_pdf, write_page
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="shells and limits of POSIX systems")
+
+NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
+PAGE = '<!DOCTYPE html>\n<meta name="generator" content="lensforge 0.1.0">\n<title>old</title>\n'
+FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+
+
+def shell(line: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """``line`` in a shell in which ``lensforge`` is the command line; the status is that of a pipe's first failure."""
+    prelude = f'set -o pipefail; lensforge() {{ {sys.executable} -m lensforge "$@"; }}; '
+    return subprocess.run(
+        ["bash", "-c", prelude + line],
+        capture_output=True,
+        encoding="utf-8",
+        cwd=cwd,
+        env={**os.environ, **environment},
+        timeout=300,
+        check=False,
+    )
+
+
+@pytest.fixture
+def ray_file(examples: Path, tmp_path: Path) -> Path:
+    """A file whose summary is printed at once."""
+    return Path(shutil.copy(examples / "led.tm25ray", tmp_path / "led-π.ray"))
+
+
+# Exit code, and the lines on stderr.
+STREAMS: list[tuple[str, int, list[str]]] = [
+    ("lensforge rays led-π.ray | true", 0, []),
+    ("lensforge --help | head -1 >/dev/null", 0, []),
+    ("lensforge rays led-π.ray >&-", 0, []),
+    ("lensforge rays led-π.ray 2>&- >/dev/null", 0, []),
+    ("lensforge rays nowhere 2>&-", 2, []),
+    ("lensforge rays nowhere 2>/dev/full", 2, []),
+    (
+        "lensforge rays led-π.ray >/dev/full",
+        2,
+        [
+            "lensforge: stdout: cannot be written (No space left on device); "
+            "the command is done, and its files are written"
+        ],
+    ),
+    ("LC_ALL=C PYTHONIOENCODING=ascii lensforge rays led-π.ray >/dev/null", 0, []),
+    ("LC_ALL=C PYTHONCOERCECLOCALE=0 PYTHONUTF8=0 lensforge rays led-π.ray >/dev/null", 0, []),
+]  # fmt: skip
+
+
+@FULL
+@pytest.mark.parametrize(("line", "code", "said"), STREAMS)
+def test_a_stream_that_fails_costs_one_line_at_most(
+    line: str, code: int, said: list[str], ray_file: Path, tmp_path: Path
+) -> None:
+    done = shell(line, tmp_path)
+    assert (done.returncode, done.stderr.splitlines()) == (code, said)
+
+
+def test_the_reader_of_a_pipe_gets_what_it_reads(ray_file: Path, tmp_path: Path) -> None:
+    assert shell("lensforge rays led-π.ray | head -1", tmp_path).stdout.startswith("format\t")
+
+
+def test_a_file_is_never_mistaken_for_a_closed_stdout(tmp_path: Path) -> None:
+    """The first file that is opened would get the number of stdout, and the output of native libraries."""
+    code = (
+        "from lensforge.commands.streams import open_standard_streams; open_standard_streams(); "
+        "f = open('file', 'w'); import os; os.system('echo native'); f.write('own')"
+    )
+    assert shell(f'{sys.executable} -c "{code}" >&-', tmp_path).stderr == ""
+    assert (tmp_path / "file").read_text() == "own"
+
+
+def test_a_command_whose_reader_has_left_does_all_its_work(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    (folder / "evaluate.json").unlink()
+    done = shell(f"lensforge evaluate {folder} | true", tmp_path)
+    assert done.returncode in (0, 1) and "Traceback" not in done.stderr
+    assert lf.load(folder).light == small_run.light
+
+
+def test_names_cannot_steer_a_terminal() -> None:
+    assert printable("a\x1b[2Jb\tπ\udc80") == "a\\x1b[2Jb\tπ\\udc80"
+
+
+def unusable(tmp_path: Path) -> dict[str, Path]:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    (tmp_path / "folder").mkdir()
+    found = {
+        "a file in the way": tmp_path / "file" / "page.html",
+        "a folder": tmp_path / "folder",
+        "a NUL": tmp_path / "a\0b",
+        "a long name": tmp_path / ("n" * 300),
+        "a long folder": tmp_path / ("n" * 300) / "page.html",
+        "a long path": tmp_path.joinpath(*["n" * 200] * 30),
+        "not a disk": Path("/proc/nowhere/page.html"),
+    }
+    if os.geteuid() != 0:  # who may write anywhere
+        (tmp_path / "read-only").mkdir(mode=0o500)
+        found["read-only"] = tmp_path / "read-only" / "new" / "page.html"
+    return found
+
+
+def test_a_place_that_cannot_be_written_is_said_before_the_work(tmp_path: Path) -> None:
+    for name, path in unusable(tmp_path).items():
+        before = sorted(tmp_path.rglob("*"))
+        with pytest.raises(InputError, match="cannot be written") as error:
+            require_writable(path)
+        assert len(str(error.value)) < 1200, name
+        with pytest.raises(InputError, match="cannot be written"), replacing(path) as temporary:
+            temporary.write_bytes(b"new")
+        assert sorted(tmp_path.rglob("*")) == before, name
+    require_writable(tmp_path / "new" / "folders" / "page.html")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("option", ["--to", "--plot"])
+def test_rays_says_it_before_it_reads(option: str, ray_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    done = shell(f"lensforge rays {ray_file} {option} file/led.png", tmp_path)
+    assert done.returncode == 2 and "file/led.png: cannot be written" in done.stderr
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    kind = {True: "folder", False: "file"}
+    monkeypatch.setattr(os, "fsync", lambda handle: done.append(kind[Path(f"/proc/self/fd/{handle}").is_dir()]))
+    rename = Path.replace
+    monkeypatch.setattr(Path, "replace", lambda *names: (done.append("rename"), rename(*names))[1])
+    with replacing(tmp_path / "new.json") as temporary:
+        temporary.write_bytes(b"new")
+    assert done == ["file", "rename", "folder"]
+
+
+def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "other").touch()
+    with replacing(tmp_path / "new") as temporary:
+        temporary.write_bytes(b"new")
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+def test_the_old_file_is_named_only_where_there_is_one(tmp_path: Path) -> None:
+    def fail(path: Path) -> str:
+        with pytest.raises(InputError) as error, replacing(path):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return str(error.value)
+
+    (tmp_path / "old").write_bytes(b"old")
+    assert "the old file is kept" in fail(tmp_path / "old") and (tmp_path / "old").read_bytes() == b"old"
+    assert "old file" not in fail(tmp_path / "new") and "make room" in fail(tmp_path / "new")
+
+
+PAGES: list[tuple[str, bytes, bool]] = [
+    ("a page of an earlier version", PAGE.encode(), True),
+    ("an empty file", b"", True),
+    ("a page by somebody else", b"<!DOCTYPE html><title>Offer</title>", False),
+    ("a page that mentions it far below", b"<html>" + b" " * 8192 + PAGE.encode(), False),
+    ("no page", b"\x89PNG", False),
+]
+
+
+@pytest.mark.parametrize(("content", "own"), [each[1:] for each in PAGES], ids=[each[0] for each in PAGES])
+def test_only_own_pages_are_overwritten(content: bytes, own: bool, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    path.write_bytes(content)
+    if own:
+        write_page("new", path)
+        assert path.read_text() == "new"
+        return
+    with pytest.raises(InputError, match="move it away"):
+        write_page("new", path)
+    assert path.read_bytes() == content
+
+
+def test_only_own_pdfs_are_deleted(tmp_path: Path) -> None:
+    page, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
+    pdf.write_bytes(b"%PDF-1.4\n%%EOF\n")
+    remove_stale_pdf(page)
+    assert pdf.exists() and not is_free_or_own(pdf)
+    mark_pdf(pdf)
+    assert PDF_MARK in pdf.read_bytes()[-100:] and b"%%EOF" in pdf.read_bytes()[-1024:]
+    remove_stale_pdf(page)
+    assert not pdf.exists()
+
+
+def test_what_is_no_file_is_never_replaced_by_a_page(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.html")
+    (tmp_path / "dangling.html").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "folder.html").mkdir()
+    for path in tmp_path.glob("*.html"):
+        with pytest.raises(InputError, match="move it away"):
+            write_page("new", path)
+
+
+def test_commands_leave_the_pages_of_others_alone(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    for path in (folder / "report.html", tmp_path / "compare.html"):
+        path.write_text("<title>Offer</title>", encoding="utf-8")
+    with pytest.raises(InputError, match="move it away"):
+        lf.load(folder).report(folder / "report.html")
+    with pytest.raises(InputError, match="move it away"):  # before the search
+        lf.run(small_run.spec, folder, accuracy="draft", progress=lambda step: pytest.fail("searched"))
+    done = shell(f"lensforge report {folder}; lensforge report {folder} {small_run.folder}", tmp_path)
+    assert done.returncode == 2
+    assert [line.rpartition(": not a page")[0] for line in done.stderr.splitlines()] == [
+        f"lensforge: {folder / 'report.html'}", "lensforge: compare.html",
+    ]  # fmt: skip
+    assert (folder / "report.html").read_text() == "<title>Offer</title>" == (tmp_path / "compare.html").read_text()
+
+
+@pytest.mark.parametrize("usable", [True, False])
+def test_a_bug_is_one_line_wherever_its_details_go(usable: bool, tmp_path: Path) -> None:
+    code = (
+        "import sys, lensforge.cli as c; c.cli.main = lambda **k: 1 / 0; "
+        "import tempfile; tempfile.tempdir = sys.argv.pop(); c.main()"
+    )
+    place = tmp_path if usable else tmp_path / "nowhere"
+    done = subprocess.run([sys.executable, "-c", code, place], capture_output=True, encoding="utf-8", check=False)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and line.startswith("lensforge: internal error: ZeroDivisionError: division by zero; ")
+    if usable:
+        assert "ZeroDivisionError" in Path(line.rpartition(" ")[2]).read_text()
+    else:
+        assert "raised at" in line and "set TMPDIR" in line
+
+
+def test_a_home_without_room_for_compiled_kernels_is_no_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path))
+    registered: list[Callable[..., None]] = []
+    monkeypatch.setattr(jit.atexit, "register", lambda *call, **_: registered.append(call))
+
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", no_home)
+    folder = jit.cache_folder(Path(jit.__file__).parent)
+    assert folder.parent == tmp_path and registered == [(shutil.rmtree, str(folder))]
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "file")
+    assert jit.cache_folder(Path(jit.__file__).parent).parent == tmp_path
+    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with pytest.raises(InputError, match="XDG_CACHE_HOME"):
+        jit.cache_folder(Path(jit.__file__).parent)
+
+
+COMMANDS = [
+    "check",
+    "photometry --rays 4096",
+    "evaluate",
+    "export",
+    "verify",
+    "handover",
+    "report",
+    "sensitivity --rays 1024",
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS if NIGHTLY else COMMANDS[:2])
+def test_a_full_disk_is_one_line_and_old_files_stay(command: str, small_run: lf.Run, tmp_path: Path) -> None:
+    """A limit on the size of files instead of a disk: each write beyond it fails, in every library."""
+    folder, temporary = Path(shutil.copytree(small_run.folder, tmp_path / "copy")), tmp_path / "tmp"
+    temporary.mkdir()
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    name, *options = command.split()
+    done = subprocess.run(
+        [sys.executable, "-m", "lensforge", name, folder, *options],
+        capture_output=True,
+        encoding="utf-8",
+        env={**os.environ, "TMPDIR": str(temporary)},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500)),
+        timeout=300,
+        check=False,
+    )
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2 and ("File too large" in line or "full disk" in line), line
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert not list(temporary.iterdir())

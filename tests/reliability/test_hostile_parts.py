@@ -1,0 +1,257 @@
+"""STL, 3MF and STEP files from outside: bounded before any work, and read in a child process that may crash."""
+
+import io
+import os
+import random
+import re
+import sys
+import tracemalloc
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.geometry.custom_base import read_custom_base
+from lensforge.geometry.mesh_files import parse_3mf, parse_stl
+from lensforge.geometry.step import parse_step
+from lensforge.untrusted import stl as stl_bounds
+from lensforge.untrusted.child import Child, ChildLimits, Ending
+from lensforge.verification.casting import Grid
+from lensforge.verification.part_mesh import read_part_mesh
+
+LIMITS = ChildLimits(memory_mib=400, seconds=60.0)
+
+
+def child_of(tmp_path: Path, body: str, limits: ChildLimits = LIMITS) -> tuple[Ending, str]:
+    """Ending of a child whose work is ``body``."""
+    script = tmp_path / "script.py"
+    lines = "".join(f"    {line}\n" for line in body.splitlines())
+    text = f"from lensforge.untrusted.child import serve\ndef work(folder):\n{lines}serve(work)\n"
+    script.write_text(text, encoding="utf-8")
+    folder = tmp_path / "work"
+    folder.mkdir(exist_ok=True)
+    with Child(script, folder, limits) as child:
+        return child.wait()
+
+
+def test_a_child_ends_in_the_way_that_it_says(tmp_path: Path) -> None:
+    assert child_of(tmp_path, "pass") == (Ending.DONE, "")
+    refusal = "from lensforge.errors import InputError\nraise InputError('bad:\\n worse')"
+    assert child_of(tmp_path, refusal) == (Ending.REFUSED, "bad: worse")
+    assert child_of(tmp_path, "1 / 0") == (Ending.FAILED, "stopped its reader (ZeroDivisionError: division by zero)")
+    ending, words = child_of(tmp_path, "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
+    assert (ending, words) == (Ending.CRASHED, "stopped its reader (SIGSEGV)")
+
+
+def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Path) -> None:
+    body = (
+        "import subprocess, time\n"
+        "process = subprocess.Popen(['sleep', '600'])\n"
+        "(folder / 'pid').write_text(str(process.pid))\n"
+        "time.sleep(600)"
+    )
+    ending, words = child_of(tmp_path, body, ChildLimits(400, 5.0))
+    assert (ending, words) == (Ending.TIME, "took more than 5 s")
+    grandchild = int((tmp_path / "work" / "pid").read_text(encoding="utf-8"))
+    state = Path(f"/proc/{grandchild}/stat")
+    assert not state.exists() or state.read_text(encoding="utf-8").rpartition(")")[2].split()[0] in "ZX"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory")
+def test_a_child_that_needs_too_much_memory_says_so(tmp_path: Path) -> None:
+    assert child_of(tmp_path, "bytes(2**30)") == (Ending.MEMORY, "needs more than 400 MiB of memory")
+
+
+def test_a_child_works_in_its_folder_and_searches_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit(9)", encoding="utf-8")
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / "csv.py").write_text("raise SystemExit(9)", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    body = "import csv, json, os, sys\nassert os.getcwd() == str(folder)\nassert '' not in sys.path"
+    assert child_of(tmp_path, body) == (Ending.DONE, "")
+
+
+def binary(triangles: np.ndarray) -> bytes:
+    """A binary STL of corners [t, 3, 3]."""
+    records = np.zeros(len(triangles), stl_bounds._RECORDS)
+    records["corners"] = triangles
+    return bytes(80) + len(triangles).to_bytes(4, "little") + records.tobytes()
+
+
+def ball(subdivisions: int = 4) -> np.ndarray:
+    return np.array(trimesh.creation.icosphere(subdivisions, 5.0).triangles)
+
+
+def changed(value: float) -> bytes:
+    corners = ball(2)
+    corners[7, 1, 2] = value
+    return binary(corners)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "states 0 triangles, 84 bytes, and has 0"),
+        (binary(ball(2))[:-1], "states 320 triangles, 16084 bytes, and has 16083"),
+        (binary(np.zeros((0, 3, 3))), "holds no triangles"),
+        (changed(1e30), r"a vertex lies at 1e\+30 mm, at most 10000 mm is read"),
+        (changed(np.inf), "a vertex lies at inf mm"),
+        (changed(np.nan), "a vertex lies at nan mm"),
+        (b"solid x\nfacet\nvertex 1 2 3\nendfacet\nendsolid", "1 facets, but 1 vertices"),
+        (b"solid x\nfacet\nvertex 1 2 3\nvertex 1 2 1e-\nvertex 0 0 0\nendfacet\nendsolid", "not readable as STL"),
+        (b"solid x\nfacet\nvertex 1 2 3\nvertex 1 2 1e999\nvertex 0 0 0\nendfacet\nendsolid", "lies at inf mm"),
+    ],
+    ids=["empty", "short", "none", "far", "infinite", "nan", "corner", "number", "overflow"],
+)
+def test_a_hostile_stl_is_refused_before_any_work(content: bytes, words: str) -> None:
+    for read in (parse_stl, read_part_mesh):
+        with pytest.raises(InputError, match=words) as caught:
+            read(content)
+        assert "\n" not in str(caught.value)
+
+
+def test_too_many_triangles_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="320 triangles, at most 300 are read"):
+        stl_bounds.stl_corners(binary(ball(2)), "lens.stl", "export again", 300)
+
+
+def test_text_and_binary_stl_hold_the_same_triangles() -> None:
+    mesh = trimesh.creation.icosphere(2, 5.0)
+    text = mesh.export(file_type="stl_ascii").encode()
+    (vertices, triangles), (others, same) = parse_stl(text), parse_stl(mesh.export(file_type="stl"))
+    assert vertices[triangles] == pytest.approx(others[same], abs=1e-6)
+    assert len(vertices) == 162
+
+
+def test_normals_that_a_file_states_are_not_believed() -> None:
+    content = bytearray(binary(ball(3)))
+    records = np.frombuffer(content, stl_bounds._RECORDS, offset=84)
+    records["normal"][:] = (0.0, 0.0, 1.0)
+    mesh = read_part_mesh(bytes(content)).mesh
+    assert np.sum(mesh.face_normals * mesh.triangles_center, axis=1).min() > 4.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flipped_bytes_take_bounded_memory_and_time(seed: int) -> None:
+    chance = random.Random(seed)
+    content = bytearray(binary(ball(5)))
+    for _ in range(2000):
+        content[chance.randrange(84, len(content))] ^= 1 << chance.randrange(8)
+    records = np.frombuffer(content, stl_bounds._RECORDS, offset=84)
+    corners = records["corners"]
+    corners[~(np.abs(corners) < 100.0)] = 0.0  # what is beyond the bounds is refused at once; see above
+    tracemalloc.start()
+    try:
+        with suppress(InputError):
+            Grid(read_part_mesh(bytes(content)).mesh)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2**30
+
+
+def test_triangles_that_all_span_the_part_are_refused() -> None:
+    corners = np.random.default_rng(1).uniform(-10.0, 10.0, (20_000, 3, 3))
+    with pytest.raises(InputError, match=r"STL: each of its triangles lies among \d+ others"):
+        Grid(read_part_mesh(binary(corners)).mesh)
+
+
+def test_flat_and_slender_meshes_have_no_more_cells_than_others() -> None:
+    for scale in ((2000.0, 2000.0, 1e-9), (2000.0, 1e-9, 1e-9), (2000.0, 2000.0, 0.0)):
+        corners = ball(3) * np.array(scale)
+        corners[3:] = corners[3:] * 1e-3  # so that the usual edge is short
+        grid = Grid(read_part_mesh(binary(corners)).mesh)
+        assert grid.shape.prod() < 1e7
+    corners = np.concatenate([np.zeros((500, 3, 3)), 1e3 * np.eye(3)[None]])
+    corners[..., 2] = 0.0
+    corners[-1, 2] = 0.0  # flat, and most have no area
+    assert Grid(read_part_mesh(binary(corners)).mesh).shape.prod() < 1e7
+
+
+def test_triangles_without_an_area_are_refused() -> None:
+    for corners in (np.ones((5000, 3, 3)), np.linspace(0.0, 1.0, 4500).reshape(-1, 3, 1) * np.ones(3)):
+        with pytest.raises(InputError, match="none of its triangles has an area"):
+            read_part_mesh(binary(corners))
+
+
+def archive(members: dict[str, bytes]) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, member in members.items():
+            packed.writestr(name, member)
+    return content.getvalue()
+
+
+def test_a_3mf_that_unpacks_to_too_much_is_refused() -> None:
+    bomb = archive({"3D/3dmodel.model": bytes(2**20)})
+    assert len(bomb) < 2000
+    at = bomb.index(b"PK\x01\x02") + 24  # the size when unpacked, in the directory
+    bomb = bomb[:at] + (2**31).to_bytes(4, "little") + bomb[at + 4 :]
+    with pytest.raises(InputError, match="2048 MiB when unpacked, at most 512 MiB"):
+        parse_3mf(bomb)
+    with pytest.raises(InputError, match="more than 64 members"):
+        parse_3mf(archive({f"{k}.xml": b"" for k in range(65)}))
+
+
+def clamp() -> bytes:
+    """A STEP file of a bored plate."""
+    import cadquery as cq
+
+    from lensforge.geometry.solid import Solid
+    from lensforge.geometry.step import step_bytes
+
+    plate = cq.Workplane("XY").rect(8.0, 8.0).extrude(-2.0).cut(cq.Workplane("XY").circle(1.5).extrude(-2.0)).val()
+    return step_bytes(Solid(plate, {"SEAT": plate.Faces()[0]}), "clamp") + b"\n"  # no longer this process's own bytes
+
+
+def shuffled(content: bytes, seed: int) -> bytes:
+    """``content`` with the references of its entities shuffled."""
+    chance = random.Random(seed)
+    numbers = re.findall(rb"(?<![\n])#(\d+)", content)
+    chance.shuffle(numbers)
+    following = iter(numbers)
+    return re.sub(rb"(?<![\n])#\d+", lambda _: b"#" + next(following), content)
+
+
+def test_a_step_file_from_outside_is_read_as_it_is() -> None:
+    solid = parse_step(clamp())
+    assert set(solid.faces) == {"SEAT"}
+    assert solid.volume_mm3 == pytest.approx(2.0 * (64.0 - np.pi * 2.25), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_shuffled_references_are_one_line(tmp_path: Path, seed: int) -> None:
+    content = shuffled(clamp(), seed)
+    (tmp_path / "clamp.step").write_bytes(content)
+    for read in (lambda: parse_step(content), lambda: read_custom_base(tmp_path / "clamp.step")):
+        with pytest.raises(InputError, match=r"^\S*(lens|clamp)\.step: ") as caught:
+            read()
+        assert "\n" not in str(caught.value)
+
+
+def test_a_step_file_of_too_many_entities_is_refused() -> None:
+    with pytest.raises(InputError, match="1000001 entities, at most 1000000 are read"):
+        parse_step(b"ISO-10303-21;" + b"#1=X;" * 1_000_000)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders here")
+def test_a_pipe_in_place_of_a_base_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "clamp.step")
+    with pytest.raises(InputError, match="a pipe, must be a file"):
+        read_custom_base(tmp_path / "clamp.step")
+
+
+def test_verification_judges_the_light_of_an_altered_file_and_names_it(small_run: lf.Run) -> None:
+    stl = b"altered" + small_run.part.stl[7:]  # the header: the same triangles
+    altered = small_run.part.model_copy(update={"stl": stl})
+    own = lf.verify(small_run.part, small_run.light, rays=512)
+    proof = lf.verify(altered, small_run.light, rays=512)
+    assert (own.altered_files, proof.altered_files) == ((), ("lens.stl",))
+    assert proof.deviation_mm == own.deviation_mm and proof.brep is not None and own.brep is not None
+    assert proof.brep.against_design == own.brep.against_design
+    np.testing.assert_array_equal(proof.irradiance, own.irradiance)

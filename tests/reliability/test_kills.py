@@ -1,0 +1,40 @@
+"""Commands killed at random moments end, once they go on, in the files of commands that nobody killed."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from kills import DESIGN, SWEEP, differences, killed, uninterrupted
+
+nightly = pytest.mark.skipif(int(os.environ.get("LENSFORGE_FUZZ", "1")) < 2, reason="minutes: runs nightly")
+
+
+@nightly
+@pytest.mark.parametrize("commands", [DESIGN, SWEEP], ids=["design", "sweep"])
+def test_killed_commands_end_in_the_same_bits(commands: tuple[tuple[str, ...], ...], tmp_path: Path) -> None:
+    (one, seconds), (two, _) = (uninterrupted(tmp_path / name, commands) for name in ("one", "two"))
+    assert one.failures == two.failures == []
+    found = killed(tmp_path / "killed", 1, commands, seconds, 3)
+    assert len(found.kills) == 3
+    assert found.failures + differences(found.files(), one.files(), two.files()) == []
+
+
+def test_what_differs_is_seen() -> None:
+    """A file more or less, another bit of a file, another value of a record; computing times do not count."""
+    record = {"nmse": 0.25, "seconds": 1.0, "content_sha256": "a"}
+    pages = (b"<p>1.0 s</p>\n<p>0.25</p>", b"<p>2.0 s</p>\n<p>0.25</p>")
+    wanted = {"a.json": json.dumps(record).encode(), "b.npz": b"01", "c.html": pages[0]}
+    again = wanted | {"c.html": pages[1]}
+
+    def seen(**change: bytes) -> list[str]:
+        names = {"a": "a.json", "b": "b.npz", "c": "c.html", "left": ".writing-x"}
+        return differences(wanted | {names[key]: value for key, value in change.items()}, wanted, again)
+
+    times = record | {"seconds": 9.0, "content_sha256": "b"}
+    assert seen() == seen(a=json.dumps(times).encode(), c=b"<p>7.0 s</p>\n<p>0.25</p>") == []
+    assert seen(a=json.dumps(record | {"nmse": 0.5}).encode()) == ["other bits: a.json"]
+    assert seen(b=b"00") == ["other bits: b.npz"]
+    assert seen(c=b"<p>1.0 s</p>\n<p>0.5</p>") == seen(c=pages[0] + b"\n") == ["other bits: c.html"]
+    assert seen(left=b"") == ["left over: .writing-x"]
+    assert differences({}, {"b.npz": b"01"}, {"b.npz": b"01"}) == ["missing: b.npz"]
