@@ -23,7 +23,7 @@ from lensforge.other_conditions import light_conditions, source_with_file
 from lensforge.records import StageResult
 from lensforge.report.ownership import require_own
 from lensforge.results import LENS_FILE, REPORT_FILE
-from lensforge.run_folder import Run, folder_of, load, open_run, renew, require_free, write_result
+from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
@@ -180,7 +180,7 @@ def run_handover(folder: Path) -> "Handover":
     """Write the documents that go to the shop with the STEP file."""
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(load(folder))
+    handover = make_handover(load_to_show(folder))
     handover.save(folder)
     renew(folder)
     return handover
@@ -193,7 +193,7 @@ def run_report(folder: Path) -> Path:
     Raises :class:`InputError` for a record that contradicts itself, ``run.json`` or the files that it describes, before
     anything is written.
     """
-    load(folder)
+    load_to_show(folder)
     return refresh_report(folder)
 
 
@@ -213,7 +213,7 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     from lensforge.report.page import write_page
 
     names = folder_names(folders)
-    write_page(render_comparison([load(folder) for folder in folders], names), page)
+    write_page(render_comparison([load_to_show(folder) for folder in folders], names), page)
     return page
 
 

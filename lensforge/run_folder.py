@@ -12,7 +12,14 @@ from lensforge.records import Conditions, StageResult
 from lensforge.records.validation import its_type
 from lensforge.report.ownership import require_own
 from lensforge.results import Results, load_results, stem_of
-from lensforge.run_record import RUN_FILE, as_recorded, recorded_hashes, require_recorded, write_record
+from lensforge.run_record import (
+    RUN_FILE,
+    as_recorded,
+    recorded_hashes,
+    require_none_lost,
+    require_recorded,
+    write_record,
+)
 from lensforge.verdict import Verdict
 
 _Result = TypeVar("_Result", bound=StageResult)
@@ -72,6 +79,13 @@ def load(folder: Path | str) -> Run:
     results = load_results(folder)
     require_recorded(results, folder)
     return _run(results, folder)
+
+
+def load_to_show(folder: Path) -> Run:
+    """Read a result folder for a page or for the shop: as :func:`load`, and no result may have been lost unseen."""
+    run = load(folder)
+    require_none_lost(run, folder)
+    return run
 
 
 def open_run(folder: Path) -> Run:

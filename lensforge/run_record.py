@@ -75,15 +75,25 @@ def require_recorded(results: Results, folder: Path) -> None:
     record = read_record(folder)
     if record is None:
         return
-    for stem, why in results.outdated.items():
-        if record.version == __version__ and stem in record.hashes and stem not in record.outdated:
-            raise InputError(f"{folder}: run.json states the result of {stem}, which does not count any more: {why}")
     for stem, result in _all(results):
         why = _unrecorded(stem, result, record.hashes)
         if why:
             raise InputError(f"{folder / stem}.json: {why}; {type(result).again()}")
     if record.version == __version__ and not results.outdated and set(record.hashes) == {s for s, _ in _all(results)}:
         _require_summary(record, results, folder / RUN_FILE)
+
+
+def require_none_lost(results: Results, folder: Path) -> None:
+    """Raise :class:`InputError` where a result that ``run.json`` states does not count any more.
+
+    Every command renews ``run.json``, and with it the reasons for what is outdated: another reason comes from outside.
+    """
+    record = read_record(folder)
+    if record is None or record.version != __version__:
+        return
+    for stem, why in results.outdated.items():
+        if stem in record.hashes and stem not in record.outdated:
+            raise InputError(f"{folder}: run.json states the result of {stem}, which does not count any more: {why}")
 
 
 def _require_summary(record: RunRecord, results: Results, path: Path) -> None:

@@ -4,7 +4,7 @@ STL is in single precision and repeats every vertex in each of its triangles; 3M
 names. The same mesh gives the same bytes: the identifiers that 3MF needs are hashes of the content.
 
 Bytes that come from a file are read within bounds, 3MF in a child process, since its library is C++; bytes that this
-process made are read at once. The child of a usual lens takes 1 s more than reading here.
+process made are read at once.
 """
 
 import ctypes
@@ -26,7 +26,7 @@ from lensforge.untrusted.stl import MOST_MM, MOST_TRIANGLES, stl_corners
 
 _AGAIN = "run `lensforge export` again"
 _THREEMF, _JOB = "lens.3mf", "job.json"
-# A mesh of 3 million triangles takes 1.5 GiB as lists of Python's numbers; one of 0.2 million 0.3 GiB and 3 s.
+# A mesh of 0.2 million triangles takes 0.2 GiB, and 5 s on a busy machine.
 _LIMITS = ChildLimits(memory_mib=1800, seconds=60.0)
 _DECIMALS = 9  # of a mm in 3MF, whose vertices are single precision: 1e-6 mm at lens size
 

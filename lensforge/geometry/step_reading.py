@@ -19,7 +19,7 @@ from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.stl import MOST_MM
 
 _STEP, _JOB, _PRODUCTS = "part.step", "job.json", "products.json"
-_MEMORY_MIB = 1800  # a lens takes 0.4 GiB
+_MEMORY_MIB = 1800  # a lens takes 0.35 GiB
 _SECONDS, _SECONDS_PER_MIB = 30.0, 15.0  # a lens of 3 MiB takes 4 s on a free core
 _MOST_FACES = 10_000  # a clamp has some hundred; each costs time in every later operation
 _MOST_PRODUCTS = 1000

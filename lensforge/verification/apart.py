@@ -2,7 +2,8 @@
 
 The CAD kernel reads and intersects the STEP file in C++, where a hostile file may end the process or let it grow; so
 all of the work on the part is done in the child, and the parent reads nothing but the child's record. A cast by a child
-gives the same bits; it takes 2 s more, to start Python and load the libraries, which the parent then need not load.
+gives the same bits; it takes some seconds more, to start Python and load the
+libraries, which the parent then need not load.
 """
 
 import json
@@ -19,10 +20,9 @@ from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.own_content import is_own
 from lensforge.verification.proof import Proof, StrayLight
 
-# A mesh of 200,000 triangles takes 1.2 GiB, one of 3 million, the most that is read, as much as this.
-_MEMORY_MIB = 6144
-# On one slow core, 2**17 rays through the mesh, by Mitsuba and, some of them, through the STEP file take 120 s, with
-# reflections 400 s.
+# A mesh of 115,200 triangles takes 0.6 GiB with the libraries, and so do hostile files of its size.
+_MEMORY_MIB, _MEMORY_KIB_PER_TRIANGLE, _STL_RECORD = 1536, 4, 50
+# Many times what is usual, since the machine may be slow and shared: 2**14 rays take 50 s where six others compute.
 _SECONDS, _SECONDS_PER_RAY = 180.0, 0.01
 _JOB, _ARRAYS, _STL, _STEP = "job.json", "given.npz", "part.stl", "part.step"
 
@@ -59,7 +59,8 @@ def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle
         (folder / _STEP).write_bytes(step)
         np.savez(folder / _ARRAYS, allow_pickle=False, **arrays, **bundle)
         write_json(folder / _JOB, {"stage": kind.stage, "given": numbers})
-        limits = ChildLimits(_MEMORY_MIB, _SECONDS + _SECONDS_PER_RAY * len(rays))
+        memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * len(stl) // _STL_RECORD // 1024
+        limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * len(rays))
         words = "export it again, or cast fewer rays"
         work_in_child(Path(__file__).resolve(), folder, limits, origin="lens.stl and lens.step", remedy=words)
         return kind.read(folder)

@@ -144,11 +144,11 @@ def beyond(bounds: list[Any]) -> list[float]:
     for bound in bounds:
         match bound:
             case annotated_types.Ge(ge=low):
-                found.append(float(low) - 1.0)
+                found.append(min(float(low) - 1.0, 2.0 * float(low)))
             case annotated_types.Gt(gt=low):
                 found.append(float(low))
             case annotated_types.Le(le=high) | annotated_types.Lt(lt=high):
-                found.append(float(high) + 1.0)
+                found.append(max(float(high) + 1.0, 2.0 * float(high)))
     return found
 
 
