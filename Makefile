@@ -12,6 +12,7 @@ test: setup  ## the whole test suite
 
 nightly: setup lowest  ## the suite with 500 times as many random cases, all slow tests, the lowest versions: hours
 	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2
+	$(BIN)/python benchmarks/fuzz.py --cases 100000 --foreign 2000
 
 lowest:  ## a draft and all stages with the lowest version of each dependency that pyproject.toml declares
 	$(PYTHON) -m venv --clear build/lowest

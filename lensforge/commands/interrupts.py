@@ -41,7 +41,7 @@ class Interrupts:
 
     @property
     def words(self) -> str:
-        """What happened, for the user; how to continue is said only where there is something to continue from."""
+        """Words for the user: the end, and how to continue, only where there is something to continue from."""
         what = "interrupted" if self.received is None else _WORDS[self.received.name]
         if not self.resumable():
             return what

@@ -2,8 +2,7 @@
 
 The CAD kernel reads and intersects the STEP file in C++, where a hostile file may end the process or let it grow; so
 all of the work on the part is done in the child, and the parent reads nothing but the child's record. A cast by a child
-gives the same bits; it takes some seconds more, to start Python and load the
-libraries, which the parent then need not load.
+gives the same bits; it takes some seconds more, to start Python and load libraries that the parent then need not load.
 """
 
 import json
