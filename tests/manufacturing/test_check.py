@@ -20,6 +20,7 @@ from lensforge.manufacturing.findings import relief_findings
 from lensforge.manufacturing.relief import check_relief
 from lensforge.manufacturing.result import Check
 from lensforge.pipeline import run_check
+from lensforge.run_folder import write_result
 from lensforge.spec import BaseSection, parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -125,7 +126,7 @@ def test_a_result_folder_is_checked_with_the_nodes_of_its_export(tmp_path):
     part = build_part(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), base="none"), nodes=80, rings=16)
     part.lens.save(tmp_path / "lens.json")
     assert run_check(tmp_path).sha256 == check_lens(part.lens).sha256
-    part.write(tmp_path)
+    write_result(part, tmp_path)
     exported = run_check(tmp_path).sha256
     assert exported == check_part(part).sha256
     assert exported != check_lens(part.lens).sha256

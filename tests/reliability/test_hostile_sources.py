@@ -255,7 +255,7 @@ def _ldt(planes=1, gammas=3, lumens="1000", numbers="0 0 45 90 300 200 0", symme
     ],
 )
 def test_eulumdat_that_lies_is_refused(text, words, tmp_path):
-    (tmp_path / "x.ldt").write_text(text)
+    (tmp_path / "x.ldt").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=words) as refusal:
         read_photometric(tmp_path / "x.ldt")
     _one_line(refusal)

@@ -157,7 +157,8 @@ def test_sigterm_saves_the_search_and_says_so(tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)
     _, stderr = process.communicate(timeout=120)
     assert process.returncode == 143
-    assert stderr == "lensforge: terminated; the same command with --resume continues from the last checkpoint\n"
+    words = "lensforge: terminated; the same command with --resume continues from the last checkpoint"
+    assert stderr.splitlines()[-1] == words  # after the lines of further steps, on a fast machine
     assert [path.name for path in (tmp_path / "out").iterdir()] == [CHECKPOINT]
 
 
