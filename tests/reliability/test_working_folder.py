@@ -55,7 +55,6 @@ def planted_run(run: lf.Run, tmp_path: Path) -> tuple[Path, Path]:
 # Those that start a child process: the renderer, the cast, and a STEP file's reader.
 COMMANDS = [
     ("report", "."),
-    ("verify", ".", "--rays", "256"),
     ("rays", "led.tm25ray", "--plot", "led.png"),
 ]
 SLOW_COMMANDS = [
