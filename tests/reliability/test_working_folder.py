@@ -52,7 +52,7 @@ def planted_run(run: lf.Run, tmp_path: Path) -> tuple[Path, Path]:
     return folder, marker
 
 
-# Those that start a child process: the renderer, the cast, and a STEP file's reader.
+# The renderer is a child process; those of the cast and of a STEP file's reader start nightly.
 COMMANDS = [
     ("report", "."),
     ("rays", "led.tm25ray", "--plot", "led.png"),
