@@ -121,3 +121,12 @@ def exif(orientation, order="<"):
     mark = b"II" if order == "<" else b"MM"
     entry = struct.pack(order + "HHIHH", 274, 3, 1, orientation, 0)
     return mark + struct.pack(order + "HIH", 42, 8, 1) + entry + struct.pack(order + "I", 0)
+
+
+RNG = np.random.default_rng(16)
+
+
+def numbers(kind, channels, shape=(13, 17)):
+    if kind.startswith("f"):
+        return RNG.random((*shape, channels)).astype(kind)
+    return RNG.integers(0, np.iinfo(kind).max, (*shape, channels), dtype=kind, endpoint=True)

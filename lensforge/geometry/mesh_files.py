@@ -21,7 +21,7 @@ from lensforge.files import file_bytes, read_json, temporary_file, temporary_fol
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.untrusted.archives import require_small_3mf
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
-from lensforge.untrusted.own_content import is_own, remembered
+from lensforge.untrusted.own_content import made_here, remembered
 from lensforge.untrusted.stl import MOST_MM, MOST_TRIANGLES, stl_corners
 
 _AGAIN = "run `lensforge export` again"
@@ -45,7 +45,7 @@ def parse_stl(content: bytes, origin: str = "lens.stl") -> tuple[Float[np.ndarra
 
     Raises :class:`InputError` unless they hold a mesh; ``origin`` names the file in the message.
     """
-    corners = stl_corners(content, origin, _AGAIN, None if is_own(content) else MOST_TRIANGLES)
+    corners = stl_corners(content, origin, _AGAIN, None if made_here(content) else MOST_TRIANGLES)
     vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, index.reshape(-1, 3)
 
@@ -87,7 +87,7 @@ def parse_3mf(content: bytes, origin: str = "lens.3mf") -> tuple[Float[np.ndarra
 
     Raises :class:`InputError` for anything else; ``origin`` names the file in the message.
     """
-    if is_own(content):
+    if made_here(content):
         with temporary_file(content, _THREEMF) as path:
             return _read_3mf(path, origin)
     require_small_3mf(content, origin, _AGAIN)

@@ -11,7 +11,7 @@ from lensforge.files import file_bytes, temporary_file
 from lensforge.geometry.solid import Solid
 from lensforge.geometry.step_reading import Product, parse_apart, products_in
 from lensforge.geometry.step_settings import KERNEL_SCHEMA, Schema, configure, new_document
-from lensforge.untrusted.own_content import is_own, remembered
+from lensforge.untrusted.own_content import made_here, remembered
 from lensforge.version import __version__
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def parse_surfaces(content: bytes, origin: str = "lens_surfaces.step") -> dict[s
 
 
 def _parse(content: bytes, origin: str) -> list[Product]:
-    if not is_own(content):
+    if not made_here(content):
         return parse_apart(content, origin, _EXPORT_AGAIN)
     with temporary_file(content, "lens.step") as path:
         return products_in(path, origin, _EXPORT_AGAIN)

@@ -14,6 +14,6 @@ def remembered(content: bytes) -> bytes:
     return content
 
 
-def is_own(content: bytes) -> bool:
+def made_here(content: bytes) -> bool:
     """True where this process made ``content``."""
     return hashlib.sha256(content).digest() in _OWN

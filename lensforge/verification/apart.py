@@ -16,7 +16,7 @@ from lensforge.files import temporary_folder, write_json
 from lensforge.records import SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
-from lensforge.untrusted.own_content import is_own
+from lensforge.untrusted.own_content import made_here
 from lensforge.verification.proof import Proof, StrayLight
 
 # A mesh of 115,200 triangles takes 0.6 GiB with the libraries, and so do hostile files of its size.
@@ -30,7 +30,7 @@ _Result = TypeVar("_Result", bound=SimulatedResult)
 
 def verify_apart(stl: bytes, *, rays: RayBundle, step: bytes, **given: Any) -> Proof:
     """:func:`verify_part`, in a child process unless this process made the files."""
-    if is_own(stl) and is_own(step):
+    if made_here(stl) and made_here(step):
         from lensforge.verification.verify import verify_part
 
         return verify_part(stl, rays=rays, step=step, **given)
@@ -39,7 +39,7 @@ def verify_apart(stl: bytes, *, rays: RayBundle, step: bytes, **given: Any) -> P
 
 def stray_apart(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
     """:func:`trace_stray`, in a child process unless this process made the file."""
-    if is_own(stl):
+    if made_here(stl):
         from lensforge.verification.stray import trace_stray
 
         return trace_stray(stl, rays=rays, **given)

@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.files import temporary_file
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.archives import require_small_step
-from lensforge.untrusted.own_content import is_own
+from lensforge.untrusted.own_content import made_here
 from lensforge.verification.acceptance import BREP_RAYS
 from lensforge.verification.casting import Leg
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
@@ -103,7 +103,7 @@ def _faces_of_one_solid(step: bytes) -> list[Any]:
     from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
 
-    if not is_own(step):
+    if not made_here(step):
         require_small_step(step, "STEP", "export it again")
     reader = STEPControl_Reader()
     try:

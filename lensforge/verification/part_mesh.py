@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
-from lensforge.untrusted.own_content import is_own
+from lensforge.untrusted.own_content import made_here
 from lensforge.untrusted.stl import MOST_TRIANGLES, stl_corners
 
 # Facets that meet at a larger angle belong to different faces; a mesh of a lens bends by a few degrees at most.
@@ -90,7 +90,7 @@ def read_part_mesh(stl: bytes) -> PartMesh:
 
     Raises :class:`InputError` for bytes that hold no triangles, too many, or none that has an area.
     """
-    corners = stl_corners(stl, "STL", "export it again", None if is_own(stl) else MOST_TRIANGLES)
+    corners = stl_corners(stl, "STL", "export it again", None if made_here(stl) else MOST_TRIANGLES)
     rows = np.arange(3 * len(corners)).reshape(-1, 3)
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), rows, process=True)
     if not (mesh.area_faces > 0.0).any():

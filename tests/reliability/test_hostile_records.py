@@ -3,90 +3,26 @@
 Each change is stamped anew with the checksums that it breaks, so that the record's own classes must refuse it.
 """
 
-import hashlib
-import io
 import json
 import os
 import random
 import re
-import shutil
-import tracemalloc
-import warnings
-import zipfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from result_folders import evaluate_arrays, make_folder, make_light, make_results, page_of, small_lens
+from refusals import changed, content_of, refusal, refusal_in_little_memory
+from result_folders import make_folder, make_light, make_results, page_of, small_lens
 
 import lensforge as lf
 from lensforge.evaluation.light import Light
 from lensforge.optimisation.design import Design, Level
 from lensforge.records import Conditions, Record, Text
-from lensforge.records.stored import with_checksum
 from lensforge.report.snapshots import load_snapshots
 from lensforge.results import load_results
 
-MOST_BYTES = 200 * 2**20  # of memory while a record is refused
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The files of every stage of a small lens."""
-    return make_folder(tmp_path_factory.mktemp("whole") / "run")
-
-
-@pytest.fixture
-def folder(whole: Path, tmp_path: Path) -> Path:
-    """A copy of them."""
-    return Path(shutil.copytree(whole, tmp_path / "run"))
-
-
-@pytest.fixture(autouse=True)
-def _no_warnings() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
-def refusal(read: Callable[[], object]) -> str:
-    """The line with which ``read`` refuses."""
-    with pytest.raises(lf.InputError) as caught:
-        read()
-    message = str(caught.value)
-    assert message.isprintable() and len(message) < 1000, message
-    return message
-
-
-def refusal_in_little_memory(read: Callable[[], object]) -> str:
-    """The same; ``read`` takes no more than a fraction of what the file asks for."""
-    tracemalloc.start()
-    try:
-        message = refusal(read)
-        assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
-    finally:
-        tracemalloc.stop()
-    return message
-
-
-def content_of(path: Path) -> Any:
-    content = json.loads(path.read_text(encoding="utf-8"))
-    content.pop("content_sha256")
-    return content
-
-
-def changed(path: Path, where: str, value: object) -> None:
-    """Give the entry at the dotted place ``where`` another value; the file's hash is that of its new content."""
-    content = content_of(path)
-    *way, last = (int(part) if part.isdigit() else part for part in where.split("."))
-    holder = content
-    for part in way:
-        holder = holder[part]
-    holder[last] = value
-    path.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
-
+pytestmark = pytest.mark.usefixtures("no_warnings")
 
 DEEP = "[" * 3000 + "]" * 3000
 TEXTS = {
@@ -126,89 +62,6 @@ def test_what_is_no_file_is_not_waited_for(folder: Path, name: str, kind: str) -
         assert "evaluate" in load_results(folder).missing  # as a link that leads nowhere
     else:
         assert name in refusal(lambda: load_results(folder))
-
-
-def with_archive(folder: Path, content: bytes) -> None:
-    """Put ``content`` in place of ``evaluate.npz``, with its hash in the record."""
-    (folder / "evaluate.npz").write_bytes(content)
-    changed(folder / "evaluate.json", "arrays_sha256", hashlib.sha256(content).hexdigest())
-
-
-def archive(members: dict[str, bytes]) -> bytes:
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, content in members.items():
-            packed.writestr(f"{name}.npy", content)
-    return file.getvalue()
-
-
-def member(array: np.ndarray) -> bytes:
-    file = io.BytesIO()
-    np.lib.format.write_array(file, array, allow_pickle=True)
-    return file.getvalue()
-
-
-def whole_members() -> dict[str, bytes]:
-    return {name: member(values) for name, values in evaluate_arrays().items()}
-
-
-def claims(shape: str, dtype: str = "<f8") -> bytes:
-    """A member whose header claims any shape, with the numbers of one row."""
-    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
-    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(128)
-
-
-def bomb() -> bytes:
-    """An archive of 3 MB whose map has 400 million zeros."""
-    header = claims("(20000, 20000)")[:-128]
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
-        for name, content in whole_members().items():
-            if name != "map":
-                packed.writestr(f"{name}.npy", content)
-        with packed.open("map.npy", "w", force_zip64=True) as stream:
-            stream.write(header)
-            block = bytes(2**22)
-            for _ in range(160):  # 640 MiB, enough to tell
-                stream.write(block)
-    return file.getvalue()
-
-
-ARCHIVES: dict[str, Callable[[], bytes]] = {
-    "empty": lambda: b"",
-    "truncated": lambda: archive(whole_members())[:-300],
-    "bomb": bomb,
-    "claims much": lambda: archive({**whole_members(), "map": claims("(1000000, 1000000)")}),
-    "claims less than nothing": lambda: archive({**whole_members(), "map": claims("(-16, -1)")}),
-    "claims a number of 3,000 digits": lambda: archive({**whole_members(), "map": claims("(1" + "0" * 3000 + ",)")}),
-    "objects": lambda: archive({**whole_members(), "map": member(np.array([{"a": 1}] * 4, dtype=object))}),
-    "text": lambda: archive({**whole_members(), "map": member(np.full((16, 16), "x"))}),
-    "complex": lambda: archive({**whole_members(), "map": member(np.ones((16, 16), complex))}),
-    "one pixel": lambda: archive({**whole_members(), "map": member(np.ones((1, 1)))}),
-    "other sizes": lambda: archive({**whole_members(), "axis_mm": member(np.linspace(-1.0, 1.0, 8))}),
-    "too many pixels": lambda: archive({name: member(np.zeros(5000)) for name in evaluate_arrays()}),
-    "beyond any light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), 1e300))}),
-    "below any light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), 5e-324))}),
-    "negative light": lambda: archive({**whole_members(), "map": member(np.full((16, 16), -1.0))}),
-    "positions that turn round": lambda: archive({**whole_members(), "axis_mm": member(np.arange(16.0)[::-1].copy())}),
-    "many members": lambda: archive({**whole_members(), **{f"x{number}": b"" for number in range(3000)}}),
-}
-
-
-@pytest.mark.parametrize("make", ARCHIVES.values(), ids=ARCHIVES)
-def test_an_archive_of_anything_is_one_line(folder: Path, make: Callable[[], bytes]) -> None:
-    with_archive(folder, make())
-    message = refusal_in_little_memory(lambda: Light.read(folder))
-    assert "evaluate" in message and "run `lensforge evaluate` again" in message
-
-
-@pytest.mark.parametrize("how", [np.asfortranarray, lambda values: values.astype(">f8")], ids=["columns", "big-endian"])
-def test_the_order_of_bytes_and_rows_changes_nothing(folder: Path, how: Callable[[np.ndarray], np.ndarray]) -> None:
-    before = Light.read(folder)
-    with np.load(folder / "evaluate.npz") as arrays:
-        with_archive(folder, archive({name: member(how(arrays[name])) for name in arrays}))
-    assert Light.read(folder) == before
-    assert Light.read(folder).sha256 == before.sha256
 
 
 def cases(table: dict[str, list[Any]]) -> list[tuple[str, Any]]:
