@@ -22,7 +22,7 @@ def test_every_command_is_in_the_readme_and_every_command_there_exists() -> None
 
 
 def test_every_file_that_the_readme_names_is_there() -> None:
-    linked = re.findall(r"\]\(([^)#]+)\)", README)
+    linked = re.findall(r"\]\((?!https://)([^)#]+)\)", README)
     examples = [f"examples/{name}" for name in re.findall(r"`([a-z_]+\.toml)`", README)]
     assert linked
     for name in linked + examples:
