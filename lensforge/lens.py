@@ -22,6 +22,7 @@ from lensforge.spec import Accuracy, Spec, parse_spec
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.symmetry import NAMES, contains
 from lensforge.version import __version__
 
 SCHEMA = "lensforge-lens-2"
@@ -61,6 +62,12 @@ class Lens:
     def detail_rad(self) -> float:
         """Sigma (rad) of the narrowest feature of both surfaces, which a common table must resolve."""
         return min(self.inner.detail_rad, self.outer.detail_rad)
+
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group of both surfaces, a name of ``surfaces.symmetry``; a fixed surface has them all."""
+        own = [each.basis.symmetry for each in (self.inner, self.outer) if isinstance(each, SrbfSurface)]
+        return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
 
     def to_json(self) -> dict[str, JsonValue]:
         """The content of ``lens.json``, all digits of every weight."""

@@ -10,8 +10,9 @@ from lensforge.lens import Lens
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.limits import DIRECTIONS, constraint_criteria, limits_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.symmetry import first_images
 
-_EVERY = 30  # of the directions at which the margins were measured: 2,000, of which the least cannot be less
+_EVERY = 30  # of the directions at which the margins were measured: up to 2,000, of which the least cannot be less
 _SAME_SIZE = 1e-2  # of the largest radius: the two grids that measure it are not the same
 
 
@@ -42,7 +43,8 @@ def _by_surfaces(design: Design, lens: Lens) -> Iterator[str]:
 
 def _sampled(design: Design, lens: Lens) -> Iterator[tuple[str, float, float]]:
     """Name, stated value, and the least at some of the directions where the lens was measured."""
-    u = fibonacci_hemisphere(DIRECTIONS)[::_EVERY]
+    u = fibonacci_hemisphere(DIRECTIONS)
+    u = u[first_images(u, lens.symmetry)][::_EVERY]
     inner, outer = lens.inner.radius(u), lens.outer.radius(u)
     limits, margins = lens.spec.constraints, design.constraints
     for name, stated, field in (

@@ -9,14 +9,14 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.sparse import csr_matrix, vstack
 from torch import Tensor
 
 from lensforge.kernels.sparse import SparseMatrix
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, cubic_basis
-from lensforge.surfaces.symmetry import group
+from lensforge.surfaces.symmetry import first_images
 
 _VALUE = ((0, 0),)
 _JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -86,17 +86,8 @@ def constraint_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])
-    kept: Float[np.ndarray, "k 2"] = points[_first_images(points, symmetry)]
+    kept: Float[np.ndarray, "k 2"] = points[first_images(points, symmetry)]
     return kept
-
-
-def _first_images(points: Float[np.ndarray, "k 2"], symmetry: str) -> Bool[np.ndarray, " k"]:
-    """True for points that come first among their mirror images, by X, then by Y."""
-    first, tie = np.ones(len(points), dtype=bool), 1e-9
-    for image in group(symmetry):
-        ahead = points - points @ image[:2, :2]
-        first &= (ahead[:, 0] > tie) | ((ahead[:, 0] > -tie) & (ahead[:, 1] > -tie))
-    return first
 
 
 def _evaluation(grid: TableGrid, points: Float[np.ndarray, "k 2"], order: tuple[int, int]) -> csr_matrix:

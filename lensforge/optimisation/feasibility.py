@@ -22,6 +22,7 @@ from lensforge.spec import Spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.symmetry import first_images
 
 # Curvature and draft come from a table of the exact sum, by differences of fourth order: at 8 nodes across the
 # narrowest function its curvature is off by less than 1e-4, and a window of 21 x 21 points looks between the nodes.
@@ -36,7 +37,7 @@ _HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of 
 def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     """Measure the least value of each constraint.
 
-    Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim.
+    Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each.
     """
     constraints = constraints_of(lens.spec)
     points, inner, outer = _exact_radii(lens, directions)
@@ -45,7 +46,7 @@ def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)
         tables = [torch.from_numpy(tabulate(grid, surface)) for surface in (lens.inner, lens.outer)]
-        everywhere = constraint_points(grid, lens.spec.lens.basis.symmetry)
+        everywhere = constraint_points(grid, lens.symmetry)
         found |= {each.key: _least(each, grid, everywhere, tables) for each in of_shape}
     return Margins.model_validate(found)
 
@@ -54,6 +55,7 @@ def _exact_radii(lens: Lens, directions: int) -> tuple[ChartPoints, RadiusJet, R
     azimuth = np.linspace(0.0, 2.0 * np.pi, 2048, endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
     u = np.concatenate([fibonacci_hemisphere(directions), rim])
+    u = u[first_images(u, lens.symmetry)]
     nothing = torch.empty(0, len(u), dtype=torch.float64)
     inner, outer = (RadiusJet(torch.from_numpy(each.radius(u)), nothing) for each in (lens.inner, lens.outer))
     return ChartPoints.of(chart.to_chart(u)), inner, outer

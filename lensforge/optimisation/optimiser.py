@@ -28,6 +28,7 @@ from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.symmetry import first_images
 
 _ROUND = 10  # steps between multiplier updates
 _CHECKPOINT_SECONDS = 2.0
@@ -81,6 +82,7 @@ def _design(lens: Lens, source: Source, state: SearchState, rays_per_step: int, 
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
+    directions = directions[first_images(directions, lens.symmetry)]
     radius, margins = lens.outer.radius(directions), measure_constraints(lens)
     steps = sum(len(level["nmse"]) for level in state.history)
     return Design(

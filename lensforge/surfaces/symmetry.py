@@ -4,7 +4,7 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 
@@ -51,3 +51,15 @@ def grid_images(block: Float[np.ndarray, "n n *c"], name: str) -> Float[np.ndarr
         signs = image[:2, :2].sum(axis=0)
         total += turned[:: int(signs[0]), :: int(signs[1])]
     return total / len(group(name))
+
+
+def first_images(points: Float[np.ndarray, "k d"], name: str) -> Bool[np.ndarray, " k"]:
+    """True for points that come first among their mirror images, by X, then by Y: one of each is enough to look at.
+
+    The first two coordinates are those across the axis, of directions or on the chart.
+    """
+    first, tie = np.ones(len(points), dtype=bool), 1e-9
+    for image in group(name):
+        ahead = points[:, :2] - points[:, :2] @ image[:2, :2]
+        first &= (ahead[:, 0] > tie) | ((ahead[:, 0] > -tie) & (ahead[:, 1] > -tie))
+    return first

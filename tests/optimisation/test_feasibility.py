@@ -87,3 +87,15 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     )
     parametrisation, constraints, _, _ = scene(wider, 0.0, 1.0)
     require_feasible_start(wider, parametrisation, constraints)  # 7.17 mm of radius are enough
+
+
+@pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])
+def test_one_of_each_mirror_image_has_the_margins_of_all(symmetry: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = small_spec(lens__symmetry=symmetry)
+    parametrisation, _, weights, offsets = scene(spec, 0.01, 1.0)
+    lens = parametrisation.lens(weights, offsets, spec, 0, "draft")
+    some = measure_constraints(lens)
+    monkeypatch.setattr("lensforge.optimisation.feasibility.first_images", lambda u, _: np.ones(len(u), dtype=bool))
+    every = measure_constraints(lens)
+    for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"):
+        assert getattr(every, name) <= getattr(some, name) <= getattr(every, name) + 3e-4

@@ -43,6 +43,23 @@ def test_the_gradient_is_the_derivative_along_great_circles(symmetry: str) -> No
 
 
 @pytest.mark.parametrize("symmetry", NAMES)
+@pytest.mark.parametrize("sigma_c", [0.2, 1.75, 20.0])
+def test_what_is_left_out_of_the_sum_is_below_its_rounding(symmetry: str, sigma_c: float) -> None:
+    basis = SrbfBasis((9, 81, 289), sigma_c, symmetry)
+    weights = np.random.default_rng(5).normal(size=basis.size)
+    u = np.concatenate([hemisphere_directions(200), basis.centres[::40], -basis.centres[::60]])
+    every = np.abs(weights) @ basis.evaluate(u).T
+    error = SrbfSurface(basis, weights, 0.0).radius(u) - basis.evaluate(u) @ weights
+    # far from a centre the dense basis takes the chord from a dot product: its exponent of 40 is off by 1e-12
+    assert (np.abs(error) <= 1e-11 * every + 1e-18 * np.abs(weights).sum()).all()
+
+
+def test_no_direction_has_no_radius() -> None:
+    surface = random_surface(4, 6.0)
+    assert surface.radius(np.empty((0, 3))).shape == (0,) and surface.gradient(np.empty((0, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("symmetry", NAMES)
 def test_a_symmetric_surface_is_unchanged_by_every_mirror(symmetry: str) -> None:
     surface = random_surface(3, 6.0, symmetry=symmetry)
     u = hemisphere_directions(100)
