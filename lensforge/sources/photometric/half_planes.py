@@ -27,6 +27,7 @@ def tabulated(
     for label, angles, most in (("C", c_deg, 360.0), ("gamma", gamma_deg, 180.0)):
         if angles[0] < 0.0 or angles[-1] > most:
             raise InputError(f"{name}: its {label} angles must rise within 0 to {most:g}; export it again")
+    c_deg = np.where(c_deg < _FINEST_DEG, 0.0, np.where(c_deg > 360.0 - _FINEST_DEG, 360.0, c_deg))  # on the seam
     if len(gamma_deg) < 2:
         raise InputError(f"{name}: one gamma angle only; a far field needs two or more")
     candela, warnings = not_below_zero(candela, name)
