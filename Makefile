@@ -8,10 +8,10 @@ demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstar
 	$(BIN)/lensforge design examples/quickstart.toml
 
 test: setup  ## the whole test suite
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 nightly: setup lowest  ## the suite with 500 times as many random cases, all slow tests, the lowest versions: hours
-	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2
+	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2 --dist loadfile
 	$(BIN)/python benchmarks/fuzz.py --cases 100000 --foreign 2000
 
 lowest:  ## a draft and all stages with the lowest version of each dependency that pyproject.toml declares

@@ -1,13 +1,21 @@
-"""Array shapes and dtypes in signatures are checked while the tests run."""
+"""Array shapes and dtypes in signatures are checked while the tests run; result folders that many tests read."""
 
+import pickle
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
+from nightly import skip_by_day
 
 import lensforge
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "evaluation", "far_field", "optimisation", "geometry",
@@ -17,26 +25,65 @@ _PACKAGES = [
 install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    skip_by_day(items)
+
+
 @pytest.fixture
 def examples() -> Path:
     return Path(__file__).parents[1] / "examples"
 
 
+@pytest.fixture
+def undrawn() -> Iterator[None]:
+    """Reports without pictures, which take four seconds: for tests that read words and numbers."""
+    from undrawn import undrawn  # not before the import hook is there
+
+    with undrawn():
+        yield
+
+
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
-    """A run of a small lens: the object that ``run`` returned, and its folder as it left it."""
+def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """A folder of all processes that run these tests together, where they can lock files."""
+    own = tmp_path_factory.getbasetemp()
+    return own if worker_id == "master" or fcntl is None else own.parent
+
+
+def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.Run:
+    """What ``make`` returns for ``folder``; the first process makes it, and the others wait for it."""
+    kept = folder.with_suffix(".pickle")
+    with folder.with_suffix(".lock").open("w") as lock:
+        if fcntl is not None:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            kept.write_bytes(pickle.dumps(make(folder)))
+        return pickle.loads(kept.read_bytes())
+
+
+@pytest.fixture(scope="session")
+def small_run(shared: Path) -> lensforge.Run:
+    """A run of a small lens: the object that ``run`` returned, and its folder as it left it. To be read only.
+
+    The report has no pictures, which take ten seconds.
+    """
     from scenes import small_spec  # not before the import hook is there
+    from undrawn import undrawn
 
-    folder = tmp_path_factory.mktemp("small_run") / "small"
-    return lensforge.run(small_spec(optimise__steps_per_level=[40, 40]), folder, accuracy="draft")
+    spec = small_spec(optimise__steps_per_level=[40, 40])
+    with undrawn():
+        return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
 
 
 @pytest.fixture(scope="session")
-def whole_run(small_run: lensforge.Run, tmp_path_factory: pytest.TempPathFactory) -> lensforge.Run:
+def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
     """The same in a folder of its own, with every result that can be added: studies of the lens, a measured part."""
+    return made_once(shared / "whole_run", lambda folder: _with_every_result(small_run, folder))
+
+
+def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
     from lensforge.pipeline import run_photometry, run_sensitivity, run_stray
 
-    folder = tmp_path_factory.mktemp("whole_run") / "small"
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
         patch.setattr("lensforge.stages._STRAY_RAYS", 512)

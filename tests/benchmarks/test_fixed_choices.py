@@ -23,6 +23,7 @@ def levels(study, series):
     return [level for level in study.levels if level.series == series]
 
 
+@pytest.mark.nightly("fifteen seconds, of a study that no command runs")
 def test_a_spline_of_degree_k_converges_with_the_power_k_plus_one_and_its_slope_with_k(measured):
     study = degree_study(replace(measured, reference=measured.reference.thinned(8)), (5.0, 8.0, 12.0))
     for name, degree in (("linear", 1), ("quadratic", 2), ("cubic", 3), ("quintic", 5)):

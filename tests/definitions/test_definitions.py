@@ -15,6 +15,7 @@ import numpy as np
 import page_light
 import page_tracer
 import pytest
+from nightly import first_by_day
 from scipy.stats import t as student
 
 import lensforge as lf
@@ -155,7 +156,7 @@ SAME_RAYS = {
 }
 
 
-@pytest.mark.parametrize("case", SAME_RAYS)
+@pytest.mark.parametrize("case", first_by_day(1, SAME_RAYS))
 def test_same_rays(folder: Path, case: str) -> None:
     """Every ray has the same fate and pixel; the tables of lensforge move a few over the border of one."""
     name, source, material = SAME_RAYS[case]
@@ -204,7 +205,7 @@ def both(folder: Path, name: str) -> Both:
     return Both(at, page, lf.evaluate(at.lens, rays=LIBRARY_RAYS))
 
 
-@pytest.mark.parametrize("name", OWN_RAYS)
+@pytest.mark.parametrize("name", first_by_day(2, OWN_RAYS, "ten seconds for each scene"))
 def test_images_of_one_evaluation(folder: Path, name: str) -> None:
     """Target, filter and raw figures of lensforge's own irradiance map: no noise between them."""
     two = both(folder, name)
@@ -229,7 +230,7 @@ def agree(what: str, page: float, error: float, library: float, library_error: f
     assert abs(page - library) <= BOUND * combined, f"{what}: page {page} ± {error}, library {library}"
 
 
-@pytest.mark.parametrize("name", OWN_RAYS)
+@pytest.mark.parametrize("name", first_by_day(2, OWN_RAYS, "ten seconds for each scene"))
 def test_flux_budget(folder: Path, name: str) -> None:
     two = both(folder, name)
     for cause, library in (library_shares(two.light) | {"share_in_target": two.light.share_in_target.value}).items():
@@ -246,7 +247,7 @@ def jackknife(images: list[Any], figure: Any) -> float:
     return float(np.sqrt((len(images) - 1) * left_out.var()))
 
 
-@pytest.mark.parametrize("name", OWN_RAYS)
+@pytest.mark.parametrize("name", first_by_day(2, OWN_RAYS, "ten seconds for each scene"))
 def test_nmse_without_noise(folder: Path, name: str) -> None:
     two = both(folder, name)
     images, target = two.page["images"], two.page["target"]
@@ -267,7 +268,7 @@ def test_uniformity_without_noise(folder: Path) -> None:
     agree("uniformity", page_light.uniformity(images, mask), error, light.uniformity.value, error / 2)
 
 
-@pytest.mark.parametrize("name", OWN_RAYS)
+@pytest.mark.parametrize("name", first_by_day(2, OWN_RAYS, "ten seconds for each scene"))
 def test_irradiance(folder: Path, name: str) -> None:
     """Blocks of pixels by the F ratio of difference and noise; centre and widths of the light."""
     two = both(folder, name)

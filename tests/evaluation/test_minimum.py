@@ -65,7 +65,7 @@ def test_two_pixels_follow_clark_and_stein() -> None:
     """Two pixels, one darker by d: the minimum and the value of the chosen one have closed forms (Clark 1961)."""
     d, spread, rng = 0.02, 0.1, np.random.default_rng(8)
     found = []
-    for _ in range(1500):
+    for _ in range(500):
         choices = _Choices.of(np.array([1.0, 1.0 + d]) + spread * rng.normal(size=(16, 2)), _halves())
         found.append((choices.minimum, choices.read))
     t = spread**2 / 8.0  # variance of the mean of eight

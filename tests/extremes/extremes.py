@@ -3,13 +3,13 @@
 ``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 500 in a nightly run (10^5 specs and lenses).
 """
 
-import os
 from functools import lru_cache
 
 import numpy as np
 import torch
 from hypothesis import settings
 from landed import Landed, by_kernels
+from nightly import scaled
 from scenes import weight_matrix
 
 from lensforge.kernels.fates import Fate
@@ -19,10 +19,9 @@ from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 from lensforge.tracing.tables import Scene
 
 
-def fuzzed(examples: int) -> settings:
-    """Always the same examples, ``LENSFORGE_FUZZ`` times as many."""
-    factor = int(os.environ.get("LENSFORGE_FUZZ", "1"))
-    return settings(max_examples=examples * factor, derandomize=True, deadline=None, database=None)
+def fuzzed(examples: int, *, by_day: int | None = None) -> settings:
+    """Always the same examples, ``LENSFORGE_FUZZ`` times as many; fewer ``by_day`` where each is dear."""
+    return settings(max_examples=scaled(examples, by_day=by_day), derandomize=True, deadline=None, database=None)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

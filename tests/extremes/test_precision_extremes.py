@@ -24,7 +24,7 @@ def _exact(surface: SrbfSurface, dtype: torch.dtype) -> ExactSurface:
     return ExactSurface(surface.basis, weights.requires_grad_(), offset.requires_grad_())
 
 
-@fuzzed(20)
+@fuzzed(20, by_day=8)
 @given(
     DTYPE,
     st.integers(0, 2**31),
@@ -45,7 +45,7 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
     is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights_mm, s.offset_mm)])
 
 
-@fuzzed(10)
+@fuzzed(10, by_day=5)
 @given(DTYPE, st.sampled_from([1.0, 1.4936, 4.0]), st.sampled_from([1e-3, 1.0, 1e4]), st.sampled_from([2.1, 1e5]))
 def test_concentric_spheres_bend_nothing_in_either_precision(dtype, index, size, distance) -> None:
     u = hemisphere_directions(100)

@@ -1,6 +1,5 @@
 """From a micrometre to kilometres, from one ray and one pixel to millions: the same physics, to rounding."""
 
-import os
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from extremes import fuzzed, quick_table_of, sound
 from hypothesis import given
 from hypothesis import strategies as st
 from landed import by_kernels
+from nightly import NIGHTLY, first_by_day
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
@@ -38,7 +38,6 @@ from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_s
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.tables import Scene
 
-NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 DRAFT = replace(PRESETS["draft"], evaluate_nodes_per_sigma=3.0)
 SIZE = st.floats(-3.0, 4.0).map(lambda exponent: 10.0**exponent)  # 1e-3 to 1e4
 DARK = torch.zeros(4, 4, dtype=torch.float64)
@@ -90,7 +89,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
         assert torch.allclose(one, other, rtol=1e-9, atol=1e-10 * float(one.detach().abs().max()))
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e4])
+@pytest.mark.parametrize("size", first_by_day(1, [1e-3, 1e4]))
 def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
     """Neither the search nor the judgement knows how long a millimetre is."""
     spec = small_spec(optimise__steps_per_level=[2, 2], optimise__rays=256)
@@ -105,8 +104,12 @@ def test_a_scaled_scene_is_designed_and_judged_alike(size: float) -> None:
         assert getattr(lights[0], name).value == pytest.approx(getattr(lights[1], name).value, rel=1e-6)
 
 
-@pytest.mark.parametrize("distance", [1e-2, 1e3, 1e7])
-@pytest.mark.parametrize("half_angle_deg", [1.0, 30.0, 80.0])
+# By day each distance and each angle; all pairs nightly.
+RECEIVERS = [(1e-2, 80.0), (1e3, 30.0), (1e7, 1.0)]
+RECEIVERS += [(far, angle) for far in (1e-2, 1e3, 1e7) for angle in (1.0, 30.0, 80.0) if (far, angle) not in RECEIVERS]
+
+
+@pytest.mark.parametrize(("distance", "half_angle_deg"), first_by_day(3, RECEIVERS))
 def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle_deg: float) -> None:
     """Share on a parallel square: (4/pi) A atan(A), A = X/sqrt(1+X^2), X = half side over distance."""
     x = np.tan(np.radians(half_angle_deg))
@@ -245,7 +248,7 @@ def test_a_target_of_a_single_pixel(pixels: int) -> None:
 
 
 @pytest.mark.parametrize("lens_size", [1.0, 10.0])  # a lens of air lights all; one of large n reflects nearly all
-@pytest.mark.parametrize("rays", [1, 2, 3, 15, 17, 33])
+@pytest.mark.parametrize("rays", first_by_day(3, [1, 15, 17, 2, 3, 33]))  # 16 are the replicates
 def test_a_handful_of_rays(rays: int, lens_size: float) -> None:
     """Replicates without a single detected ray leave numbers, not NaN."""
     spec = _point_spec(target__receiver_mm=20.0 * lens_size, target__half_width_mm=5.0 * lens_size)
@@ -269,7 +272,7 @@ def test_no_ray_is_refused() -> None:
         SquareEmitter(1.0).sample(0, 0)
 
 
-@pytest.mark.parametrize("rays", [1, 2**24] if NIGHTLY else [1])
+@pytest.mark.parametrize("rays", first_by_day(1, [1, 2**24]))
 def test_four_million_pixels(rays: int) -> None:
     spec = _point_spec(evaluate={"pixels": 2048, "rays": rays})
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT)
@@ -281,7 +284,7 @@ def test_four_million_pixels(rays: int) -> None:
 def test_rays_traced_in_parts_agree_with_all_at_once(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """What bounds the memory of many rays changes nothing but the sample."""
     monkeypatch.setattr(simulate, "_MOST_RAYS_AT_ONCE", at_once)
-    count = 2**24 if NIGHTLY and at_once > 100 else 2**10
+    count = 2**24 if NIGHTLY and at_once > 100 else 2**10 if at_once > 1 else 2**8
     spec = _point_spec()
     light = evaluate_lens(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), SquareEmitter(0.0), DRAFT, rays=count)
     _complete(light)

@@ -95,7 +95,7 @@ def _one_line(refusal: InputError) -> None:
     assert "\n" not in str(refusal) and len(str(refusal)) < 400
 
 
-@fuzzed(60)
+@fuzzed(60, by_day=25)
 @given(_contents(), st.integers(0, 2**31), st.sampled_from([0.0, 1e-12, 0.01, 0.1, 1.0]))
 def test_any_spec_is_refused_in_one_line_or_judged_soundly(content: dict, seed: int, roughness: float) -> None:
     try:

@@ -1,10 +1,9 @@
-import os
-
 import numpy as np
 import pytest
 from geometry_lenses import exact_volume, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import first_by_day, scaled
 
 from lensforge.errors import InputError
 from lensforge.geometry.mesh import build_mesh
@@ -51,8 +50,12 @@ def closed_form(inner, outer, base, below, relief):
     return shell + below - opening * (base.height_mm - pocket) - relief * (area - seat)
 
 
-@pytest.mark.parametrize("relief", [0.0, 0.7])
-@pytest.mark.parametrize("name", BASES)
+# Each base, and the step, by day; all pairs nightly.
+PAIRS = [("square", 0.0), ("flat", 0.7), ("flange", 0.0), ("pocket", 0.7), ("square, pocket, flange", 0.7)]
+PAIRS += [(name, relief) for name in BASES for relief in (0.0, 0.7) if (name, relief) not in PAIRS]
+
+
+@pytest.mark.parametrize(("name", "relief"), first_by_day(5, PAIRS))
 def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
     keys, faces, below = BASES[name]
     base = BaseSection(**keys, relief_step_mm=relief)
@@ -76,7 +79,7 @@ def test_every_base_is_one_closed_named_body_of_its_closed_form(name, relief):
     assert {n.rstrip("_1234") for n in solid.faces} - {"CLOCKING_FLAT"} == set(fine.names)
 
 
-@pytest.mark.parametrize("width", [25.4, 15.0])
+@pytest.mark.parametrize("width", first_by_day(1, [25.4, 15.0]))
 def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
     inner, outer = random_surface(6.0, 0.02, 3), random_surface(10.2, 0.01, 4)
     base = BaseSection(diameter_mm=width, relief_step_mm=0.7, relief_setback_mm=0.3)
@@ -98,8 +101,8 @@ def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
     assert (4.0 * fine.volume() - coarse.volume()) / 3.0 == pytest.approx(volume, rel=2e-5)
 
 
-# A thousand: LENSFORGE_EXAMPLES=1000 python -m pytest tests/geometry/test_base.py -k random
-@settings(max_examples=int(os.environ.get("LENSFORGE_EXAMPLES", "12")), deadline=None, derandomize=True)
+# Each takes a second: a thousand of them nightly.
+@settings(max_examples=min(scaled(12, by_day=5), 1000), deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     outer=st.floats(8.0, 13.7),

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry_lenses import exact_volume, make_lens
+from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
@@ -17,6 +18,7 @@ from lensforge.geometry.watertight import check_closed
 from lensforge.spec import BaseSection, load_spec
 
 INNER_MM, OUTER_MM = 0.8, 2.45
+NIGHTLY_TOO = pytest.mark.nightly("a case like another one")
 
 
 def plate(bore, size=8.0, top=0.0, x=0.0, holes=0, floor=False):
@@ -43,8 +45,15 @@ def bare(relative=0.01):
     return lens, make_plan(fit_patch(lens.inner), fit_patch(lens.outer), BaseSection(kind="none"))
 
 
+@pytest.fixture(scope="module")
+def bare_solid():
+    return build_solid(bare()[1])
+
+
 @pytest.mark.parametrize(
-    ("bore", "size", "holes"), [(3.0, 8.0, 3), (1.9, 4.5, 0), (1.9, 20.0, 0)], ids=["screwed", "crossing", "ledge"]
+    ("bore", "size", "holes"),
+    first_by_day(1, [(3.0, 8.0, 3), (1.9, 4.5, 0), (1.9, 20.0, 0)]),
+    ids=["screwed", "crossing", "ledge"],
 )
 def test_a_base_from_a_file_is_joined_to_one_solid_and_one_mesh(tmp_path, bore, size, holes):
     path = written(plate(bore, size, holes=holes), tmp_path / "clamp.step")
@@ -74,11 +83,11 @@ def test_the_union_keeps_every_vertex_of_the_optical_faces(tmp_path):
         assert all(z == 0.0 for _, _, z in after - before), "what is new lies where the base crosses the rim"
 
 
-def test_the_names_of_the_file_s_faces_are_kept(tmp_path):
+def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
     shape = plate(3.0)
     faces = {"SEAT": shape.Faces()[0], "HOLD": shape.Faces()[-1]}
     (tmp_path / "clamp.step").write_bytes(step_bytes(Solid(shape, faces), "clamp"))
-    joined = join_base(build_solid(bare()[1]), read_custom_base(tmp_path / "clamp.step"))
+    joined = join_base(bare_solid, read_custom_base(tmp_path / "clamp.step"))
     assert {"SEAT", "HOLD"} <= set(joined.faces)
     assert len(joined.faces) == len(joined.shape.Faces())
 
@@ -88,18 +97,18 @@ def test_the_names_of_the_file_s_faces_are_kept(tmp_path):
     [
         (plate(3.0, top=0.5), r"its top is at z = 0\.5 mm, .* move it by -0\.5 mm"),
         (plate(1.0), r"covers 6\d\.\d % of the cavity's opening.*circle of 1\.6"),
-        (plate(3.0, x=1.2), r"covers .* of the cavity's opening"),
         (plate(6.0), r"does not meet the lens, whose rim lies in z = 0 between 0\.8\d* and 2\.4"),
         (plate(3.0, floor=True), r"closes the cavity"),
         (plate(3.0).fuse(plate(3.0, x=30.0)), r"holds 2 solids"),
-        (plate(3.0).Faces()[0], r"holds 0 solids"),
+        pytest.param(plate(3.0, x=1.2), r"covers .* of the cavity's opening", marks=NIGHTLY_TOO),
+        pytest.param(plate(3.0).Faces()[0], r"holds 0 solids", marks=NIGHTLY_TOO),
     ],
-    ids=["high", "narrow", "aside", "wide", "floor", "two", "none"],
+    ids=["high", "narrow", "wide", "floor", "two", "aside", "none"],
 )
-def test_a_base_that_is_not_under_the_lens_is_refused_in_one_line(tmp_path, shape, word):
+def test_a_base_that_is_not_under_the_lens_is_refused_in_one_line(tmp_path, bare_solid, shape, word):
     path = written(shape, tmp_path / "clamp.step")
     with pytest.raises(InputError, match=rf"clamp\.step: {word}") as caught:
-        join_base(build_solid(bare()[1]), read_custom_base(path))
+        join_base(bare_solid, read_custom_base(path))
     assert "\n" not in str(caught.value)
 
 

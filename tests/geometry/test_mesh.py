@@ -3,6 +3,7 @@ import pytest
 from geometry_lenses import exact_volume, random_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import scaled
 
 from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, build_mesh
 from lensforge.geometry.patch import fit_patch
@@ -57,7 +58,7 @@ def test_volume_of_a_crossing_freeform_matches_the_integral(seed):
     assert extrapolated == pytest.approx(exact_volume(inner, outer, BaseSection()), rel=2e-6)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=min(scaled(40, by_day=12), 1000), deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     relative=st.floats(0.0, 0.03),

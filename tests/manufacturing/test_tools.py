@@ -74,9 +74,13 @@ def checked(**manufacture):
     return check_lens(type(part)(part.inner, part.outer, spec, 0, "draft"))
 
 
-def test_every_tool_has_its_verdict():
-    tools = (mill(0.5, 0.4, 8.0, 45.0), mill(1.0, 1.0, 8.0, 45.0))
-    found = checked(tools=tools, max_tilt_deg=60.0)
+@pytest.fixture(scope="module")
+def with_tools():
+    return checked(tools=(mill(0.5, 0.4, 8.0, 45.0), mill(1.0, 1.0, 8.0, 45.0)), max_tilt_deg=60.0)
+
+
+def test_every_tool_has_its_verdict(with_tools):
+    found = with_tools
     small, large = found.tools
     assert small.inner.reachable_fraction == 1.0
     assert large.inner.reachable_fraction == 0.0
@@ -97,7 +101,8 @@ def test_a_mould_insert_swaps_hollow_and_bump():
     assert found.inner.undercut_fraction == 0.0
 
 
-def test_the_stepover_follows_the_slope_limit():
-    loose, tight = (checked(slope_limit_mrad=limit).scallop.outer for limit in (2.0, 1.0))
+def test_the_stepover_follows_the_slope_limit(with_tools):
+    loose, tight = checked(slope_limit_mrad=2.0).scallop.outer, with_tools.scallop.outer
+    assert with_tools.scallop.slope_limit_mrad == 1.0
     ratio = loose.stepover_for_slope_limit_mm / tight.stepover_for_slope_limit_mm
     assert ratio == pytest.approx(2.0, rel=1e-5)

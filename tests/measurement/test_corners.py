@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from photo_scenes import CORNERS, PATTERNS, SIZE, TARGET_MM, Scene
 from PIL import Image
 
@@ -17,8 +18,12 @@ def error_px(found, corners=CORNERS):
     return np.linalg.norm(found.corners - corners, axis=1).max()
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
-@pytest.mark.parametrize("dark", [True, False])
+# Each pattern by day, with a photograph without light or without one; all pairs nightly.
+PAIRS = [(pattern, index % 2 == 0) for index, pattern in enumerate(PATTERNS)]
+PAIRS += [(pattern, not dark) for pattern, dark in PAIRS]
+
+
+@pytest.mark.parametrize(("pattern", "dark"), first_by_day(len(PATTERNS), PAIRS))
 def test_corners_are_found_to_a_fifth_of_a_pixel_whatever_the_pattern(pattern, dark):
     on, off = Scene(pattern).pictures()
     found = locate(on, off if dark else None, border_share=0.0)
@@ -28,12 +33,15 @@ def test_corners_are_found_to_a_fifth_of_a_pixel_whatever_the_pattern(pattern, d
 
 @pytest.mark.parametrize(
     ("scene", "limit"),
-    [
-        (Scene("pi", noise=0.02), 1.0),  # half of the step at the border
-        (Scene(room=0.0, spill=0.02), 0.5),  # a dark room: the LED's own stray light shows the border
-        (Scene(vignetting=1.5), 0.2),
-        (Scene(corners=np.array([[125.0, 30.0], [350.0, 90.0], [345.0, 280.0], [60.0, 350.0]])), 0.2),
-    ],
+    first_by_day(
+        2,
+        [
+            (Scene("pi", noise=0.02), 1.0),  # half of the step at the border
+            (Scene(room=0.0, spill=0.02), 0.5),  # a dark room: the LED's own stray light shows the border
+            (Scene(vignetting=1.5), 0.2),
+            (Scene(corners=np.array([[125.0, 30.0], [350.0, 90.0], [345.0, 280.0], [60.0, 350.0]])), 0.2),
+        ],
+    ),
 )
 def test_noise_darkness_vignetting_and_perspective_cost_little(scene, limit):
     corners = CORNERS if scene.corners is None else scene.corners

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured_lenses import dent, directions, lens, probed
+from nightly import first_by_day
 from PIL import Image
 
 from lensforge.accuracy import PRESETS
@@ -122,7 +123,7 @@ def deformed_part(height):
     return replace(LENS, outer=SrbfSurface(outer.basis, outer.weights_mm + weights, outer.offset_mm))
 
 
-@pytest.mark.parametrize("registration", ["rigid", "shift", "none"])
+@pytest.mark.parametrize("registration", first_by_day(1, ["rigid", "shift", "none"]))
 def test_the_light_is_that_of_the_deformed_lens(registration):
     """The oracle is the tracer on the true part."""
     part, source, preset = deformed_part(0.05), build_source(LENS.spec.source), PRESETS["draft"]

@@ -73,12 +73,13 @@ def test_every_stage_takes_a_fixed_surface(tmp_path) -> None:
     write_design(design(spec, accuracy="draft"), tmp_path)
     assert load_lens(tmp_path / "lens.json").outer == SURFACES["outer"]
     run_evaluate(tmp_path)
-    part, check, proof = run_export(tmp_path), run_check(tmp_path), run_verify(tmp_path, rays=2048)
+    part = run_export(tmp_path, rings=48)
+    check, proof = run_check(tmp_path), run_verify(tmp_path, rays=512)
     assert part.watertight and all(criterion.passed for criterion in part.criteria)
     assert part.form_error_nm.max < 1.0
     assert check.outer.undercut_fraction == 0.0
     assert proof.deviation_mm.p99 < 0.1
-    rows = run_sensitivity(tmp_path, rays=2048).rows
+    rows = run_sensitivity(tmp_path, rays=256).rows
     assert any("form error, outer" in row.name for row in rows)
 
 

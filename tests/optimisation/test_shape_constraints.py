@@ -228,8 +228,8 @@ def test_a_design_for_a_cutter_passes_the_check_of_the_shop() -> None:
         lens__symmetry="square",
         constraints__inner_concave_radius_mm=3.5,
         constraints__inner_draft_deg=1.0,
-        optimise__steps_per_level=[30, 30],
-        optimise__rays=512,
+        optimise__steps_per_level=[15, 15],
+        optimise__rays=256,
         optimise__learning_rate=0.01,
     )
     found = search(spec, build_source(spec.source), accuracy="draft")

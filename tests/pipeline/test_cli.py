@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
+from undrawn import undrawn
 
 import lensforge as lf
 from lensforge.cli import cli, main
@@ -105,7 +106,9 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     _, stderr = process.communicate(timeout=60)
     checkpoint = folder / "cad_out" / "small" / "checkpoint.bin"
     assert checkpoint.exists() and not checkpoint.with_name("lens.json").exists(), "cut during the search"
-    resumed = lensforge("design", spec, "--accuracy", "draft", "--resume", cwd=folder)
+    with pytest.MonkeyPatch.context() as patch, undrawn():  # in this process: twenty seconds less
+        patch.chdir(folder)
+        resumed = lensforge_here("design", spec, "--accuracy", "draft", "--resume")
     return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)
 
 
@@ -130,6 +133,7 @@ def test_a_design_leaves_every_file(designed: Path) -> None:
     assert not (designed / "checkpoint.bin").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "again"
     shutil.copytree(designed, folder)
@@ -184,7 +188,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path
     ],
 )
 def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], message: str) -> None:
-    result = lensforge("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
+    result = lensforge_here("design", write_spec(tmp_path, **replace), "--out", tmp_path / "out")
     assert result.returncode == 2
     assert message in result.stderr
     assert result.stderr.startswith("lensforge: ")
@@ -205,11 +209,20 @@ def test_bad_specs_end_in_one_line(tmp_path: Path, replace: dict[str, str], mess
         ["fly"],
     ],
 )
-def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path) -> None:
-    result = lensforge(*arguments, cwd=tmp_path)
+def test_bad_commands_end_in_one_line(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = lensforge_here(*arguments)
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_process_ends_in_one_line_too(tmp_path: Path) -> None:
+    """Nothing that is loaded on the way says more."""
+    for bad in (["design", "nowhere.toml"], ["design", write_spec(tmp_path, **{"[lens]": "[lense]"})]):
+        result = lensforge(*bad, cwd=tmp_path)
+        assert result.returncode == 2 and result.stdout == ""
+        assert result.stderr.startswith("lensforge: ") and len(result.stderr.splitlines()) == 1
 
 
 def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:

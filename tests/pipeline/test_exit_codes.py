@@ -1,7 +1,6 @@
 """Exit codes by the verdict, and the verdict that every command renews, on a lens whose search was too short."""
 
 import json
-import os
 import shutil
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -10,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scenes import hemisphere_directions, small_spec
+from undrawn import undrawn
 
 import lensforge as lf
 from lensforge.cli import main
@@ -46,7 +47,9 @@ def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
     small_spec(optimise={"steps_per_level": [1, 1], "rays": 1024, "pixels": 16}).replace(target=TARGET).save(
         folder / "dark.toml"
     )
-    return folder / "out", *lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
+    with undrawn():
+        done = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
+    return folder / "out", *done
 
 
 @pytest.fixture
@@ -65,16 +68,12 @@ def test_a_design_whose_light_fails_writes_everything_and_exits_with_1(dark: tup
     assert verdict_in(folder) == {"light": "fail", "files": "pass", "cutting": "fail"}
 
 
-NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 COMMANDS = [
     (("evaluate",), 1),
     (("evaluate", "--rays", 2048), 0),  # other conditions than the lens's own decide nothing
     (("check",), 0),
     (("handover",), 0),
     (("sensitivity", "--rays", 1024), 0),
-]
-# Each takes ten seconds or more: nightly.
-SLOW_COMMANDS = [
     (("export",), 0),
     (("verify",), 0),
     (("report",), 0),
@@ -83,7 +82,7 @@ SLOW_COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize(("command", "code"), COMMANDS + SLOW_COMMANDS * NIGHTLY)
+@pytest.mark.parametrize(("command", "code"), first_by_day(3, COMMANDS, "five to twenty seconds each"))
 def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
     folder: Path, command: tuple[object, ...], code: int
 ) -> None:
@@ -102,6 +101,7 @@ def test_every_command_renews_the_verdict_and_exits_by_what_it_decides(
     assert verdict_in(folder)["files"] in ("pass", "undecided")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(folder: Path) -> None:
     record = json.loads((folder / "lens.json").read_text(encoding="utf-8"))
     record["spec"]["manufacture"] = {"required": True}
@@ -112,6 +112,7 @@ def test_a_part_that_cannot_be_cut_exits_with_1_only_where_the_spec_requires_it(
     assert verdict_in(folder)["cutting"] == "fail"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_files_that_fail_exit_with_1(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(acceptance, "FORM_LIMIT_NM", 1e-9)  # below rounding: no STEP file is as good
     code, stderr = lensforge("export", folder)

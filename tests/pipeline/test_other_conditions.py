@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from scenes import hemisphere_directions, random_surface, small_spec
+from undrawn import undrawn
 
 import lensforge as lf
 from lensforge import pipeline
@@ -18,6 +19,8 @@ from lensforge.lens import Lens
 from lensforge.other_conditions import photometry_conditions
 from lensforge.pipeline import run_evaluate, run_report
 from lensforge.run_folder import open_run
+
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 RAYS = 1500
 
@@ -47,7 +50,8 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
         folder / "lens.json"
     )
     run_evaluate(folder)
-    run_report(folder)
+    with undrawn():
+        run_report(folder)
     return folder
 
 

@@ -8,7 +8,6 @@ of which there is a list here that shares no code with the program.
 """
 
 import json
-import os
 import random
 import shutil
 from collections.abc import Iterator
@@ -17,18 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from nightly import NIGHTLY
 
 import lensforge as lf
 from lensforge import pipeline
 from lensforge.criteria import Criterion
 from lensforge.records.stored import with_checksum
-from lensforge.report.solid_view import SolidViews
 from lensforge.results import EXTRAS, STAGES
 from lensforge.run_folder import open_run, renew
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 Where = tuple[str | int, ...]
 
-NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 SAMPLE = 30  # changes of the daily run; nightly all of them, about 2,000
 RECORDS = [stem for stem in ({kind.stage: kind for kind in STAGES} | EXTRAS) if stem != "compare_outer"]
 UNHASHED = {"seconds", "cast_seconds", "rate", "version"}  # differ between runs with the same result
@@ -80,21 +80,6 @@ VALUES: dict[str, tuple[str | None, str, float | None]] = {
 def folder(whole_run: lf.Run, tmp_path: Path) -> Path:
     """A copy of a whole result folder."""
     return Path(shutil.copytree(whole_run.folder, tmp_path / "run"))
-
-
-@pytest.fixture(autouse=True)
-def no_views(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No three-dimensional views, which take a process and seconds."""
-
-    class NoViews:
-        def __init__(self, *_: object) -> None: ...
-
-        def result(self) -> SolidViews:
-            return SolidViews({}, problem="not drawn")
-
-        def close(self) -> None: ...
-
-    monkeypatch.setattr("lensforge.report.lens_page.Rendering", NoViews)
 
 
 def record_in(folder: Path, stem: str) -> dict[str, Any]:

@@ -18,11 +18,12 @@ from fuzzing.chance import Chance
 from fuzzing.kept import kept_cases
 from fuzzing.kind import Kind
 from fuzzing.worker import Batch
+from nightly import NIGHTLY, scaled
 
 import lensforge as lf
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-CASES = 1000 * int(os.environ.get("LENSFORGE_FUZZ", "1"))
+CASES = scaled(1000)
 FEWEST = 5  # of each kind, whatever its share
 CHILDREN = ("step", "base", "threemf")  # read in a process of their own, which takes seconds
 BOTH_ENDS = ("spec", "tm25", "csv", "png", "tiff")
@@ -59,7 +60,7 @@ def require_record(folder: Path, name: str) -> None:
 @pytest.mark.parametrize("name", kinds.NAMES)
 def test_every_case_is_read_or_refused_in_one_line(folder: Path, batch, name: str) -> None:
     require_record(folder, name)
-    if name in CHILDREN and CASES == 1000:
+    if name in CHILDREN and not NIGHTLY:
         pytest.skip("seconds for each case; nightly")
     reader = batch(kinds.kind_named(name))
     unchanged = reader.read(reader.kind.original()[0], -1)

@@ -5,6 +5,7 @@ import os
 import random
 import re
 import sys
+import time
 import tracemalloc
 import zipfile
 from contextlib import suppress
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from nightly import NIGHTLY, first_by_day
 
 import lensforge as lf
 from lensforge.errors import InputError
@@ -55,11 +57,21 @@ def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Pat
         "(folder / 'pid').write_text(str(process.pid))\n"
         "time.sleep(600)"
     )
-    ending, words = child_of(tmp_path, body, ChildLimits(400, 5.0))
-    assert (ending, words) == (Ending.TIME, "took more than 5 s")
+    ending, words = child_of(tmp_path, body, ChildLimits(400, 3.0))
+    assert (ending, words) == (Ending.TIME, "took more than 3 s")
     grandchild = int((tmp_path / "work" / "pid").read_text(encoding="utf-8"))
-    state = Path(f"/proc/{grandchild}/stat")
-    assert not state.exists() or state.read_text(encoding="utf-8").rpartition(")")[2].split()[0] in "ZX"
+    deadline = time.monotonic() + 5.0  # a process that was killed ends when the system comes to it
+    while is_running(grandchild) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not is_running(grandchild)
+
+
+def is_running(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except OSError:
+        return False
+    return state.rpartition(")")[2].split()[0] not in "ZX"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory")
@@ -224,7 +236,7 @@ def test_a_step_file_from_outside_is_read_as_it_is() -> None:
     assert solid.volume_mm3 == pytest.approx(2.0 * (64.0 - np.pi * 2.25), rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", first_by_day(1, [1, 2]))
 def test_shuffled_references_are_one_line(tmp_path: Path, seed: int) -> None:
     content = shuffled(clamp(), seed)
     (tmp_path / "clamp.step").write_bytes(content)
@@ -249,9 +261,12 @@ def test_a_pipe_in_place_of_a_base_is_refused(tmp_path: Path) -> None:
 def test_verification_judges_the_light_of_an_altered_file_and_names_it(small_run: lf.Run) -> None:
     stl = b"altered" + small_run.part.stl[7:]  # the header: the same triangles
     altered = small_run.part.model_copy(update={"stl": stl})
-    own = lf.verify(small_run.part, small_run.light, rays=512)
     proof = lf.verify(altered, small_run.light, rays=512)
-    assert (own.altered_files, proof.altered_files) == ((), ("lens.stl",))
+    assert (small_run.proof.altered_files, proof.altered_files) == ((), ("lens.stl",))
+    assert proof.deviation_mm.rms == pytest.approx(small_run.proof.deviation_mm.rms, rel=0.5)
+    if not NIGHTLY:  # ten seconds more
+        return
+    own = lf.verify(small_run.part, small_run.light, rays=512)
     assert proof.deviation_mm == own.deviation_mm and proof.brep is not None and own.brep is not None
     assert proof.brep.against_design == own.brep.against_design
     np.testing.assert_array_equal(proof.irradiance, own.irradiance)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from refusals import changed, content_of, refusal, refusal_in_little_memory
 from result_folders import make_folder, make_light, make_results, page_of, small_lens
 
@@ -228,7 +229,7 @@ def extreme_lights() -> dict[str, dict[str, Any]]:
     }
 
 
-@pytest.mark.parametrize("changes", extreme_lights().values(), ids=extreme_lights())
+@pytest.mark.parametrize("changes", first_by_day(3, extreme_lights().values()), ids=extreme_lights())
 def test_a_page_shows_whatever_a_light_may_hold(changes: dict[str, Any]) -> None:
     page = page_of(make_results(("evaluate",), evaluate=changes))
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()

@@ -16,7 +16,6 @@ from lensforge.pipeline import CHECKPOINT
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
 
-NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 INTERRUPTS = """
 import os, signal, sys, time
 from lensforge.commands.interrupts import Interrupts
@@ -57,7 +56,7 @@ def test_an_interrupt_that_a_destructor_swallows_is_raised_again() -> None:
 
 
 def test_an_import_is_not_interrupted_half_way(tmp_path: Path) -> None:
-    (tmp_path / "slow.py").write_text("import time\nimport __main__\n__main__.send()\ntime.sleep(0.3)\ndone = True\n")
+    (tmp_path / "slow.py").write_text("import time\nimport __main__\n__main__.send()\ntime.sleep(0.25)\ndone = True\n")
     done = script(
         """
         sys.path.insert(0, sys.argv[0] and ".")
@@ -204,7 +203,7 @@ def test_ctrl_c_while_nearest_points_are_searched_is_no_crash(small_run: lf.Run)
 MOMENTS = [(command, moment) for command in ("check", "export", "verify", "report") for moment in range(12)]
 
 
-@pytest.mark.skipif(not NIGHTLY, reason="nightly: four minutes")
+@pytest.mark.nightly("four minutes")
 @pytest.mark.parametrize(("command", "moment"), MOMENTS)
 def test_ctrl_c_at_any_moment_is_one_line_and_leaves_nothing(
     command: str, moment: int, small_run: lf.Run, tmp_path: Path

@@ -1,16 +1,13 @@
 """Commands killed at random moments end, once they go on, in the files of commands that nobody killed."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
 from kills import DESIGN, SWEEP, differences, killed, uninterrupted
 
-nightly = pytest.mark.skipif(int(os.environ.get("LENSFORGE_FUZZ", "1")) < 2, reason="minutes: runs nightly")
 
-
-@nightly
+@pytest.mark.nightly("minutes")
 @pytest.mark.parametrize("commands", [DESIGN, SWEEP], ids=["design", "sweep"])
 def test_killed_commands_end_in_the_same_bits(commands: tuple[tuple[str, ...], ...], tmp_path: Path) -> None:
     (one, seconds), (two, _) = (uninterrupted(tmp_path / name, commands) for name in ("one", "two"))

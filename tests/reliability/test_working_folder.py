@@ -1,6 +1,5 @@
 """No command runs, imports or obeys a file of the folder that it is started in, which somebody else may have sent."""
 
-import os
 import shutil
 import subprocess
 import sys
@@ -8,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import first_by_day
 from scenes import hemisphere_directions, small_spec
 
 import lensforge as lf
 
-NIGHTLY = int(os.environ.get("LENSFORGE_FUZZ", "1")) > 1
 # Modules of the standard library and of others, of which every command loads some, and each child process others.
 PLANTED = (
     "OCP", "PIL", "_manifold", "cadquery", "casadi", "click", "concurrent", "copy", "csv", "ctypes", "decimal", "heapq",
@@ -56,8 +55,6 @@ def planted_run(run: lf.Run, tmp_path: Path) -> tuple[Path, Path]:
 COMMANDS = [
     ("report", "."),
     ("rays", "led.tm25ray", "--plot", "led.png"),
-]
-SLOW_COMMANDS = [
     ("design", "own.toml", "--accuracy", "draft", "--out", "out"),
     ("evaluate", ".", "--rays", "1024"),
     ("export", "."),
@@ -73,7 +70,9 @@ SLOW_COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize("command", COMMANDS + SLOW_COMMANDS * NIGHTLY, ids=" ".join)
+@pytest.mark.parametrize(
+    "command", first_by_day(2, [(command,) for command in COMMANDS], "ten seconds each"), ids=" ".join
+)
 def test_no_command_runs_code_of_the_folder_that_it_is_started_in(
     command: tuple[str, ...], small_run: lf.Run, tmp_path: Path
 ) -> None:

@@ -3,9 +3,9 @@
 import re
 from html.parser import HTMLParser
 
-from result_folders import (
-    page_of,
-)
+from undrawn import undrawn
+
+from lensforge.report.lens_page import render_report
 
 
 def folded(text):
@@ -40,5 +40,11 @@ class Page(HTMLParser):
             self.text += data
 
 
+def undrawn_page_of(results, folder=None):
+    """The report with empty pictures: its words and numbers."""
+    with undrawn():
+        return render_report(results, folder)
+
+
 def text_of(results, folder=None):
-    return Page(page_of(results, folder)).text
+    return Page(undrawn_page_of(results, folder)).text

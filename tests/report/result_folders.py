@@ -1,9 +1,9 @@
 """Small results for tests: every stage's record with numbers that are easy to recognise."""
 
 import numpy as np
-import pytest
 import trimesh
 from agreeing_results import agreeing
+from undrawn import without_views
 
 from lensforge.criteria import Criterion
 from lensforge.evaluation.light import Flux, Light, MissedByCause
@@ -25,7 +25,6 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.optimisation.design import Design, Level, Margins
 from lensforge.records import Extent, Metric
-from lensforge.report import solid_view
 from lensforge.report.lens_page import render_report
 from lensforge.results import Results
 from lensforge.sources.source_summary import SourceSummary
@@ -112,8 +111,7 @@ def make_folder(folder, stages=STAGES, lens=None, **records):
 
 def page_of(results, folder=None):
     """The report without the three-dimensional views, which take a process and seconds."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solid_view.Child, "wait", lambda self: (solid_view.Ending.CRASHED, ""))
+    with without_views():
         return render_report(results, folder)
 
 

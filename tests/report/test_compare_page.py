@@ -43,6 +43,7 @@ def test_the_page_holds_both_designs_and_needs_nothing_else(designs):
         assert markup.count(f"<h4>{name}</h4>") == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_each_design_has_its_verdicts(designs):
     cut_short = make_results(("design", "check"))
     markup = render_comparison([designs[0], cut_short])
@@ -116,6 +117,7 @@ def test_folders_of_one_name_are_told_apart(tmp_path):
     assert folder_names(pair) == [str(path) for path in pair]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_designs_of_one_name_are_numbered(designs):
     assert spec_names(designs) == ["small (1)", "small (2)"]
     markup = render_comparison(designs)
@@ -129,6 +131,7 @@ def test_one_folder_twice_or_one_design_alone_is_refused(designs, tmp_path):
         render_comparison(designs[:1])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_writes_the_page_where_it_is_told(tmp_path):
     from lensforge.cli import cli
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_text import Page, text_of
+from page_text import Page, text_of, undrawn_page_of
 from result_folders import (
     STAGES,
     criterion,
@@ -21,7 +21,7 @@ from lensforge.results import load_results
 
 @pytest.fixture(scope="module")
 def page():
-    return Page(page_of(make_results()))
+    return Page(undrawn_page_of(make_results()))
 
 
 def test_criteria_that_hold_are_said_to_hold(page):

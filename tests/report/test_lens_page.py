@@ -79,7 +79,7 @@ def test_files_are_listed_with_their_hashes(tmp_path, results):
 
 def test_nothing_is_written(tmp_path, monkeypatch, results):
     monkeypatch.chdir(tmp_path)
-    make_folder(tmp_path / "lens")
+    make_folder(tmp_path / "lens", ("evaluate",))
     before = sorted(tmp_path.rglob("*"))
     page_of(load_results(tmp_path / "lens"), tmp_path / "lens")
     assert sorted(tmp_path.rglob("*")) == before

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from page_text import Page, folded
+from page_text import Page, folded, text_of, undrawn_page_of
 from part_files import EXTRAS, whole_agreeing, whole_folder, whole_results
 from result_folders import criterion, make_results, page_of
 
@@ -30,7 +30,7 @@ def page(results):
 
 
 def test_a_lens_without_these_results_has_none_of_these_sections():
-    page = Page(page_of(make_results()))
+    page = Page(undrawn_page_of(make_results()))
     assert not {"stray", "measured"} & set(page.ids)
     assert "Mitsuba" not in page.text.split("All numbers")[0]
 
@@ -56,7 +56,7 @@ def test_criteria_of_these_results_count_under_their_names(page):
     for stage in ("stray light", "photograph", "outer surface"):
         assert f"mm {stage}" in table
     failing = whole_results(compare={"criteria": (criterion("photo_clipped", 0.5, 0.01),)})
-    assert "1 of 10 criteria is not met: photo clipped." in Page(page_of(failing)).text
+    assert "1 of 10 criteria is not met: photo clipped." in text_of(failing)
 
 
 def test_each_referee_has_its_row_and_its_verdict(results):
@@ -125,5 +125,5 @@ def test_photographs_stand_side_by_side(results):
 
 
 def test_corners_that_were_given_are_said_to_be_given():
-    text = Page(page_of(whole_results(compare={"corners_located": None}))).text
+    text = text_of(whole_results(compare={"corners_located": None}))
     assert folded("Target\u2019s corners given") in text

@@ -2,8 +2,17 @@
 
 import pytest
 from agreeing_results import agreeing
-from page_text import Page, text_of
-from result_folders import agreeing_results, make_folder, make_light, make_proof, make_results, page_of, small_lens
+from page_text import Page, text_of, undrawn_page_of
+from result_folders import (
+    STAGES,
+    agreeing_results,
+    make_folder,
+    make_light,
+    make_proof,
+    make_results,
+    page_of,
+    small_lens,
+)
 
 from lensforge.records import Conditions, Metric
 from lensforge.report.compare_page import number_lines
@@ -15,8 +24,8 @@ from lensforge.sources.source_summary import SourceSummary
 ATTACK = "<img src=x onerror=alert(1)>"
 
 
-def with_others(*others):
-    results = make_results()
+def with_others(*others, stages=STAGES):
+    results = make_results(stages)
     stems = {f"{other.stage}_{other.conditions.name}": other for other in others}
     return Results(results.lens, results.found, results.outdated, stems)
 
@@ -48,7 +57,8 @@ def test_light_under_other_conditions_stands_beside_the_own():
 
 
 def test_other_light_changes_nothing_above_its_section():
-    own, other = page_of(make_results()), page_of(with_others(dim_light()))
+    stages = ("evaluate",)  # whose pictures are compared, too
+    own, other = page_of(make_results(stages)), page_of(with_others(dim_light(), stages=stages))
     menu = '<a href="#other">Other conditions</a>\n'
     end = other.index('<h2 id="other"')
     assert menu in other and other[:end].replace(menu, "") == own[: end - len(menu)]
@@ -101,7 +111,7 @@ def test_others_are_read_back_and_no_stage_takes_them(tmp_path):
     ],
 )
 def test_the_top_line_is_the_verdict(changes, sentence, shown):
-    page = page_of(make_results(**changes))
+    page = undrawn_page_of(make_results(**changes))
     text = Page(page).text
     assert f'<p class="verdict {shown}">' in page
     assert text.index(sentence) < text.index("The light")
@@ -111,7 +121,7 @@ def test_the_top_line_is_the_verdict(changes, sentence, shown):
 def test_warnings_on_the_source_stand_near_the_top():
     warnings = (f"98 % of the flux goes backward {ATTACK}", "2,000 effective rays")
     source = SourceSummary(title="a file", flux_w=1.0, symmetry="none", warnings=warnings)
-    page = page_of(make_results(design={"source": source}))
+    page = undrawn_page_of(make_results(design={"source": source}))
     text = Page(page).text
     assert text.index("Light, files and cutting pass.") < text.index("Warnings on the source") < text.index("The light")
     for words in warnings:

@@ -80,6 +80,7 @@ def test_levels_can_be_drawn_on_one_scale(taken):
     assert light.get_xlim() == (0.0, 70.0)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_shows_them(taken, tmp_path):
     folder, result = taken
     results = make_results((), lens=result.lens)

@@ -19,6 +19,8 @@ from lensforge.studies.sweep.runs import resumable, run_sweep
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import parse_variation, variant_name, variation_of
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SPEC = small_spec(optimise={"steps_per_level": [2, 2], "rays": 256, "pixels": 16}, base={"kind": "none"})
 SCALED = ("lens.inner_offset_mm", "lens.outer_offset_mm")
 SETTINGS = {"accuracy": "draft", "seed": 3}
@@ -177,9 +179,10 @@ def test_a_name_holds_any_value():
 def test_criteria_are_named_by_their_design(tmp_path):
     def whole(spec, folder, resume) -> None:
         Designer()(spec, folder, resume)
-        part = build(load_lens(folder / "lens.json"))
-        part.write(folder)
-        check(part).write(folder)
+        if spec.name == "small-7":
+            part = build(load_lens(folder / "lens.json"), rings=16)
+            part.write(folder)
+            check(part).write(folder)
 
     content = run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8", SCALED), tmp_path, whole, **SETTINGS)
     assert {criterion.name.split(": ")[0] for criterion in content.criteria} == {"small-7", "small-8"}

@@ -1,0 +1,55 @@
+"""Pages with empty pictures, for tests that read their words and numbers: drawing takes four seconds a page."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+
+from lensforge.report import lens_page
+from lensforge.report.solid_view import SolidViews
+
+
+class NoViews:
+    """In the place of the renderer of three-dimensional views, which takes a process and seconds."""
+
+    def __init__(self, *_: object) -> None: ...
+
+    def result(self) -> SolidViews:
+        return SolidViews({}, problem="No 3-D picture: not drawn.")
+
+    def close(self) -> None: ...
+
+
+@contextmanager
+def without_views() -> Iterator[None]:
+    """Reports without three-dimensional views."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lens_page, "Rendering", NoViews)
+        yield
+
+
+@contextmanager
+def undrawn() -> Iterator[None]:
+    """Reports whose every picture is an empty element with its title; no function of the report draws."""
+    with without_views(), pytest.MonkeyPatch.context() as patch:
+        for name, module in list(sys.modules.items()):
+            if name.startswith("lensforge.report."):
+                for key, value in list(vars(module).items()):
+                    if key == "to_svg":
+                        patch.setattr(module, key, _empty_picture)
+                    elif getattr(value, "__annotations__", {}).get("return") is Figure:
+                        patch.setattr(module, key, _empty_figure)
+        yield
+
+
+def _empty_figure(*_: Any, **__: Any) -> Figure:
+    figure = Figure()
+    figure.add_subplot()  # whose limits a page may set
+    return figure
+
+
+def _empty_picture(figure: Figure, name: str, description: str) -> str:
+    return f'<svg role="img" id="{name}"><title>{description.replace("<", "&lt;")}</title></svg>'
