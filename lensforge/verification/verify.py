@@ -16,7 +16,7 @@ from lensforge.errors import InputError
 from lensforge.records import Extent
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import BREP_RAYS, DEVIATION_PER_DISTANCE, proof_criteria
-from lensforge.verification.brep_cast import cast_brep
+from lensforge.verification.brep_cast import StepBody, cast_brep
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
 from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm, within
@@ -94,14 +94,15 @@ def verify_part(
     expected = Expected(design_irradiance, design_hits, design_flux, design_fates)
     receiver = ImagePlane(receiver_mm, pixels, filter_variance)
     case = Case(rays, refractive_index, distance_mm, receiver, window_mm, expected)
+    body = None if step is None else StepBody(step)  # before the casts: a file that is refused costs no more than that
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     casting = perf_counter()
     passage = send_through(part, grid, rays, refractive_index, distance_mm, threads)
     cast_seconds = perf_counter() - casting
     others = _OtherCasts(cast_plain(part, grid, rays, refractive_index, plain_rays))
-    if step is not None:
-        by_step = cast_brep(step, rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
+    if body is not None:
+        by_step = cast_brep(body, rays, refractive_index, distance_mm, receiver_mm, expected, passage, step_rays)
         others = replace(others, brep=by_step)
     if mitsuba_rays:
         by_mitsuba = cast_mitsuba(part, rays, refractive_index, distance_mm, receiver, expected, mitsuba_rays)

@@ -48,7 +48,7 @@ def cast_of(step_bytes):
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
     mesh = send_through(part, Grid(part.mesh), RAYS, INDEX, DISTANCE)
     expected = Expected(np.ones((4, 4)), HITS, WEIGHTS)
-    return cast_brep(step_bytes, RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
+    return cast_brep(StepBody(step_bytes), RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
 
 
 def failed(cast):

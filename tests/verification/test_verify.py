@@ -93,6 +93,15 @@ def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, 
     assert result.plain_cast.disagreements == 0
 
 
+def test_a_step_file_is_refused_before_any_ray_is_cast(verify, monkeypatch):
+    def cast(*_):
+        raise AssertionError("cast")
+
+    monkeypatch.setattr("lensforge.verification.verify.send_through", cast)
+    with pytest.raises(InputError, match="STEP"):
+        verify(right(), step=b"no STEP file")
+
+
 WRONG = {
     "mirrored": lambda: transformed(np.diag([-1.0, 1.0, 1.0, 1.0])),
     "turned": lambda: transformed(rotation(0.01, [0.0, 0.0, 1.0])),
