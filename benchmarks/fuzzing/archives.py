@@ -131,7 +131,9 @@ def changed_archive(chance: Chance, members: list[Member], change: Callable[[Cha
         elif kind == 9:
             del found[at]
         elif kind == 10:
-            found += [replace(found[at], name=f"{k}.npy", content=b"") for k in range(chance.pick((1, 20, 3000)))]
+            found += [
+                replace(found[at], name=f"{k}.npy", content=b"", zeros_mib=0) for k in range(chance.pick((1, 20, 3000)))
+            ]
         else:
             head = found[at].content[:128]
             found[at] = Member(found[at].name, head, zipfile.ZIP_DEFLATED, zeros_mib=chance.pick(_BOMB_MIB))
