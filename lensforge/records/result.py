@@ -139,7 +139,7 @@ class StageResult(Record):
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
-            np.savez_compressed(archive, allow_pickle=False, **arrays)
+            np.savez_compressed(archive, **arrays)
             files[f"{name}.npz"] = archive.getvalue()
             head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
         content = with_checksum({**head, **self.model_dump(mode="json", exclude=elsewhere)})

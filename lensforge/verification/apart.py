@@ -48,7 +48,7 @@ def stray_apart(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
 
 def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle, given: dict[str, Any]) -> _Result:
     """Leave the work on the files in a folder to a child process, and read the record that it writes."""
-    arrays = {name: value for name, value in given.items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, np.ndarray)}
     numbers = {name: value for name, value in given.items() if name not in arrays}
     if "receiver" in numbers:
         numbers["receiver"] = asdict(numbers["receiver"])
@@ -56,7 +56,7 @@ def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle
     with temporary_folder(_STL) as folder:
         (folder / _STL).write_bytes(stl)
         (folder / _STEP).write_bytes(step)
-        np.savez(folder / _ARRAYS, allow_pickle=False, **arrays, **bundle)
+        np.savez(folder / _ARRAYS, **arrays, **bundle)
         write_json(folder / _JOB, {"stage": kind.stage, "given": numbers})
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * len(stl) // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * len(rays))
