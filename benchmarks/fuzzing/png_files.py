@@ -18,6 +18,7 @@ _NAMES = (
     b"pHYs", b"sBIT", b"eXIf", b"acTL", b"fcTL", b"fdAT", b"cICP", b"ABCD", b"abcd", b"a\0cd",
 )  # fmt: skip
 _BLOCK = 2**20
+_LINES = 2**16  # bytes of scan lines at most that are repeated up to 3,000 times
 _BLOCKS = (1, 30, 400, 3000)  # of a MiB of zeros each, in a stream that unpacks to them
 
 Chunks = list[tuple[bytes, bytes]]
@@ -93,7 +94,7 @@ def _pixels(chance: Chance, chunks: Chunks) -> Chunks:
     kind = chance.below(6)
     content = b"".join(data for name, data in chunks if name == b"IDAT")
     try:
-        rows = zlib.decompress(content)
+        rows = zlib.decompressobj().decompress(content, _BLOCK)  # an earlier change may have put gigabytes there
     except zlib.error:
         rows = content
     if kind < 3:
@@ -103,7 +104,7 @@ def _pixels(chance: Chance, chunks: Chunks) -> Chunks:
     elif kind == 4:
         content = damaged(chance, content)
     else:
-        content = zlib.compress(rows * chance.below(3000), 1)
+        content = zlib.compress(rows[:_LINES] * chance.below(3000), 1)
     rest = [each for each in chunks if each[0] != b"IDAT"]
     at = max(len(rest) - 1, 0)
     return [*rest[:at], (b"IDAT", content), *rest[at:]]
