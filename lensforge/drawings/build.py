@@ -24,6 +24,7 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceResult, Finding
 from lensforge.report.figure_style import to_svg
+from lensforge.report.ownership import pdf_mark
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
 
@@ -163,7 +164,7 @@ def pdf_of(title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> b
             page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
             pages.savefig(page)
         pages.savefig(_picture_page(pictures))
-    return buffer.getvalue()
+    return buffer.getvalue() + pdf_mark()
 
 
 def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:

@@ -9,6 +9,7 @@ from pydantic import field_serializer
 from lensforge.files import replacing
 from lensforge.manufacturing.result import Finding
 from lensforge.records import Count, Record, Sha256, Text
+from lensforge.report.ownership import require_own
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
 
@@ -39,7 +40,12 @@ class Handover(Record):
         return {HTML_FILE: self.html, PDF_FILE: self.pdf, POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
 
     def save(self, folder: Path | str) -> None:
-        """Write the four files into ``folder``. Raises :class:`InputError` where they cannot be written."""
+        """Write the four files into ``folder``.
+
+        Raises :class:`InputError` where they cannot be written, and for a page or a PDF of another program.
+        """
+        for name in (HTML_FILE, PDF_FILE):
+            require_own(Path(folder) / name)
         for name, content in self.files.items():
             with replacing(Path(folder) / name) as temporary:
                 temporary.write_bytes(content)

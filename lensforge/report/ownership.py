@@ -1,7 +1,7 @@
 """Pages and PDFs that this program wrote, told from those of others: only its own are overwritten or deleted.
 
-A page carries its generator as HTML has it, ``<meta name="generator">``. The PDF that a browser prints of it gets a
-comment of one line at its end, where readers of PDF look for the last thousand bytes only.
+A page carries its generator as HTML has it, ``<meta name="generator">``. A PDF gets a comment of one line at its
+end, where readers of PDF look for the last thousand bytes only.
 """
 
 from pathlib import Path
@@ -37,7 +37,6 @@ def is_free_or_own(path: Path) -> bool:
     return not head or PAGE_MARK in head or (head.startswith(b"%PDF") and PDF_MARK in tail)
 
 
-def mark_pdf(path: Path) -> None:
-    """Mark a PDF as printed by this program."""
-    with path.open("ab") as file:
-        file.write(b"\n%s %s\n" % (PDF_MARK, __version__.encode()))
+def pdf_mark() -> bytes:
+    """The last line of a PDF that this program made."""
+    return b"\n%s %s\n" % (PDF_MARK, __version__.encode())

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from lensforge.errors import InputError
 from lensforge.files import replacing, temporary_folder
-from lensforge.report.ownership import is_free_or_own, mark_pdf, require_own
+from lensforge.report.ownership import is_free_or_own, pdf_mark, require_own
 from lensforge.untrusted.child import kill_group
 
 _TEMPLATES = Path(__file__).with_name("templates")
@@ -70,7 +70,8 @@ def write_pdf(page: Path) -> Path:
             raise InputError(f"--pdf: {browser} took more than {_LIMIT_SECONDS:.0f} s; {instead}")
         if code != 0 or not temporary.exists() or not temporary.read_bytes().startswith(b"%PDF"):
             raise InputError(f"--pdf: {browser} failed (exit code {code}); {instead}")
-        mark_pdf(temporary)
+        with temporary.open("ab") as file:
+            file.write(pdf_mark())
     return path
 
 

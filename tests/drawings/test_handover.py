@@ -133,6 +133,18 @@ def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
         handed.save(tmp_path / "file" / "folder")
 
 
+@pytest.mark.parametrize("name", ["manufacturing.html", "manufacturing.pdf"])
+def test_the_page_of_another_program_is_kept(handed, name, tmp_path):
+    handed.save(tmp_path)
+    handed.save(tmp_path)  # its own are replaced
+    (tmp_path / name).write_bytes(b"%PDF-1.7 of another program")
+    (tmp_path / "points.csv").write_bytes(b"old")
+    with pytest.raises(InputError, match="move it away"):
+        handed.save(tmp_path)
+    assert (tmp_path / name).read_bytes() == b"%PDF-1.7 of another program"
+    assert (tmp_path / "points.csv").read_bytes() == b"old", "said before anything is written"
+
+
 def test_a_notebook_shows_the_page_in_a_frame(handed):
     frame = handed._repr_html_()
     assert frame.startswith('<iframe title="shop: for manufacture"')

@@ -17,7 +17,7 @@ from lensforge.commands.printing import printable
 from lensforge.errors import InputError
 from lensforge.files import replacing, require_writable
 from lensforge.kernels import jit
-from lensforge.report.ownership import PDF_MARK, is_free_or_own, mark_pdf
+from lensforge.report.ownership import PDF_MARK, is_free_or_own, pdf_mark
 from lensforge.report.page import remove_stale_pdf, write_page
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="shells and limits of POSIX systems")
@@ -197,7 +197,7 @@ def test_only_own_pdfs_are_deleted(tmp_path: Path) -> None:
     pdf.write_bytes(b"%PDF-1.4\n%%EOF\n")
     remove_stale_pdf(page)
     assert pdf.exists() and not is_free_or_own(pdf)
-    mark_pdf(pdf)
+    pdf.write_bytes(pdf.read_bytes() + pdf_mark())
     assert PDF_MARK in pdf.read_bytes()[-100:] and b"%%EOF" in pdf.read_bytes()[-1024:]
     remove_stale_pdf(page)
     assert not pdf.exists()

@@ -5,7 +5,7 @@ import pytest
 from result_folders import make_results, page_of
 
 from lensforge.errors import InputError
-from lensforge.report.ownership import mark_pdf
+from lensforge.report.ownership import pdf_mark
 from lensforge.report.page import write_page, write_pdf
 
 
@@ -33,9 +33,8 @@ def test_without_a_browser_one_line_says_what_to_do(tmp_path, monkeypatch):
 def test_a_browser_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     monkeypatch.setattr("lensforge.report.page.BROWSERS", ("false",))
     old = tmp_path / "report.pdf"
-    old.write_bytes(b"%PDF of yesterday")
-    mark_pdf(old)
-    before = old.read_bytes()
+    before = b"%PDF of yesterday" + pdf_mark()
+    old.write_bytes(before)
     with pytest.raises(InputError, match="exit code 1"):
         write_pdf(tmp_path / "report.html")
     assert old.read_bytes() == before
@@ -43,8 +42,7 @@ def test_a_browser_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_a_newer_page_leaves_no_older_pdf(tmp_path):
-    (tmp_path / "report.pdf").write_bytes(b"%PDF of yesterday")
-    mark_pdf(tmp_path / "report.pdf")
+    (tmp_path / "report.pdf").write_bytes(b"%PDF of yesterday" + pdf_mark())
     (tmp_path / "other.pdf").write_bytes(b"%PDF of something else")
     write_page("<html>today</html>", tmp_path / "report.html")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other.pdf", "report.html"]

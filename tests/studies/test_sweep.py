@@ -170,6 +170,15 @@ def test_bad_variations_are_one_line(text, scaled, message, tmp_path):
     assert not designer.made
 
 
+def test_the_page_of_another_program_is_kept(tmp_path):
+    (tmp_path / "sweep.html").write_text("<title>Offer</title>", encoding="utf-8")
+    designer = Designer()
+    with pytest.raises(InputError, match=r"sweep\.html.*move it away"):
+        run_sweep(SPEC, parse_variation("constraints.max_radius_mm=7,8"), tmp_path, designer, **SETTINGS)
+    assert not designer.made, "said before the first design"
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.html"]
+
+
 def test_a_name_holds_any_value():
     assert variant_name("pi", 10.5) == "pi-10_5"
     assert variant_name("pi", 1e-7) == "pi-1e-07"

@@ -13,6 +13,8 @@ from lensforge.files import replacing
 from lensforge.folder_lock import locked
 from lensforge.lens import load_lens
 from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
+from lensforge.report.ownership import require_own
+from lensforge.report.page import write_page
 from lensforge.results import LENS_FILE, load_results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
@@ -48,9 +50,10 @@ def run_sweep(
     ``accuracy`` and ``seed``: those that ``run_design`` uses. With ``resume`` designs that sweep.json lists are kept,
     whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues. Raises
     :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of another
-    sweep, and where another process writes in ``directory``.
+    sweep, for a page of another program, and where another process writes in ``directory``.
     """
     variants = variation.variants(spec)
+    require_own(directory / PAGE)
     with locked(directory, create=True):
         return _run(spec, variation, variants, directory, run_design, accuracy, seed, resume, announce)
 
@@ -90,9 +93,9 @@ def _run(
 
 def _write_page(sweep: Sweep, directory: Path) -> None:
     results = [load_results(directory / row.folder) for row in sweep.designs]
-    for name, content in ((PAGE, sweep_page(sweep, results).encode()), (PLOT, sweep_png(sweep))):
-        with replacing(directory / name) as temporary:
-            temporary.write_bytes(content)
+    write_page(sweep_page(sweep, results), directory / PAGE)
+    with replacing(directory / PLOT) as temporary:
+        temporary.write_bytes(sweep_png(sweep))
 
 
 def _finished(directory: Path, spec: Spec, variation: Variation, accuracy: Accuracy, seed: int) -> Sweep | None:

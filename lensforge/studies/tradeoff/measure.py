@@ -9,13 +9,14 @@ import torch
 
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.files import replacing
 from lensforge.folder_lock import locked
 from lensforge.lens import Lens
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.pipeline import write_design
 from lensforge.receivers.plane import PlaneReceiver
+from lensforge.report.ownership import require_own
+from lensforge.report.page import write_page
 from lensforge.results import LENS_FILE
 from lensforge.run_folder import open_run
 from lensforge.sources.build import build_source
@@ -63,15 +64,16 @@ def run_tradeoff(
     """Measure the lens in ``directory`` for the scene ``spec``; without a lens there, a draft is designed first.
 
     Writes ``tradeoff.json`` and ``tradeoff.html`` there. ``announce`` is called with what is measured next. Raises
-    :class:`InputError` if the lens is that of another scene, and where another process writes there.
+    :class:`InputError` if the lens is that of another scene, for a page of another program, and where another process
+    writes there.
     """
+    require_own(directory / PAGE)
     with locked(directory, create=True):
         source = build_source(spec.source, spec.lens.dispersion)
         lens = _lens_in(directory, spec, source, announce)
         found = measure(lens, source, effort or Effort(), announce)
         found.write(directory)
-        with replacing(directory / PAGE) as temporary:
-            temporary.write_text(tradeoff_page(found), encoding="utf-8")
+        write_page(tradeoff_page(found), directory / PAGE)
         return found
 
 
