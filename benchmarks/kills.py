@@ -47,7 +47,6 @@ SWEEP = (
 _EXAMPLE = Path(__file__).parents[1] / "examples" / "quickstart.toml"
 _TIMES = ("seconds", "cast_seconds", "rate", "content_sha256")  # computing times, and the checksum that covers them
 _LIMIT_SECONDS = 3600.0
-_MOST_KILLS = 3  # of one command, then it may end
 _GRACE_SECONDS = 5.0  # within which the children of a killed process must have ended
 
 
@@ -101,8 +100,8 @@ class Chain:
         check = checks.get(command[0])
         return (*command, "--resume") if check is not None and check(self.made) else command
 
-    def kill(self, command: tuple[str, ...], seconds: float, draw: random.Random) -> bool:
-        """Start a command and kill it; True where it had not ended before."""
+    def kill(self, command: tuple[str, ...], seconds: float, draw: random.Random) -> None:
+        """Start a command and kill it; one that has ended before counts as no kill."""
         number = draw.choice((signal.SIGKILL,) * 8 + (signal.SIGTERM, signal.SIGINT))
         moment, changes = draw.uniform(0.05, 1.0) * seconds, draw.choice((0, draw.randint(1, 25)))
         process = self.start(self.again(command))
@@ -110,12 +109,11 @@ class Chain:
         process.send_signal(number)
         _, errors = process.communicate(timeout=_LIMIT_SECONDS)
         if process.returncode in (0, 1):
-            return False
+            return
         if process.returncode not in (-number, 128 + number):
             self.failures.append(f"{' '.join(command)}: exit {process.returncode}: {errors[-400:]}")
         self.kills.append(f"{command[0]} {signal.Signals(number).name} {happened}")
         self._require_no_process()
-        return True
 
     def _wait(self, process: subprocess.Popen[str], moment: float, changes: int) -> str:
         """Wait for the moment (s), or for that many changes of files; describe which it was."""
@@ -170,13 +168,15 @@ def uninterrupted(place: Path, commands: tuple[tuple[str, ...], ...]) -> tuple[C
     return chain, [chain.finish(command) for command in commands]
 
 
-def killed(place: Path, seed: int, commands: tuple[tuple[str, ...], ...], seconds: list[float], most: int) -> Chain:
-    """A chain whose commands are killed, at most ``most`` times in all, and then end."""
+def killed(
+    place: Path, seed: int, commands: tuple[tuple[str, ...], ...], seconds: list[float], most: int, of_one: int
+) -> Chain:
+    """A chain whose commands are killed, each at most ``of_one`` times and ``most`` times in all; then they end."""
     chain, draw = Chain(place, commands), random.Random(seed)
     for command, duration in zip(commands, seconds, strict=True):
-        for _ in range(draw.randint(1, _MOST_KILLS)):
-            if len(chain.kills) >= most or not chain.kill(command, duration, draw):
-                break
+        for _ in range(draw.randint(1, of_one)):
+            if len(chain.kills) < most:
+                chain.kill(command, duration, draw)
         chain.finish(command)
     chain.kills = [f"seed {seed}: {each}" for each in chain.kills]
     return chain
@@ -216,6 +216,7 @@ def _without_times(content: object) -> object:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--of-one", type=int, default=8, help="kills of one command, at most; then it may end")
     parser.add_argument("--seed", type=int, default=0, help="of the first chain; each further one has the next")
     parser.add_argument("--chain", type=int, help="only the chain of this seed")
     arguments = parser.parse_args()
@@ -233,7 +234,8 @@ def main() -> None:
                 references[kind] = one.files(), two.files(), seconds
                 print(f"uninterrupted {kind[0][0]}: {sum(seconds):.0f} s", flush=True)
             wanted, again, seconds = references[kind]
-            chain = killed(place / f"killed-{seed}", seed, kind, seconds, arguments.kills - len(kept))
+            most = arguments.kills - len(kept)
+            chain = killed(place / f"killed-{seed}", seed, kind, seconds, most, arguments.of_one)
             problems = chain.failures + differences(chain.files(), wanted, again)
             for line in (*chain.kills, *(f"seed {seed}: FAILED: {problem}" for problem in problems)):
                 print(line, flush=True)
