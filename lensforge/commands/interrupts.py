@@ -73,8 +73,8 @@ class Interrupts:
     @contextmanager
     def raised(self) -> Iterator[None]:
         """Raise a signal, also one that came earlier, as :class:`KeyboardInterrupt` in the main thread."""
-        hook = sys.unraisablehook
-        sys.unraisablehook = self._without_interrupts(hook)
+        hooks = sys.unraisablehook, sys.excepthook
+        sys.unraisablehook, sys.excepthook = (self._without_interrupts(hook) for hook in hooks)
         try:
             self._raising = True
             if self.received is not None:
@@ -83,14 +83,17 @@ class Interrupts:
         finally:
             self._raising = False
             self._stop_timer()
-            sys.unraisablehook = hook
+            sys.unraisablehook, sys.excepthook = hooks
 
-    def _without_interrupts(self, hook: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        """``hook``, but silent on an interrupt that a destructor swallowed: the timer raises it again."""
+    def _without_interrupts(self, hook: Callable[..., Any]) -> Callable[..., Any]:
+        """``hook``, but silent on an interrupt that a destructor or compiled code swallowed: the timer raises it again.
 
-        def report(unraisable: Any) -> None:
+        Cython prints the exception of a function that cannot raise by both hooks.
+        """
+
+        def report(*error: Any) -> None:
             if self.received is None:
-                hook(unraisable)
+                hook(*error)
 
         return report
 

@@ -21,6 +21,8 @@ from lensforge.errors import InputError
 _WORKER = Path(__file__).with_name("worker.py").resolve()
 _PACKAGES = Path(__file__).resolve().parents[2]
 _REFUSED, _MEMORY, _FAILED = 3, 4, 5  # exit codes of a script, see ``serve``
+_OUT_OF_TIME = getattr(signal, "SIGXCPU", 24)  # Windows has none
+_PATIENCE = 4.0  # limits of time by the clock over those of processor time: other programs run, too
 _WORDS_FILE = "refused.txt"
 _MOST_WORDS = 500  # characters of a message: a library may print half of the file
 # One thread each: for every core of a large machine these libraries would reserve memory before there is any work.
@@ -40,7 +42,7 @@ class Ending(Enum):
 
 @dataclass(frozen=True)
 class ChildLimits:
-    """Memory (MiB) and wall-clock time (s) of a child process."""
+    """Memory (MiB) and processor time (s) of a child process, which also ends after four times as long by the clock."""
 
     memory_mib: int
     seconds: float
@@ -74,13 +76,15 @@ class Child:
     def wait(self) -> tuple[Ending, str]:
         """Wait for its end: the way in which it ended, and the script's words where the file is at fault."""
         try:
-            code = self._process.wait(self._limits.seconds)
+            code = self._process.wait(_PATIENCE * self._limits.seconds)
         except subprocess.TimeoutExpired:
-            return Ending.TIME, f"took more than {self._limits.seconds:.0f} s"
+            return Ending.TIME, f"took more than {_PATIENCE * self._limits.seconds:.0f} s"
         finally:
             self.close()
         if code == 0:
             return Ending.DONE, ""
+        if code == -_OUT_OF_TIME:
+            return Ending.TIME, f"took more than {self._limits.seconds:.0f} s of processor time"
         if code == _MEMORY:
             return Ending.MEMORY, f"needs more than {self._limits.memory_mib} MiB of memory"
         if code in (_REFUSED, _FAILED):

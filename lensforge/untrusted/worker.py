@@ -25,18 +25,18 @@ def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
         return
     import resource
 
-    cores = os.cpu_count() or 1
     for kind, most in (
         (resource.RLIMIT_DATA, memory_mib * _MIB),
         (resource.RLIMIT_AS, (memory_mib + _MAPPED_MIB) * _MIB),
-        (resource.RLIMIT_CPU, int(seconds * cores) + 1),  # ends a child that outlives its parent
+        (resource.RLIMIT_CPU, int(seconds) + 1),
         (resource.RLIMIT_FSIZE, memory_mib * _MIB),
         (resource.RLIMIT_CORE, 0),
     ):
         hard = resource.getrlimit(kind)[1]
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        kept = hard if kind == resource.RLIMIT_CPU else allowed  # at the hard limit it would be killed without a reason
         try:
-            resource.setrlimit(kind, (allowed, allowed))
+            resource.setrlimit(kind, (allowed, kept))
         except (OSError, ValueError):  # a limit that this system does not have
             continue
     if sys.platform == "linux":
