@@ -80,6 +80,7 @@ class Chain:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             encoding="utf-8",
+            preexec_fn=_heed_sigint,
         )
 
     def finish(self, command: tuple[str, ...]) -> float:
@@ -160,6 +161,11 @@ class Chain:
         return {
             str(path.relative_to(self.place)): path.read_bytes() for path in self.place.rglob("*") if path.is_file()
         }
+
+
+def _heed_sigint() -> None:
+    """What a shell starts in the background ignores Ctrl-C, and so would all that it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def uninterrupted(place: Path, commands: tuple[tuple[str, ...], ...]) -> tuple[Chain, list[float]]:
