@@ -99,6 +99,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
         stdout=subprocess.DEVNULL,
         encoding="utf-8",
         cwd=folder,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where a shell runs the tests with &
     )
     assert process.stderr is not None
     assert any(line.startswith("level 1/2") for line in process.stderr)
