@@ -171,6 +171,7 @@ def test_light_of_an_earlier_lens_counts_no_longer(folder: Path) -> None:
     assert list(open_run(folder).others) == ["evaluate_64rays"]
 
 
+@pytest.mark.nightly("every study; by day the evaluation goes beside, above")
 def test_every_study_with_other_rays_goes_beside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lensforge.tolerancing.sensitivity.RAYS", 256)
     (folder / "report.html").unlink()  # written anew by each command otherwise

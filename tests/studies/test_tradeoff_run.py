@@ -117,6 +117,7 @@ def test_the_page_of_another_program_is_kept(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["tradeoff.html"]
 
 
+@pytest.mark.nightly("a draft and its tables; by day a lens is there")
 def test_without_a_lens_a_draft_is_designed(tmp_path):
     heard = []
     spec = small_spec(base={"kind": "none"}, lens__symmetry="auto")
