@@ -68,7 +68,7 @@ def test_rays_refract_at_the_sphere_itself() -> None:
     assert np.allclose(found.hits.numpy()[arrived], hits[arrived], rtol=1e-6, atol=1e-4)
 
 
-@pytest.mark.nightly("every stage; by day its search, its light and its constraints, here")
+@pytest.mark.nightly("every stage; by day its search, gradients and rays, above")
 def test_every_stage_takes_a_fixed_surface(tmp_path) -> None:
     spec = small_spec(**FIXED_OUTER, base={"kind": "none"})
     write_design(design(spec, accuracy="draft"), tmp_path)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
+from foreground import default_signals
 from undrawn import undrawn
 
 import lensforge as lf
@@ -99,7 +100,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
         stdout=subprocess.DEVNULL,
         encoding="utf-8",
         cwd=folder,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where a shell runs the tests with &
+        preexec_fn=default_signals,
     )
     assert process.stderr is not None
     assert any(line.startswith("level 1/2") for line in process.stderr)

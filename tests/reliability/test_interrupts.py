@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from foreground import default_signals
 from scenes import small_spec
 
 import lensforge as lf
@@ -25,12 +26,6 @@ def send(number=signal.SIGINT):
 
 interrupts = Interrupts().install()
 """
-
-
-def default_signals() -> None:
-    """A process started in the background of a shell would ignore Ctrl-C."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
 
 
 def script(text: str, start: str = INTERRUPTS, **options: object) -> subprocess.CompletedProcess[str]:

@@ -12,8 +12,8 @@ from kills import DESIGN, SWEEP, differences, killed, uninterrupted
 def test_killed_commands_end_in_the_same_bits(commands: tuple[tuple[str, ...], ...], tmp_path: Path) -> None:
     (one, seconds), (two, _) = (uninterrupted(tmp_path / name, commands) for name in ("one", "two"))
     assert one.failures == two.failures == []
-    found = killed(tmp_path / "killed", 1, commands, seconds, 3, 3)
-    assert len(found.kills) == 3
+    found = killed(tmp_path / "killed", 1, commands, seconds, most=3, of_one=8)
+    assert found.kills, "some come before the command has ended"
     assert found.failures + differences(found.files(), one.files(), two.files()) == []
 
 
