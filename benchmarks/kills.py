@@ -23,6 +23,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from foreground import default_signals
+
 from lensforge import load_spec
 
 SMALL = {  # a search of seconds: the kills are to come everywhere
@@ -80,7 +82,7 @@ class Chain:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             encoding="utf-8",
-            preexec_fn=_heed_sigint,
+            preexec_fn=default_signals,
         )
 
     def finish(self, command: tuple[str, ...]) -> float:
@@ -161,11 +163,6 @@ class Chain:
         return {
             str(path.relative_to(self.place)): path.read_bytes() for path in self.place.rglob("*") if path.is_file()
         }
-
-
-def _heed_sigint() -> None:
-    """What a shell starts in the background ignores Ctrl-C, and so would all that it starts."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def uninterrupted(place: Path, commands: tuple[tuple[str, ...], ...]) -> tuple[Chain, list[float]]:
