@@ -157,6 +157,7 @@ def test_the_ray_file_has_watts_and_lumens_and_the_spectrum(tmp_path):
     assert read_rayfile(tmp_path / "lens.tm25ray").single_wavelength == 589.0
 
 
+@pytest.mark.nightly("as many rays as by default")
 def test_the_default_number_of_rays_brings_the_noise_down():
     few = replace(PRESETS["draft"], evaluate_rays=2**10)
     found = measure_photometry(ROUGH, build_source(ROUGH.spec.source), few)

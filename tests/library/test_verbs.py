@@ -3,7 +3,6 @@
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import cadquery
@@ -14,7 +13,6 @@ from nightly import NIGHTLY
 from scenes import small_spec, sphere
 
 import lensforge as lf
-from lensforge.accuracy import PRESETS
 from lensforge.pipeline import run_evaluate
 from lensforge.records import SimulatedResult, StageResult
 from lensforge.results import EXTRAS, STAGES
@@ -233,21 +231,20 @@ def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run) -> None
         lf.verify(whole_run.part, other)
 
 
+SCRIPT = ROOT / "examples" / "design_to_step.py"
+
+
+def test_the_shortest_script_is_that_of_the_readme() -> None:
+    lines = [line for line in SCRIPT.read_text(encoding="utf-8").splitlines() if line and not line.startswith('"""')]
+    assert len(lines) <= 10 and sum("import" in line for line in lines) == 1
+    assert "\n".join(lines) in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n\n", "\n")
+
+
+@pytest.mark.nightly("more than a minute; by day each of its verbs is called")
 def test_the_shortest_script_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As shipped, and as the README shows it: ten lines, one import; all its functions and rays in nightly runs."""
-    script = ROOT / "examples" / "design_to_step.py"
-    lines = [line for line in script.read_text(encoding="utf-8").splitlines() if line and not line.startswith('"""')]
-    assert len(lines) <= 10 and sum("import" in line for line in lines) == 1
-    assert "\n".join(lines) in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n\n", "\n")
-    source = script.read_text(encoding="utf-8")
-    if not NIGHTLY:  # as it stands it takes more than a minute
-        few = {"design_rays": 2**10, "coarse_steps": 20, "fine_steps": 20, "evaluate_rays": 2**14, "verify_rays": 2**12}
-        monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], **few))
-        source = source.replace("LensSection(", "LensSection(levels=(9, 25), ")
-        assert "levels=(9, 25)" in source
     monkeypatch.chdir(tmp_path)
-    exec(compile(source, script, "exec"), {})
+    exec(compile(SCRIPT.read_text(encoding="utf-8"), SCRIPT, "exec"), {})
     assert {path.name for path in tmp_path.iterdir()} == {"spot.step", "spot.png"}
     assert "every criterion is met" in capsys.readouterr().out

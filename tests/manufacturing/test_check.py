@@ -123,6 +123,7 @@ def test_each_face_has_the_nodes_of_its_own_export(rough):
         assert np.abs(getattr(found, f"{surface}_xyz")[inside] - exported).max() < 1e-12
 
 
+@pytest.mark.nightly("a part of its own; by day the exported faces are measured, above")
 def test_a_result_folder_is_checked_with_the_nodes_of_its_export(plain, tmp_path):
     part = build_part(lens(hemisphere(INNER_MM), hemisphere(OUTER_MM), wall_mm=2.0, base="none"), nodes=80, rings=16)
     part.lens.save(tmp_path / "lens.json")

@@ -165,6 +165,7 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.nightly("half a minute; by day a search resumes to the same bits")
 def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
     assert killed.code == 130
     assert "--resume" in killed.stderr

@@ -88,6 +88,7 @@ def test_cases_that_have_failed_once_do_not_again(batch, case) -> None:
     assert found.state != "failed", f"{case.was}; now {found}"
 
 
+@pytest.mark.nightly("another process with all kinds")
 def test_a_seed_means_the_same_case_in_another_process() -> None:
     names = ("spec", "tm25", "csv", "ies", "png", "tiff", "stl", "radiance")
     code = (

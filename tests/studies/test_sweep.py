@@ -106,6 +106,7 @@ def test_finished_designs_are_kept_and_new_values_added(swept):
     assert Sweep.read(folder) == grown
 
 
+@pytest.mark.nightly("a sweep of its own")
 def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
     class Interrupted(Designer):
         def __call__(self, spec, folder, resume) -> None:
@@ -185,6 +186,7 @@ def test_a_name_holds_any_value():
     assert len(variant_name("x" * 64, -1e20)) <= 64
 
 
+@pytest.mark.nightly("a sweep of its own")
 def test_criteria_are_named_by_their_design(tmp_path):
     def whole(spec, folder, resume) -> None:
         Designer()(spec, folder, resume)

@@ -174,6 +174,7 @@ def test_an_order_is_the_slope_and_knows_its_error():
     assert np.std([order.value for order in found]) == pytest.approx(found[0].standard_error, rel=0.15)
 
 
+@pytest.mark.nightly("a study of seven seconds")
 def test_curved_facets_converge_and_flat_ones_hardly(measured, lens):
     _, plan = nurbs_study(lens, (40,), cad=False)
     study = casting_study(measured.reference.thinned(8), plan, (12, 24, 48))
