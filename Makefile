@@ -8,7 +8,7 @@ demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstar
 	$(BIN)/lensforge design examples/quickstart.toml
 
 test: setup  ## the whole test suite
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 nightly: setup lowest  ## the suite with 500 times as many random cases, all slow tests, the lowest versions: hours
 	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2 --dist loadfile

@@ -151,7 +151,6 @@ for cut in (False, True):
 """
 
 
-@pytest.mark.nightly("by day the same scene is drawn for the report")
 def test_the_part_is_shown_off_screen_whole_and_cut(part, tmp_path):
     from matplotlib.image import imread
 

@@ -234,10 +234,13 @@ def test_light_of_another_lens_does_not_verify_a_part(whole_run: lf.Run) -> None
 SCRIPT = ROOT / "examples" / "design_to_step.py"
 
 
-def test_the_shortest_script_is_that_of_the_readme() -> None:
+def test_the_shortest_script_is_that_of_the_readme_and_its_spec_is_valid() -> None:
     lines = [line for line in SCRIPT.read_text(encoding="utf-8").splitlines() if line and not line.startswith('"""')]
     assert len(lines) <= 10 and sum("import" in line for line in lines) == 1
     assert "\n".join(lines) in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n\n", "\n")
+    found: dict[str, object] = {}
+    exec("\n".join(lines[: next(row for row, line in enumerate(lines) if "lf.design(" in line)]), found)
+    assert isinstance(found["spec"], lf.Spec)
 
 
 @pytest.mark.nightly("more than a minute; by day each of its verbs is called")

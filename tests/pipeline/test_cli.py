@@ -165,12 +165,16 @@ def test_the_lens_record_rebuilds_the_same_lens(designed: Path, tmp_path: Path) 
     assert (tmp_path / "again.json").read_text(encoding="utf-8") == (designed / "lens.json").read_text(encoding="utf-8")
 
 
-@pytest.mark.nightly("half a minute; by day a search resumes to the same bits")
-def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
+@pytest.mark.usefixtures("designed")
+def test_a_killed_design_says_how_to_go_on_and_goes_on_where_it_was(killed: Killed) -> None:
     assert killed.code == 130
     assert "--resume" in killed.stderr
     assert "Traceback" not in killed.stderr
     assert "level 2/2" in killed.resumed.stderr and "level 1/2" not in killed.resumed.stderr
+
+
+@pytest.mark.nightly("the whole search again; by day a shorter one resumes to the same bits")
+def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path) -> None:
     straight = lf.design(lf.load_spec(killed.spec), accuracy="draft").lens
     assert straight == lf.load_lens(designed / "lens.json")
 

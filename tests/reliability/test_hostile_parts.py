@@ -66,7 +66,6 @@ def test_a_child_that_takes_too_long_ends_with_all_that_it_started(tmp_path: Pat
     assert not is_running(grandchild)
 
 
-@pytest.mark.nightly("a child that is kept busy")
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems may not limit processor time")
 def test_processor_time_is_limited_and_a_busy_machine_does_not_count(tmp_path: Path) -> None:
     busy = child_of(tmp_path, "while True:\n    pass", ChildLimits(400, 3.0))

@@ -106,7 +106,7 @@ def test_finished_designs_are_kept_and_new_values_added(swept):
     assert Sweep.read(folder) == grown
 
 
-@pytest.mark.nightly("a sweep of its own")
+@pytest.mark.nightly("a sweep of its own; by day finished designs are kept, above")
 def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
     class Interrupted(Designer):
         def __call__(self, spec, folder, resume) -> None:
