@@ -49,7 +49,7 @@ def _scene(light: Light, lens: Lens) -> Iterator[str]:
 def _share(light: Light) -> Iterator[str]:
     """The share in the target to the efficiency, where the window is the whole receiver, is that of the pictures."""
     total, wanted = float(light.raw_map.sum()), light.target_map
-    if light.window_mm < light.receiver_mm or not total > 0.0:
+    if light.window_mm != light.receiver_mm or not total > 0.0:  # the efficiency is that of the window
         return
     border = IN_TARGET * wanted.max()
     most, least = (float(light.raw_map[wanted > border * (1.0 + side)].sum()) / total for side in (-_EDGE, _EDGE))
