@@ -6,9 +6,32 @@ noise at most, so accuracy takes more rays: from one preset to the next the nois
 first to 1/13, then to less than 1/2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lensforge.spec import Accuracy
+
+
+@dataclass(frozen=True)
+class SearchEffort:
+    """Effort of a search that chooses levels and steps itself.
+
+    ``finest``: functions of the finest level that it tries. ``steps``: of the stage of each level, and of the long
+    stages that follow. ``rays``: of a gradient step, at first and at most.
+    ``held_rays``: of each of the two samples that judge the lens. ``step_gain``: share by which a long stage must lower
+    the error, else the search ends. ``level_gain``: share by which a level must lower it, else it is left out.
+    """
+
+    finest: int
+    steps: tuple[int, int]
+    rays: tuple[int, int]
+    held_rays: int
+    step_gain: float
+    level_gain: float
+
+    def with_rays_of(self, count: int | None) -> "SearchEffort":
+        """The same for a source of ``count`` measured rays, of which more than all would be no more light."""
+        first, most = (each if count is None else min(each, count) for each in self.rays)
+        return replace(self, rays=(first, most))
 
 
 @dataclass(frozen=True)
@@ -17,8 +40,9 @@ class Preset:
 
     ``nodes_per_sigma``: table nodes across the narrowest SRBF's sigma at the apex, while designing;
     ``evaluate_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
-    ``design_rays``: rays of a gradient step. ``coarse_steps``, ``fine_steps``: gradient steps of every level but the
-    last, and of the last. ``evaluate_rays``: rays that evaluate the finished lens. ``verify_rays``: rays of the
+    Of a search with given levels, ``design_rays``: rays of a gradient step; ``coarse_steps``, ``fine_steps``: gradient
+    steps of every level but the last, and of the last. ``effort``: of one that chooses its levels. ``evaluate_rays``:
+    rays that evaluate the finished lens. ``verify_rays``: rays of the
     independent ray cast.
     """
 
@@ -29,10 +53,22 @@ class Preset:
     fine_steps: int
     evaluate_rays: int
     verify_rays: int
+    effort: SearchEffort
 
+
+# The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
+# and gains were chosen on pi, quickstart and flat_top: a standard search takes about as long as one with the given
+# levels of version 0.1.0 on the same machine, or twice as long where it still gains; docs/results.md.
+_DRAFT = SearchEffort(finest=289, steps=(40, 80), rays=(2**13, 2**15), held_rays=2**15, step_gain=0.5, level_gain=0.1)
+_STANDARD = SearchEffort(
+    finest=1089, steps=(60, 200), rays=(2**15, 2**17), held_rays=2**16, step_gain=0.3, level_gain=0.05
+)
+_REFERENCE = SearchEffort(
+    finest=4225, steps=(80, 300), rays=(2**16, 2**19), held_rays=2**18, step_gain=0.05, level_gain=0.02
+)
 
 PRESETS: dict[Accuracy, Preset] = {
-    "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**14),
-    "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**16),
-    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**17),
+    "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**14, _DRAFT),
+    "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**16, _STANDARD),
+    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**17, _REFERENCE),
 }

@@ -138,6 +138,8 @@ def load_lens(path: Path | str) -> Lens:
                 content[side].setdefault("kind", "srbf")
     record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
     spec = parse_spec(record.spec, str(path))
+    if spec.lens.levels == "auto":
+        raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:
         inner, outer = record.inner.surface(), record.outer.surface()
         for side, surface in (("inner", inner), ("outer", outer)):

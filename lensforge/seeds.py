@@ -6,12 +6,19 @@ They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40
 MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
-_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET = (k * _RANGE for k in (1, 2, 4, 8, 16, 32))
+_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD = (
+    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64)
+)
 
 
 def of_step(seed: int, step: int) -> int:
     """Seed for the rays of a gradient step, counted over all levels of a search."""
     return seed * _STEPS + step
+
+
+def of_held(seed: int, sample: int) -> int:
+    """Seed for one of the two samples by which a search judges its progress."""
+    return _HELD + 2 * seed + sample
 
 
 def of_replicate(seed: int, replicates: int, replicate: int, parts: int, part: int) -> int:

@@ -20,7 +20,8 @@ class Reporter:
     def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
         self._observers = observers
         self._console = Console(stderr=True, highlight=False)
-        self._levels = len(spec.lens.levels)
+        levels = spec.lens.levels
+        self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
         self._name = spec.name
         self._last: Step | None = None
         self._bar = Progress(
@@ -52,15 +53,16 @@ class Reporter:
             self._task,
             completed=step.steps_done,
             total=step.steps_total,
-            description=f"{self._name}  level {step.level + 1}/{self._levels}",
+            description=f"{self._name}  level {step.level + 1}{self._of_levels}",
             numbers=numbers,
         )
-        new_level = self._last is not None and self._last.level != step.level
+        new_level = self._of_steps and self._last is not None and self._last.level != step.level
         if self._bar.disable and (new_level or step.steps_done == step.steps_total):
             shown = step if step.steps_done == step.steps_total else self._last
             assert shown is not None
+            of_steps = f"/{step.steps_total}" if self._of_steps else ""
             self._console.print(
-                f"level {shown.level + 1}/{self._levels}  step {shown.steps_done}/{step.steps_total}  "
+                f"level {shown.level + 1}{self._of_levels}  step {shown.steps_done}{of_steps}  "
                 f"NMSE {shown.nmse:.4f}  efficiency {shown.efficiency:.3f}"
             )
         self._last = step

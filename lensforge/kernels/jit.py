@@ -84,6 +84,11 @@ def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:
     list(_pool(torch.get_num_threads()).map(lambda i: work(i, slice(edges[i], edges[i + 1])), range(CHUNKS)))
 
 
+def in_parallel(work: Callable[[int], Any], count: int) -> None:
+    """Run ``work(0)`` to ``work(count - 1)``, on as many threads as torch may use."""
+    list(_pool(torch.get_num_threads()).map(work, range(count)))
+
+
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     """Pool kept from call to call: a search makes some ten calls in every step."""

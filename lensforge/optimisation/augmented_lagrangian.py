@@ -6,8 +6,10 @@ own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the s
 
 from dataclasses import dataclass, field
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from lensforge.optimisation.chart_points import ChartOperator, constraint_points
@@ -26,11 +28,12 @@ class AugmentedLagrangian:
     multipliers: Float[Tensor, "c k"] = field(init=False)
 
     @staticmethod
-    def of(spec: Spec, grid: TableGrid, penalty: float = 2e4) -> "AugmentedLagrangian":
-        """The spec's constraints at points of ``grid``."""
+    def of(spec: Spec, grid: TableGrid, penalty: float = 2e4, *, sparse: bool = False) -> "AugmentedLagrangian":
+        """The spec's constraints at points of ``grid``; ``sparse``: at a quarter of its nodes, all for curvatures."""
         constraints = constraints_of(spec)
         derivatives = any(constraint.derivatives for constraint in constraints)
-        points = constraint_points(grid, spec.lens.basis.symmetry)
+        every = (1 if derivatives else 2) if sparse else None
+        points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
         return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives), penalty)
 
     def __post_init__(self) -> None:
@@ -54,6 +57,18 @@ class AugmentedLagrangian:
         """The same constraints with multipliers of 0."""
         return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
 
+    def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
+        """``multipliers`` at the points of ``before``, taken to these points: each has that of the nearest one.
+
+        The force on a length, an angle or a curvature stays the same, whatever the factors of both.
+        """
+        here, there = (
+            np.stack([each.points.x.numpy(), each.points.y.numpy()], axis=1)
+            for each in (self.chart_operator, before.chart_operator)
+        )
+        nearest = multipliers[:, torch.from_numpy(cKDTree(there).query(here)[1])]
+        return nearest * before._factor / self._factor
+
     def fields(self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"]) -> Float[Tensor, "c k"]:
         """Fields of the constraints at the points of two tables, each times its factor."""
         at_inner, at_outer = self.chart_operator.jets(inner, outer)
@@ -69,6 +84,11 @@ class AugmentedLagrangian:
         """The regularisation term of Eq. (15), averaged over the hemisphere."""
         updated = self._updated(fields)
         return torch.sum(self._area * (updated**2 - self.multipliers**2)) / (2.0 * self.penalty)
+
+    def penalty_alone(self, fields: Float[Tensor, "c k"]) -> Float[Tensor, ""]:
+        """The term without multipliers: lenses of different searches are judged alike."""
+        missing = torch.clamp(self._margin - fields, min=0.0)
+        return 0.5 * self.penalty * torch.sum(self._area * missing**2)
 
     def shortfall(self, fields: Float[Tensor, "c k"]) -> float:
         """Part of a constraint's margin missing at the worst point: 0 where all margins are kept, 1 at a limit."""

@@ -75,14 +75,18 @@ class ChartOperator:
         return [RadiusJet(each[0], each[1:]) for each in values]
 
 
-def constraint_points(grid: TableGrid, symmetry: str) -> Float[np.ndarray, "k 2"]:
+def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:
     """Chart points of the nodes and cell centres within the hemisphere, and of the rim at the nodes' spacing.
 
-    Of mirror images under the group ``symmetry`` only one is kept.
+    With ``every_node`` fewer: each first, second, ... node of a row, and no centres. Of mirror images under the group
+    ``symmetry`` only one is kept.
     """
     nodes = chart.grid(grid.nodes)
-    centres = nodes[:-1, :-1] + 0.5 * grid.step
-    both = np.concatenate([nodes.reshape(-1, 2), centres.reshape(-1, 2)])
+    middles = nodes[:-1, :-1] + 0.5 * grid.step
+    if every_node is None:
+        both = np.concatenate([nodes.reshape(-1, 2), middles.reshape(-1, 2)])
+    else:
+        both = nodes[::every_node, ::every_node].reshape(-1, 2)
     azimuth = np.linspace(0.0, 2.0 * np.pi, 8 * int(np.ceil(0.25 * np.pi / grid.step)), endpoint=False)
     rim = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     points = np.concatenate([both[np.sum(both**2, axis=1) < 1.0], rim])

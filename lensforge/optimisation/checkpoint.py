@@ -16,6 +16,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.files import read_file, replacing
 from lensforge.lens import Lens
+from lensforge.optimisation.judgement import Outcome
 from lensforge.records import Count, NotNegative, Record, Sha256, Text
 from lensforge.records.stored import validated
 from lensforge.spec import Spec
@@ -26,24 +27,26 @@ if TYPE_CHECKING:
     import torch
 
 CHECKPOINT = "checkpoint.bin"  # its name in a result folder
-_FORMAT = b"lensforge checkpoint 2\n"  # 1: a file of torch, in version 0.1.0
+_FORMAT = b"lensforge checkpoint 3\n"  # 1: a file of torch, in version 0.1.0; 2: without judgements
 _ANEW = "delete it, or start anew without resume"
 _COMPUTE = ("torch", "numpy", "numba")  # another version of these may round differently
 _NOT_SEARCHED = ("evaluate", "base", "manufacture")  # sections that a search does not depend on
-_MOST_HEAD_BYTES = 4096
+_MOST_HEAD_BYTES = 2**18  # a search that judges itself a thousand times
 _MOST_BYTES = 2**30  # a million steps, the most there are, leave 100 MB
 
 
 class CheckpointHead(Record):
     """State of a search without its numbers; ``key``: its :func:`fingerprint`; ``made_by``: versions of programs.
 
-    ``stage``, ``step``: completed ones. ``seconds``: of computing so far.
+    ``outcomes``: of each stage that has ended. ``step``: steps of the stage at hand. ``steps_of_moments``: since the
+    optimiser's moments began. ``seconds``: of the search so far.
     """
 
     key: Sha256
     made_by: dict[Text, Text]
-    stage: Count
+    outcomes: tuple[Outcome, ...]
     step: Count
+    steps_of_moments: Count
     seconds: NotNegative
 
 

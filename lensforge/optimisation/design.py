@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.lens import Lens
-from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult
+from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult, Text
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy
 from lensforge.surfaces.srbf import MOST_LEVELS
@@ -59,7 +59,8 @@ class Design(StageResult):
     """A finished search.
 
     ``forward_evaluations``: traces of a ray sample, one for each step. ``source_outline_mm``: a polygon around the
-    emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface.
+    emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface. ``ended``: why a search that chooses its
+    levels went no further. ``seconds``: of the search, set-up included.
     """
 
     stage: ClassVar[str] = "design"
@@ -76,6 +77,7 @@ class Design(StageResult):
     source: SourceSummary
     source_outline_mm: tuple[Point, ...]
     history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
+    ended: Text | None = None
     criteria: tuple[Criterion, ...]
 
     @model_validator(mode="after")
@@ -96,8 +98,8 @@ class Design(StageResult):
         require_choice("quantity", quantity, get_args(Quantity))
         curves, start = {}, 1
         for level in self.history:
-            values = getattr(level, quantity)
-            curves[f"{level.functions} functions"] = (range(start, start + len(values)), values)
+            values, label = getattr(level, quantity), f"{level.functions} functions"
+            curves[f"{label} again" if label in curves else label] = (range(start, start + len(values)), values)
             start += len(values)
         return plot_curves(curves, ("step", quantity), axes, (False, quantity == "nmse"))
 
@@ -106,7 +108,9 @@ class Design(StageResult):
 class Progress:
     """The state of a search; ``lens()`` builds the lens of the current parameters.
 
-    ``level`` counts from 0; ``functions``: number per surface that move in it. ``level_done``: this was its last step.
+    ``level`` counts from 0; ``functions``: number per surface that move in it. ``level_done``: this was its last step,
+    and the level is kept; ``lens()`` is then the best of it. ``steps_total`` of automatic levels: until the end of this
+    stage. ``seconds``: of the search so far, set-up included.
     """
 
     level: int
@@ -117,6 +121,7 @@ class Progress:
     efficiency: float
     functions: int
     level_done: bool
+    seconds: float
     accuracy: Accuracy
     lens: Callable[[], Lens]
 

@@ -5,6 +5,8 @@ parameters are projected to the feasible set, a change too small to affect the l
 limits is left as it is, to the bit.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -18,7 +20,7 @@ from lensforge.optimisation.constraints import Constraint, constraints_of
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import DIRECTIONS
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.spec import Spec
+from lensforge.optimisation.problem import Problem
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -92,23 +94,25 @@ def project_to_feasible(
     return weights + moved[1:], offsets + moved[0]
 
 
-def require_feasible_start(spec: Spec, parametrisation: Parametrisation, constraints: AugmentedLagrangian) -> None:
+def require_feasible_start(problems: Iterable[Problem]) -> None:
     """Raise :class:`InputError` where no lens is found that keeps all limits, before a search for the best of them.
 
     For limits of shape, and fixed surfaces; of the others the spec knows all. The starting lens is projected, at first
-    by the functions of the first level, then by all.
+    by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
     """
-    limits, lens = spec.constraints, spec.lens
-    if lens.fixed == (None, None) and not any(constraint.derivatives for constraint in constraints.constraints):
-        return
     offsets = torch.ones(2, dtype=torch.float64)
-    for functions in (parametrisation.levels[0].functions, parametrisation.basis.size):
-        weights = torch.zeros(functions, 2, dtype=torch.float64)
-        moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
-        if shortfall <= _HOPELESS:
+    for problem in problems:
+        spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
+        of_shape = any(constraint.derivatives for constraint in constraints.constraints)
+        if spec.lens.fixed == (None, None) and not of_shape:
             return
+        for functions in sorted({parametrisation.basis.levels[0], parametrisation.basis.size}):
+            weights = torch.zeros(functions, 2, dtype=torch.float64)
+            moved, shortfall = _least_move(parametrisation, constraints, weights, offsets, _HOPELESS)
+            if shortfall <= _HOPELESS:
+                return
     least = constraints.least(constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0])))
-    given = ", ".join(f"{name} = {value:g}" for name, value in limits.model_dump(exclude_none=True).items())
+    given = ", ".join(f"{name} = {value:g}" for name, value in spec.constraints.model_dump(exclude_none=True).items())
     missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
     words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
     raise InputError(f"constraints: no lens was found that keeps all of {given}; the nearest one has {words}")

@@ -4,6 +4,7 @@ The terms of the image are differentiable on torch images [row y, column x].
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -42,6 +43,24 @@ class Evaluated:
     nmse: float
     efficiency: float
     fields: Float[Tensor, "c k"]
+
+
+@dataclass(frozen=True)
+class SampledLight:
+    """Light of a sample of rays: flux (W) on each pixel, the terms of the flux (W), and the flux emitted (W)."""
+
+    image: Float[Tensor, "p p"]
+    terms: Float[Tensor, ""]
+    emitted_w: float
+
+    @staticmethod
+    def joined(parts: "Sequence[SampledLight]", emitted_w: float) -> "SampledLight":
+        """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
+        share = emitted_w / sum(part.emitted_w for part in parts)
+        image, terms = (
+            torch.stack(values).sum(dim=0) for values in zip(*((p.image, p.terms) for p in parts), strict=True)
+        )
+        return SampledLight(share * image, share * terms, emitted_w)
 
 
 @dataclass(frozen=True)
@@ -85,16 +104,46 @@ class MeritFunction:
         """Trace ``rays``; ``uniform`` puts the uniformity of the mask before the image."""
         inner, outer = self.parametrisation.tables(weights, offsets)
         light = self.light.collect(inner, outer, rays)
-        flux = mirror_mean(light.image, self.spec.lens.basis.symmetry)
+        flux = self._mirrored(light)
         emitted_w = float(rays.flux.sum())
-        nmse = nmse_loss(flux, self.wanted)
-        image = nmse
-        if uniform and self.mask is not None:
-            image = _UNIFORM_IMAGE * nmse + self._nonuniformity(flux, self.mask)
-        loss = image + _flux_terms(light, **(_IMAGE_FACTORS if self.mask is None else _UNIFORM_FACTORS)) / emitted_w
-        fields = constraints.fields(inner, outer)
         efficiency = float(flux.detach().sum()) / emitted_w
+        nmse = nmse_loss(flux, self.wanted)
+        loss = self._image_term(flux, nmse, uniform) + self._flux_term(light) / emitted_w
+        fields = constraints.fields(inner, outer)
         return Evaluated(loss + constraints.term(fields), nmse.item(), efficiency, fields)
+
+    def light_of(
+        self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
+    ) -> "SampledLight":
+        """The light of ``rays`` through the lens with these tables."""
+        light = self.light.collect(inner, outer, rays)
+        return SampledLight(self._mirrored(light), self._flux_term(light), float(rays.flux.sum()))
+
+    def judge(self, first: "SampledLight", second: "SampledLight", uniform: bool) -> tuple[float, float]:
+        """Merit without constraints from two independent samples, and its part of the image.
+
+        The product of the errors of both images has the expectation of the error without the noise of the rays; of
+        the shortfall, whose image is smoothed, that of both together is taken.
+        """
+        wanted, image = self.wanted, 0.5 * (first.image + second.image)
+        error = torch.sum((first.image - wanted) * (second.image - wanted)) / torch.sum(wanted**2)
+        if uniform and self.mask is not None:
+            uneven = [inside / _scale(inside) - 1.0 for inside in (first.image[self.mask], second.image[self.mask])]
+            error = _UNIFORM_IMAGE * error + _UNIFORM_VARIANCE * torch.mean(uneven[0] * uneven[1])
+            error = error + _UNIFORM_SHORTFALL * shortfall_loss(image, self.mask, _UNIFORM_MARGIN)
+        of_flux = 0.5 * (first.terms / first.emitted_w + second.terms / second.emitted_w)
+        return float(error + of_flux), float(error)
+
+    def _mirrored(self, light: Collected) -> Float[Tensor, "p p"]:
+        return mirror_mean(light.image, self.spec.lens.basis.symmetry)
+
+    def _image_term(self, flux: Float[Tensor, "p p"], nmse: Float[Tensor, ""], uniform: bool) -> Float[Tensor, ""]:
+        if uniform and self.mask is not None:
+            return _UNIFORM_IMAGE * nmse + self._nonuniformity(flux, self.mask)
+        return nmse
+
+    def _flux_term(self, light: Collected) -> Float[Tensor, ""]:
+        return _flux_terms(light, **(_IMAGE_FACTORS if self.mask is None else _UNIFORM_FACTORS))
 
     def _nonuniformity(self, flux: Float[Tensor, "p p"], mask: Bool[Tensor, "p p"]) -> Float[Tensor, ""]:
         variance = _UNIFORM_VARIANCE * uniformity_loss(flux, mask)

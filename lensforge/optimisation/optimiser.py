@@ -1,37 +1,34 @@
-"""The search: Adam, coarse to fine, with multiplier updates between rounds; resumable at any step."""
+"""The search: from a spec to the lens that lights its target best, with its record."""
 
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from lensforge import seeds
-from lensforge.accuracy import PRESETS
-from lensforge.errors import Cancelled, remedy
+from lensforge.accuracy import PRESETS, Preset
 from lensforge.lens import Lens
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
+from lensforge.optimisation.automatic import AutomaticSchedule
+from lensforge.optimisation.automatic_stages import AutomaticStages
 from lensforge.optimisation.checkpoint import delete_checkpoint, fingerprint
-from lensforge.optimisation.design import Design, Observer, Progress
+from lensforge.optimisation.descent import Descent, Stopwatch
+from lensforge.optimisation.design import Design, Observer
 from lensforge.optimisation.feasibility import measure_constraints, project_to_feasible, require_feasible_start
+from lensforge.optimisation.held_rays import HeldRays
+from lensforge.optimisation.levels import UsefulLevels
 from lensforge.optimisation.limits import constraint_criteria
-from lensforge.optimisation.merit import Evaluated, MeritFunction
-from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.problem import Problems
 from lensforge.optimisation.scene_check import SceneCheck
-from lensforge.optimisation.schedule import Stage, plan, rays_ahead
-from lensforge.optimisation.search_state import SearchState, level_of, moments_of, restored, resume_adam
+from lensforge.optimisation.schedule import Schedule, fixed_schedule, stages_of
+from lensforge.optimisation.search_state import SearchState, level_of, restored
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.surfaces.srbf import fibonacci_hemisphere
-from lensforge.surfaces.symmetry import first_images
+from lensforge.surfaces.symmetry import first_images, group
 
-_ROUND = 10  # steps between multiplier updates
-_CHECKPOINT_SECONDS = 2.0
 _SIZE_DIRECTIONS = 20_000  # over the hemisphere, at which radius and height are sampled
 
 
@@ -49,47 +46,70 @@ def search(
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
-    ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on.
-    ``checkpoint`` is written every few seconds and at an interrupt; with ``resume`` the search goes on from it and ends
-    with the same bits as an uninterrupted one. ``progress`` is called after every gradient step; where it returns
+    ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on, and
+    automatic levels begin with as many as it has. ``checkpoint`` is written every few seconds and at an interrupt; with
+    ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one, unless
+    ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it returns
     False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the lens, or a
     target that no lens can light.
     """
-    scene = SceneCheck.of(spec, source, start)
+    clock, scene = Stopwatch(), SceneCheck.of(spec, source, start)
     scene.require_light()
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
-    stages = plan(spec, preset) if start is None else plan(spec, preset)[-1:]
-    parametrisation = Parametrisation.of(spec, preset.nodes_per_sigma)
-    merit = MeritFunction.of(spec, source, parametrisation, device)
-    constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
+    schedule = _schedule(spec, source, preset, start)
+    problems = Problems(spec, source, preset.nodes_per_sigma, device)
     key = fingerprint(spec, seed, accuracy, start, device)
-    state = _fresh_state(parametrisation, constraints, start)
     if resume and checkpoint is not None:
-        state = restored(checkpoint, key, state, stages, constraints.keys)
-    elif start is None:
-        require_feasible_start(spec, parametrisation, constraints)
+        state = restored(checkpoint, key, schedule, problems)
+        clock.earlier_s = state.seconds
+    else:
+        state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    run = _Search(source, merit, constraints, stages, seed, accuracy, progress or (lambda _: None), state)
-    run.run(checkpoint, key)
-    state = run.state
-    weights, offsets = project_to_feasible(parametrisation, constraints, state.weights, state.offsets)
-    lens = parametrisation.lens(weights, offsets, spec, seed, accuracy)
-    return _design(lens, source, state, stages[-1].rays, scene.warnings())
+    held, of_steps = None, source
+    if spec.lens.levels == "auto":
+        held, of_steps = HeldRays.of(source, preset.effort.held_rays, seed)
+    descent = Descent(of_steps, problems, schedule, held, seed, accuracy, progress or (lambda _: None), state, clock)
+    descent.run(checkpoint, key)
+    state = descent.state
+    last = stages_of(schedule, state.outcomes)[-1]
+    problem = problems.of(_levels_of(last.levels, len(state.weights)))
+    weights, offsets = project_to_feasible(*problem.in_full(), state.weights, state.offsets)
+    lens = problem.parametrisation.lens(weights, offsets, problem.spec, seed, accuracy)
+    why = schedule.turn(state.outcomes).why or None
+    state = replace(state, seconds=clock.seconds())
+    return _design(lens, source, state, last.rays, why, scene.warnings())
 
 
-def _design(lens: Lens, source: Source, state: SearchState, rays_per_step: int, warnings: tuple[str, ...]) -> Design:
+def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
+    if spec.lens.levels != "auto":
+        return fixed_schedule(spec, preset, last_only=start is not None)
+    effort, settings = preset.effort.with_rays_of(source.ray_count), spec.optimise
+    levels = UsefulLevels.of(spec, source, effort.finest)
+    first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
+    uniform, images = spec.target.uniform_mm is not None, len(group(spec.lens.symmetry))
+    stages = AutomaticStages(levels, effort, settings.learning_rate, images)
+    return AutomaticSchedule(stages, uniform, settings.seconds, first)
+
+
+def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
+    """The first of ``levels`` that have so many weights: the last one may have been left out at the very end."""
+    return levels[: list(accumulate(levels)).index(weights) + 1]
+
+
+def _design(
+    lens: Lens, source: Source, state: SearchState, rays_per_step: int, why: str | None, warnings: tuple[str, ...]
+) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]
     radius, margins = lens.outer.radius(directions), measure_constraints(lens)
-    steps = sum(len(level["nmse"]) for level in state.history)
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,
-        steps=steps,
-        forward_evaluations=steps,
+        steps=state.steps_done,
+        forward_evaluations=state.steps_done,
         rays_per_step=rays_per_step,
         seconds=state.seconds,
         max_radius_mm=float(radius.max()),
@@ -97,113 +117,21 @@ def _design(lens: Lens, source: Source, state: SearchState, rays_per_step: int, 
         constraints=margins,
         source=summary.model_copy(update={"warnings": (*summary.warnings, *warnings)}),
         source_outline_mm=tuple((float(x), float(y), float(z)) for x, y, z in source.outline()),
+        ended=why,
         history=tuple(level_of(level) for level in state.history),
         criteria=constraint_criteria(lens.spec, margins),
     )
 
 
-def _fresh_state(parametrisation: Parametrisation, constraints: AugmentedLagrangian, start: Lens | None) -> SearchState:
+def _fresh_state(schedule: Schedule, problems: Problems, start: Lens | None) -> SearchState:
+    """The state before the first step. Raises :class:`InputError` where no lens is found that keeps the limits."""
+    first = schedule.turn(()).stage
+    assert first is not None, "a spec has levels"
+    problem = problems.of(first.levels)
+    multipliers = problem.constraints.multipliers
     if start is not None:
-        return SearchState(*parametrisation.parameters_of(start), constraints.multipliers)
-    weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64)
-    return SearchState(weights, torch.ones(2, dtype=torch.float64), constraints.multipliers)
-
-
-@dataclass
-class _Search:
-    source: Source
-    merit: MeritFunction
-    constraints: AugmentedLagrangian
-    stages: list[Stage]
-    seed: int
-    accuracy: Accuracy
-    observer: Observer
-    state: SearchState
-
-    def run(self, checkpoint: Path | None, key: str) -> None:
-        """Run all remaining stages; keep the checkpoint fresh, also at an interrupt."""
-        saved = time.monotonic()
-        try:
-            while self.state.stage < len(self.stages):
-                for _ in self._stage_steps(self.stages[self.state.stage]):
-                    if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
-                        self.state.save(checkpoint, key)
-                        saved = time.monotonic()
-                self.state = replace(self.state, stage=self.state.stage + 1, step=0, moments=None)
-        finally:
-            if checkpoint is not None:
-                self.state.save(checkpoint, key)
-
-    def _stage_steps(self, stage: Stage) -> Iterator[None]:
-        """Take the stage's remaining steps, one for each item; the state is replaced before every yield."""
-        weights = self.state.weights[: stage.functions].clone().requires_grad_()
-        offsets = self.state.offsets.clone().requires_grad_()
-        optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99))
-        if self.state.moments is not None:
-            resume_adam(optimiser, self.state.step, self.state.moments)
-        self.constraints.multipliers = self.state.multipliers
-        earlier = sum(before.steps for before in self.stages[: self.state.stage])
-        steps = range(self.state.step, stage.steps)
-        own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
-        started = time.perf_counter()
-        for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
-            for group in optimiser.param_groups:
-                group["lr"] = stage.rate(step)
-            with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
-                result = self.merit.evaluate(weights, offsets, rays, self.constraints, step >= stage.uniformity_from)
-            optimiser.zero_grad()
-            result.loss.backward()
-            optimiser.step()
-            if step % _ROUND == _ROUND - 1:
-                self.constraints.update(result.fields)
-            every_weight = self.state.weights.clone()
-            every_weight[: stage.functions] = weights.detach()
-            following = replace(
-                self.state,
-                weights=every_weight,
-                offsets=offsets.detach().clone(),
-                multipliers=self.constraints.multipliers,
-                step=step + 1,
-                moments=moments_of(optimiser),
-                history=_extended(self.state.history, stage, step, self._values(result)),
-                seconds=self.state.seconds + time.perf_counter() - started,
-            )
-            proceed = self.observer(self._progress(following, stage, earlier, result))
-            self.state = following  # not earlier: where the observer is interrupted, a resumed search calls it again
-            if proceed is False:
-                raise Cancelled(f"{self.merit.spec.name}: cancelled after step {earlier + self.state.step}")
-            yield
-            started = time.perf_counter()
-
-    def _progress(self, state: SearchState, stage: Stage, earlier: int, result: Evaluated) -> Progress:
-        merit = self.merit
-
-        def lens() -> Lens:
-            make = merit.parametrisation.lens
-            return make(state.weights, state.offsets, merit.spec, self.seed, self.accuracy)
-
-        return Progress(
-            level=stage.level,
-            step=state.step,
-            steps_done=earlier + state.step,
-            steps_total=sum(each.steps for each in self.stages),
-            nmse=result.nmse,
-            efficiency=result.efficiency,
-            functions=stage.functions,
-            level_done=state.step == stage.steps,
-            accuracy=self.accuracy,
-            lens=lens,
-        )
-
-    def _values(self, result: Evaluated) -> dict[str, float]:
-        """History of one step."""
-        least = self.constraints.least(result.fields)
-        return {"loss": result.loss.item(), "nmse": result.nmse, "efficiency": result.efficiency, **least}
-
-
-def _extended(history: list[dict[str, Any]], stage: Stage, step: int, values: dict[str, float]) -> list[dict[str, Any]]:
-    """``history`` with one more step, in new lists: the state before it must not change."""
-    if step == 0:
-        history = [*history, {"level": stage.level, "functions": stage.functions, **{name: [] for name in values}}]
-    last = history[-1]
-    return [*history[:-1], last | {name: [*last[name], value] for name, value in values.items()}]
+        return SearchState(*problem.parametrisation.parameters_of(start), multipliers)
+    finest = schedule.stages.levels.counts if isinstance(schedule, AutomaticSchedule) else first.levels
+    require_feasible_start(map(problems.of, dict.fromkeys((first.levels, finest))))
+    weights = torch.zeros(problem.parametrisation.basis.size, 2, dtype=torch.float64)
+    return SearchState(weights, torch.ones(2, dtype=torch.float64), multipliers)

@@ -1,6 +1,6 @@
 """Parameters of a search: relative weights and offsets of the free surfaces, and the tables of both."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,44 +9,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import remedy
-from lensforge.kernels.sparse import SparseMatrix
 from lensforge.lens import Lens
+from lensforge.optimisation.level_maps import LevelMaps
+from lensforge.optimisation.patched_tables import PatchedTables
 from lensforge.optimisation.symmetry import mirror_mean
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import Accuracy, LensSection, Spec
+from lensforge.surfaces.patches import dyadic_grid
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere, level_sigma
 from lensforge.surfaces.surface import Surface
-from lensforge.surfaces.weight_maps import WeightMap, weight_maps
 
 _FIT_DIRECTIONS, _FIT_CHUNK = 8, 4096  # for each function; at a time
 _FIT_DAMPING = 1e-10
-
-
-@dataclass(frozen=True)
-class LevelMap:
-    """A :class:`~lensforge.surfaces.weight_maps.WeightMap` as differentiable operations."""
-
-    samples: SparseMatrix
-    refine: SparseMatrix
-
-    @staticmethod
-    def of(level: WeightMap) -> "LevelMap":
-        """The same numbers."""
-        return LevelMap(SparseMatrix(level.samples), SparseMatrix(level.refine))
-
-    @property
-    def functions(self) -> int:
-        """Number of weights."""
-        count: int = self.samples.rows.shape[1]
-        return count
-
-    def coefficients(self, weights: Float[Tensor, "m c"]) -> Float[Tensor, "side side c"]:
-        """Table coefficients of ``c`` sets of weights, first index Y: the product ends with it."""
-        side, nodes = self.refine.rows.shape
-        samples = (self.samples @ weights).reshape(nodes, -1)
-        along_x = (self.refine @ samples).reshape(side, nodes, -1)
-        along_y = self.refine @ along_x.transpose(0, 1).reshape(nodes, -1)
-        return along_y.reshape(side, side, -1)
 
 
 @dataclass(frozen=True)
@@ -59,7 +33,7 @@ class Parametrisation:
 
     basis: SrbfBasis
     grid: TableGrid
-    levels: tuple[LevelMap, ...]
+    maps: LevelMaps | PatchedTables
     scale_mm: Float[Tensor, "2"]
     fixed: tuple[Surface | None, Surface | None] = (None, None)
 
@@ -67,22 +41,32 @@ class Parametrisation:
     def of(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
         """Parametrisation of the spec's lens, on a grid that resolves its narrowest feature."""
         lens, basis = spec.lens, spec.lens.basis
-        details = [basis.detail_rad, *(surface.detail_rad for surface in lens.fixed if surface is not None)]
         with remedy("raise lens.sigma_c, lower the last of lens.levels, or take a lower accuracy"):
-            grid = grid_for(min(details), nodes_per_sigma)
-            levels = tuple(LevelMap.of(level) for level in weight_maps(grid, basis))
-        return Parametrisation(basis, grid, levels, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
+            grid = grid_for(min([basis.detail_rad, *_fixed_details(lens)]), nodes_per_sigma)
+            maps = LevelMaps.of(grid, basis)
+        return Parametrisation(basis, grid, maps, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
+
+    @staticmethod
+    def patched(spec: Spec, nodes_per_sigma: float) -> "Parametrisation":
+        """The same by patches: a step takes a fraction of the time, other tables to less than their own error."""
+        lens, basis = spec.lens, spec.lens.basis
+        with remedy("raise lens.sigma_c, or take a lower accuracy"):
+            sigmas = [level_sigma(count, basis.sigma_c) for count in basis.levels]
+            grid, halvings = dyadic_grid([*sigmas, *_fixed_details(lens)], nodes_per_sigma)
+            maps = PatchedTables.of(basis, grid, halvings[: len(sigmas)])
+        return Parametrisation(basis, grid, maps, torch.tensor(lens.start_mm, dtype=torch.float64), lens.fixed)
+
+    def refined(self) -> "Parametrisation":
+        """One made by patches, with tables of half the step: the same splines."""
+        assert isinstance(self.maps, PatchedTables)
+        grid = TableGrid(2 * self.grid.nodes - 1)
+        return replace(self, grid=grid, maps=replace(self.maps, side=grid.side))
 
     def tables(
         self, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"]
     ) -> tuple[Float[Tensor, "side side"], Float[Tensor, "side side"]]:
         """Tables (mm) of both surfaces from the first ``k`` relative weights; differentiable."""
-        total, first = torch.zeros(1, dtype=torch.float64), 0
-        for level in self.levels:
-            if first < len(weights):
-                total = total + level.coefficients(weights[first : first + level.functions])
-            first += level.functions
-        free = ((total + offsets) * self.scale_mm).unbind(dim=-1)
+        free = ((self.maps.coefficients(weights) + offsets) * self.scale_mm).unbind(dim=-1)
         inner, outer = (
             mirror_mean(free[i].T, self.basis.symmetry, x_axis=0) if fixed is None else fixed
             for i, fixed in enumerate(self._fixed_tables)
@@ -118,6 +102,10 @@ class Parametrisation:
             for i, fixed in enumerate(self.fixed)
         )
         return Lens(inner, outer, spec, seed, accuracy)
+
+
+def _fixed_details(lens: LensSection) -> list[float]:
+    return [surface.detail_rad for surface in lens.fixed if surface is not None]
 
 
 def _in_basis(basis: SrbfBasis, surface: Surface) -> SrbfSurface:

@@ -1,11 +1,13 @@
-"""Coarse to fine: which SRBF levels move, for how many steps and how far; and the fresh rays of every step."""
+"""Coarse to fine: which levels move in a stage of the search, for how many steps and how far; the rays of each step."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
 
 from lensforge.accuracy import Preset
+from lensforge.optimisation.judgement import Outcome
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 
@@ -16,23 +18,110 @@ _FLOOR = 0.05
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of one level: the first ``functions`` weights move for ``steps`` steps of ``rays`` rays."""
+    """Part of a search: the first ``functions`` weights move for ``steps`` steps of ``rays`` rays.
+
+    ``levels``: all of the basis whose tables are traced; ``level``: the last of them that moves. ``uniformity_from``:
+    the step from which the uniformity loss is added; ``steps`` for never. ``least_gradient``: of a weight that moves as
+    far as half of the others in a step of Adam, whose epsilon it is.
+    """
 
     level: int
+    levels: tuple[int, ...]
     functions: int
     steps: int
     rays: int
     learning_rate: float
-    uniformity_from: int  # the step from which the uniformity loss is added; ``steps`` for never
+    uniformity_from: int
+    least_gradient: float = 1e-8
 
     def rate(self, step: int) -> float:
         """Learning rate at ``step``: cosine decay over the stage to a twentieth."""
         return self.learning_rate * (_FLOOR + (1.0 - _FLOOR) * 0.5 * (1.0 + math.cos(math.pi * step / self.steps)))
 
+    @property
+    def uniform(self) -> bool:
+        """True where its last step puts the uniformity before the image."""
+        return self.uniformity_from < self.steps
 
-def plan(spec: Spec, preset: Preset) -> list[Stage]:
-    """The stages for a spec; what the spec leaves open comes from the preset."""
-    levels, settings = spec.lens.levels, spec.optimise
+
+@dataclass(frozen=True)
+class Turn:
+    """Continuation of a search: ``stage``, None at the end, and the parameters with which it begins.
+
+    ``improved``: the last stage ended with the best lens of its level. ``accepted``: so far the best lens of all is the
+    best of the level that has ended. ``why``: where the search ends, the reason.
+    """
+
+    stage: Stage | None
+    begin: Literal["current", "best", "accepted"] = "current"
+    improved: bool = False
+    accepted: bool = False
+    why: str = ""
+
+
+@runtime_checkable
+class Schedule(Protocol):
+    """The stages of a search, one after another."""
+
+    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+        """The first turn, and the one that follows each of ``outcomes``, one after another."""
+        ...
+
+    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+        """The turn that follows the stages that had ``outcomes``."""
+        ...
+
+    def accepts(self, outcome: Outcome) -> bool:
+        """True where ``outcome`` has the judgements that decide what follows."""
+        ...
+
+    def most_steps(self, outcomes: Sequence[Outcome]) -> int:
+        """Steps of the whole search, as far as can be said after ``outcomes``."""
+        ...
+
+    def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
+        """Seconds of the search after which the stage that follows ``outcomes`` ends at once; infinity for never."""
+        ...
+
+
+def stages_of(schedule: Schedule, outcomes: Sequence[Outcome]) -> list[Stage]:
+    """The stages that had ``outcomes``, and the one that follows, if any."""
+    return [turn.stage for turn in schedule.turns(outcomes) if turn.stage is not None]
+
+
+@dataclass(frozen=True)
+class FixedSchedule:
+    """Stages that are known before the search; ``outcomes`` count, nothing else."""
+
+    stages: tuple[Stage, ...]
+
+    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+        """All stages in their order, and the end."""
+        yield self.turn(())
+        for done, _ in enumerate(outcomes, 1):
+            yield Turn(self.stages[done] if done < len(self.stages) else None)
+
+    def accepts(self, outcome: Outcome) -> bool:
+        """True for one without judgements: nothing depends on them."""
+        return outcome.light is None and outcome.even is None
+
+    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+        """The next stage; the current parameters are kept."""
+        done = len(outcomes)
+        return Turn(self.stages[done] if done < len(self.stages) else None)
+
+    def most_steps(self, outcomes: Sequence[Outcome]) -> int:
+        """Steps of all stages."""
+        return sum(stage.steps for stage in self.stages)
+
+    def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
+        """Infinity: every stage has all its steps."""
+        return math.inf
+
+
+def fixed_schedule(spec: Spec, preset: Preset, *, last_only: bool) -> FixedSchedule:
+    """A stage for each level of a spec, or only the last; what the spec leaves open comes from the preset."""
+    levels, settings = spec.lens.basis.levels, spec.optimise
     last = len(levels) - 1
     steps = settings.steps_per_level or (preset.coarse_steps,) * last + (preset.fine_steps,)
     stages, functions = [], 0
@@ -42,11 +131,11 @@ def plan(spec: Spec, preset: Preset) -> list[Stage]:
         uniform = min(settings.uniformity_steps, steps[level]) if level == last else 0
         stages.append(
             Stage(
-                level, functions, steps[level], settings.rays or preset.design_rays,
+                level, levels, functions, steps[level], settings.rays or preset.design_rays,
                 settings.learning_rate * share, steps[level] - uniform,
             )
         )  # fmt: skip
-    return stages
+    return FixedSchedule(tuple(stages[-1:] if last_only else stages))
 
 
 def rays_ahead(source: Source, count: int, seeds: Iterable[int]) -> Iterator[RayBundle]:

@@ -1,7 +1,8 @@
 """State of a search, all of it that decides its end: saved as a checkpoint, and restored only where it fits the scene.
 
-Layout of a checkpoint's numbers: weights (m, 2), offsets (2), multipliers (c, k); within a stage the first and second
-moments of Adam of its weights and of the offsets; then a row for each quantity of the history, stage by stage.
+Layout of a checkpoint's numbers: weights (m, 2), offsets (2), multipliers (c, k); where the optimiser has moments, the
+first and second of its weights and of the offsets; the best and the accepted parameters, as far as there are any; then
+a row for each quantity of the history, level by level.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,9 @@ from torch import Tensor
 from lensforge.errors import InputError
 from lensforge.optimisation.checkpoint import CheckpointHead, load_checkpoint, made_by, save_checkpoint
 from lensforge.optimisation.design import Level
-from lensforge.optimisation.schedule import Stage
+from lensforge.optimisation.judgement import Outcome
+from lensforge.optimisation.problem import Problems
+from lensforge.optimisation.schedule import Schedule, Stage
 from lensforge.records.stored import validated
 
 _FITTING = ("loss", "nmse", "efficiency")  # in the history of every step, before its constraints
@@ -35,30 +38,54 @@ class Moments(NamedTuple):
     offsets_squared: Float[Tensor, "2"]
 
 
+class Parameters(NamedTuple):
+    """Relative weights and offsets of both surfaces."""
+
+    weights: Float[Tensor, "m 2"]
+    offsets: Float[Tensor, "2"]
+
+
 @dataclass(frozen=True)
 class SearchState:
     """Everything that a resumed run needs to end with the same bits; never changed in place.
 
-    An interrupt may come between any two instructions: it finds either the old state or the new one. ``moments``: None
-    before the first step of a stage. ``history``: a table for each level, with a list for each quantity.
+    An interrupt may come between any two instructions: it finds either the old state or the new one. ``outcomes``: of
+    the stages that have ended. ``moments``: None before the first step with them, ``steps_of_moments`` since then.
+    ``best``, ``accepted``: parameters of the best lens of this level, and of the levels that were accepted.
+    ``history``: a table for each level, with a list for each quantity.
     """
 
     weights: Float[Tensor, "m 2"]
     offsets: Float[Tensor, "2"]
     multipliers: Float[Tensor, "c k"]
-    stage: int = 0
+    outcomes: tuple[Outcome, ...] = ()
     step: int = 0
     moments: Moments | None = None
+    steps_of_moments: int = 0
+    best: Parameters | None = None
+    accepted: Parameters | None = None
     history: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
 
+    @property
+    def steps_done(self) -> int:
+        """Gradient steps of the whole search so far."""
+        return sum(len(level["nmse"]) for level in self.history)
+
     def save(self, path: Path, key: str) -> None:
         """Write the checkpoint of the search with the fingerprint ``key``."""
-        head = CheckpointHead(key=key, made_by=made_by(), stage=self.stage, step=self.step, seconds=self.seconds)
-        parts = [part.detach().cpu().numpy() for part in (self.weights, self.offsets, self.multipliers)]
-        parts += [part.numpy() for part in self.moments or ()]
-        parts += [np.array(values) for level in self.history for values in _quantities(level)]
-        save_checkpoint(path, head, np.concatenate([part.ravel() for part in parts]))
+        head = CheckpointHead(
+            key=key,
+            made_by=made_by(),
+            outcomes=self.outcomes,
+            step=self.step,
+            steps_of_moments=self.steps_of_moments,
+            seconds=self.seconds,
+        )
+        parts: list[Any] = [self.weights, self.offsets, self.multipliers, *(self.moments or ())]
+        parts += [*(self.best or ()), *(self.accepted or ())]
+        parts += [values for level in self.history for values in _quantities(level)]
+        save_checkpoint(path, head, np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts]))
 
 
 def moments_of(optimiser: torch.optim.Adam) -> Moments:
@@ -84,38 +111,77 @@ def resume_adam(optimiser: torch.optim.Adam, step: int, moments: Moments) -> Non
     optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
 
 
-def restored(
-    path: Path, key: str, fresh: SearchState, stages: Sequence[Stage], constraints: Sequence[str]
-) -> SearchState:
-    """The state saved at ``path`` of the search that begins with ``fresh``; ``constraints``: names in its history.
+def restored(path: Path, key: str, schedule: Schedule, problems: Problems) -> SearchState:
+    """The state saved at ``path`` of a search with this ``schedule``.
 
-    Raises :class:`InputError` for none, a damaged one, and one that does not fit: another design or other ``stages``.
+    Raises :class:`InputError` for none, a damaged one, and one that does not fit: another design, or other stages.
     """
     head, numbers = load_checkpoint(path, key)
-    stage, step = head.stage, head.step
-    if stage > len(stages) or step > (stages[stage].steps if stage < len(stages) else 0):
-        raise InputError(f"{path}: stage {stage}, step {step}, {_ANOTHER}")
-    done = [(each, each.steps) for each in stages[:stage]] + [(each, step) for each in stages[stage : stage + 1]]
-    moved = stages[stage].functions if step else 0
-    shapes = [tuple(part.shape) for part in (fresh.weights, fresh.offsets, fresh.multipliers)]
-    shapes += [(moved, 2), (moved, 2), (2,), (2,)] if step else []
-    shapes += [(count,) for _, count in done if count for _ in (*_FITTING, *constraints)]
+    past = _Past.of(schedule, head.outcomes, head.step, path)
+    problem = problems.of(past.stage.levels)
+    names = (*_FITTING, *problem.constraints.keys)
+    shapes: list[tuple[int, ...]] = [(past.size, 2), (2,), tuple(problem.constraints.multipliers.shape)]
+    moved = past.stage.functions
+    shapes += [(moved, 2), (moved, 2), (2,), (2,)] if head.steps_of_moments else []
+    shapes += [shape for count in (past.best, past.accepted) if count for shape in ((count, 2), (2,))]
+    shapes += [(steps,) for _, _, steps in past.levels for _ in names]
     if sum(int(np.prod(shape)) for shape in shapes) != len(numbers):
         raise InputError(f"{path}: {len(numbers)} numbers, {_ANOTHER}")
     if not (np.abs(numbers) <= _MOST).all():  # nor is one that is no number
         raise InputError(f"{path}: a number beyond {_MOST:g}; {_ANEW}")
-    parts = _parts(numbers, shapes)
-    weights, offsets, multipliers = (torch.from_numpy(next(parts)) for _ in range(3))
-    moments = Moments(*(torch.from_numpy(next(parts)) for _ in range(4))) if step else None
+    parts = map(torch.from_numpy, _parts(numbers, shapes))
+    weights, offsets, multipliers = (next(parts) for _ in range(3))
+    moments = Moments(*(next(parts) for _ in range(4))) if head.steps_of_moments else None
+    best, accepted = (Parameters(next(parts), next(parts)) if count else None for count in (past.best, past.accepted))
     history = [
-        {"level": each.level, "functions": each.functions, **{name: next(parts).tolist() for name in names}}
-        for each, count in done
-        if count
-        for names in [(*_FITTING, *constraints)]
+        {"level": level, "functions": functions, **{name: next(parts).tolist() for name in names}}
+        for level, functions, _ in past.levels
     ]
     for each in history:
         validated(Level, _fields(each), path, _ANEW)
-    return SearchState(weights, offsets, multipliers, stage, step, moments, history, head.seconds)
+    return SearchState(
+        weights, offsets, multipliers, head.outcomes, head.step, moments, head.steps_of_moments, best, accepted,
+        history, head.seconds,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Past:
+    """Consequences of the outcomes of a search: the stage at hand, or the last one, and functions of what is kept.
+
+    ``size``: of the present lens; ``levels``: level, functions and steps of each part of the history.
+    """
+
+    stage: Stage
+    size: int
+    best: int
+    accepted: int
+    levels: tuple[tuple[int, int, int], ...]
+
+    @staticmethod
+    def of(schedule: Schedule, outcomes: tuple[Outcome, ...], step: int, path: Path) -> "_Past":
+        stage = schedule.turn(()).stage
+        assert stage is not None, "a spec has levels"
+        if not all(map(schedule.accepts, outcomes)):
+            raise InputError(f"{path}: stages with judgements that are {_ANOTHER}")
+        size, best, accepted, levels = sum(stage.levels), 0, 0, list[tuple[int, int, int]]()
+        for count, turn in enumerate(schedule.turns(outcomes)):
+            best = size if turn.improved else best
+            accepted = best if turn.accepted else accepted
+            if turn.begin != "current":
+                size = best = best if turn.begin == "best" else accepted
+            if turn.stage is not None and sum(turn.stage.levels) != size:
+                size = best = sum(turn.stage.levels)
+            stage = turn.stage or stage
+            at_hand, most = count == len(outcomes), 0 if turn.stage is None else turn.stage.steps
+            steps = step if at_hand else outcomes[count].steps
+            if steps > most or (turn.stage is None and not at_hand):
+                raise InputError(f"{path}: stage {len(outcomes)}, step {step}, {_ANOTHER}")
+            if steps and levels and levels[-1][0] == stage.level:
+                levels[-1] = (*levels[-1][:2], levels[-1][2] + steps)
+            elif steps:
+                levels.append((stage.level, stage.functions, steps))
+        return _Past(stage, size, best, accepted, tuple(levels))
 
 
 def level_of(history: dict[str, Any]) -> Level:

@@ -193,3 +193,9 @@ def criteria_state(criteria: Iterable[Criterion], *names: str) -> Literal["pass"
     """``pass`` if all of ``criteria`` called ``names`` are met, else ``fail``; ``""`` where there is none of them."""
     met = [criterion.passed for criterion in criteria if criterion.name in names]
     return ("pass" if all(met) else "fail") if met else ""
+
+
+def search_end(results: Results) -> str | None:
+    """Reason why a search that chose its levels ended; None where they were given, and where there is no record."""
+    design = results.find(Design)
+    return None if design is None else design.ended

@@ -74,6 +74,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "criteria": headline.criterion_rows(results),
         "missed": headline.missed_rows(results),
         "remarks": headline.missing(results),
+        "search_end": headline.search_end(results),
         "check": results.find(Check),
         "proof": results.find(Proof),
         "step_facts": proof.step_facts(results),

@@ -26,6 +26,7 @@ FOLDER = "snapshots"
 _RAYS = 2**18  # enough for a picture
 _POLAR, _AROUND = 61, 121  # nodes of the drawn surface
 _MOST_NODES = 200  # along either; each facet is drawn by itself
+_MOVED_MM = 0.01  # two searches of one scene differ by more
 
 
 class Snapshot(StageResult):
@@ -72,12 +73,15 @@ def load_snapshots(directory: Path, lens: Lens) -> list[Snapshot]:
 
 
 def _ends_in(snapshot: Snapshot, lens: Lens) -> bool:
-    """True where the outer surface of ``lens`` is that of ``snapshot``, compared on a circle around the axis."""
+    """True where the outer surface of ``lens`` is that of ``snapshot``, compared on a circle around the axis.
+
+    After the last snapshot a search may still move its lens by micrometres, back within its limits.
+    """
     points = snapshot.surface_mm[len(snapshot.surface_mm) // 2]
     radius = np.linalg.norm(points, axis=1)
     if not radius.all():
         return False
-    return bool(np.allclose(lens.outer.radius(points / radius[:, None]), radius, rtol=0.0, atol=1e-6))
+    return bool(np.allclose(lens.outer.radius(points / radius[:, None]), radius, rtol=0.0, atol=_MOVED_MM))
 
 
 def snapshot_files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:

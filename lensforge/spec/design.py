@@ -23,6 +23,8 @@ from lensforge.spec.source import SourceSpec
 from lensforge.spec.target import Target
 from lensforge.spec.toml_file import read_toml
 
+_OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
+
 
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage."""
@@ -51,6 +53,25 @@ class Spec(Section):
         _name_kinds(content, self.model_dump())
         return parse_spec(_changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
 
+    def with_levels(self, levels: tuple[int, ...]) -> "Spec":
+        """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
+        if self.lens.levels == levels:
+            return self
+        changes: dict[str, Section] = {"lens": self.lens.model_copy(update={"levels": levels})}
+        if "seconds" in self.optimise.model_fields_set:
+            changes["optimise"] = self._optimise_without({"seconds"})
+        return self.model_copy(update=changes)
+
+    def with_automatic_levels(self) -> "Spec":
+        """The spec of a search that chooses its levels, without the settings that go with given ones."""
+        lens = self.lens.model_copy(update={"levels": "auto"})
+        optimise = self._optimise_without({*_OF_GIVEN_LEVELS, "learning_rate"})
+        return self.model_copy(update={"lens": lens, "optimise": optimise})
+
+    def _optimise_without(self, names: set[str]) -> OptimiseSection:
+        kept = self.optimise.model_fields_set - names
+        return OptimiseSection(**{name: getattr(self.optimise, name) for name in kept})
+
     def save(self, path: Path | str) -> None:
         """Write the spec as TOML; :func:`load_spec` reads an equal one. Raises :class:`InputError`."""
         if not isinstance(path, Path | str):
@@ -72,13 +93,25 @@ class Spec(Section):
     @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
         steps = self.optimise.steps_per_level
-        if steps is not None and len(steps) != len(self.lens.levels):
+        if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
             raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
         if self.target.distance_mm <= self.constraints.max_radius_mm:
             raise ValueError(
                 f"target.distance_mm = {self.target.distance_mm} is inside the lens: "
                 f"it must exceed constraints.max_radius_mm = {self.constraints.max_radius_mm}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _settings_match_levels(self) -> "Spec":
+        given = self.optimise.model_fields_set
+        if self.lens.levels != "auto":
+            if self.optimise.seconds is not None:
+                raise ValueError('optimise.seconds goes with lens.levels = "auto"; leave out one of the two')
+            return self
+        for name in _OF_GIVEN_LEVELS:
+            if name in given and getattr(self.optimise, name):
+                raise ValueError(f"optimise.{name} goes with numbers in lens.levels; leave it out, or give levels")
         return self
 
     @model_validator(mode="after")

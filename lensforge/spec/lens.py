@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
@@ -15,6 +15,12 @@ from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
+_Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
+# chosen by its type, so that a wrong number is named, not both forms
+Levels = Annotated[
+    Annotated[Literal["auto"], Tag("word")] | Annotated[_Numbers, Tag("numbers")],
+    Discriminator(lambda value: "word" if isinstance(value, str) else "numbers"),
+]
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
 
 
@@ -136,9 +142,7 @@ class LensSection(Section):
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    levels: Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)] = (
-        9, 25, 81, 289,
-    )  # fmt: skip
+    levels: Levels = "auto"
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
     inner_offset_mm: Millimetres | None = None
     outer_offset_mm: Millimetres | None = None
@@ -201,10 +205,11 @@ class LensSection(Section):
             raise ValueError(f"{name} = {outer} must exceed where the inner surface meets the axis, {inner:g} mm")
         if not self.levels:
             raise ValueError("levels is empty: give at least one count")
-        try:
-            _ = self.basis
-        except InputError as error:
-            raise ValueError(str(error)) from None
+        if self.levels != "auto":
+            try:
+                _ = self.basis
+            except InputError as error:
+                raise ValueError(str(error)) from None
         return self
 
     @property
@@ -223,5 +228,6 @@ class LensSection(Section):
 
     @property
     def basis(self) -> SrbfBasis:
-        """The functions that shape the free surfaces; a symmetry that is not settled yet counts as none."""
+        """The functions that shape the free surfaces, of levels that are numbers; "auto" symmetry counts as none."""
+        assert self.levels != "auto", "a search sets them"
         return SrbfBasis(self.levels, self.sigma_c, "none" if self.symmetry == "auto" else self.symmetry)

@@ -59,6 +59,9 @@ class ConstraintsSection(Section):
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
+    With automatic levels ``seconds`` is the time that the search may take, set-up included; by default it goes on for
+    as long as it gains. ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
+
     Without ``fresnel`` the search neglects Fresnel losses at both surfaces; the evaluation never does.
     """
 
@@ -67,6 +70,7 @@ class OptimiseSection(Section):
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
     uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
+    seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
     fresnel: bool = True
 
 

@@ -131,8 +131,9 @@ class SrbfSurface(Surface):
 
     @property
     def detail_rad(self) -> float:
-        """Sigma of the narrowest function."""
-        return self.basis.detail_rad
+        """Sigma of the narrowest function whose weight is not 0."""
+        used = self.basis.sigmas[self.weights_mm != 0.0]
+        return float(used.min() if len(used) else self.basis.sigmas.max())
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""

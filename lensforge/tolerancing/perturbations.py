@@ -42,7 +42,7 @@ def _form(lens: Lens, amounts: Amounts, seed: int) -> list[Perturbation]:
         surface = getattr(lens, name)
         for title, functions, rms in (
             ("low-order", LOW_ORDER, amounts.low_order_rms_mm),
-            ("SRBF-scale", lens.spec.lens.levels[-1], amounts.fine_rms_mm),
+            ("SRBF-scale", lens.basis.levels[-1], amounts.fine_rms_mm),
         ):
             wrong = with_form_error(surface, functions, lens.spec.lens.sigma_c, rms, seed + number)
             found.append(Perturbation(f"{title} form error, {name}", 1e3 * rms, "um rms", {name: wrong.radius}))

@@ -5,6 +5,8 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,15 +25,17 @@ from lensforge.optimisation.checkpoint import (
     made_by,
     save_checkpoint,
 )
+from lensforge.optimisation.judgement import SLICES, Judgement, Outcome
 from lensforge.optimisation.optimiser import search
-from lensforge.optimisation.schedule import Stage
+from lensforge.optimisation.problem import Problems
+from lensforge.optimisation.schedule import FixedSchedule, Stage
 from lensforge.optimisation.search_state import Moments, SearchState, moments_of, restored, resume_adam
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 
 KEY = "0" * 64
 NAMES = ("wall_margin_mm", "radius_margin_mm")
-STAGES = [Stage(level, functions, 4, 64, 0.1, 4) for level, functions in enumerate((4, 9))]
+STAGES = [Stage(level, (4, 5), functions, 4, 64, 0.1, 4) for level, functions in enumerate((4, 9))]
 
 
 def numbers(*shape: int) -> torch.Tensor:
@@ -39,6 +43,9 @@ def numbers(*shape: int) -> torch.Tensor:
 
 
 FRESH = SearchState(numbers(9, 2), numbers(2), numbers(2, 30))
+HEAD = {"key": KEY, "made_by": {}, "outcomes": [], "step": 0, "steps_of_moments": 0, "seconds": 0.0}
+ENDED = Outcome(steps=4, seconds=1.5)
+JUDGED = Judgement(merit=0.25, image=0.125, without=(0.25,) * SLICES)
 
 
 def state_at(stage: int, step: int) -> SearchState:
@@ -52,16 +59,32 @@ def state_at(stage: int, step: int) -> SearchState:
         | {name: numbers(count).abs().tolist() for name in ("loss", "nmse", "efficiency", *NAMES)}
         for level, count in enumerate(counts)
     ]
-    return replace(FRESH, stage=stage, step=step, moments=moments, history=history, seconds=1.5)
+    outcomes, steps = (ENDED,) * stage, step if moments else 0
+    return replace(
+        FRESH, outcomes=outcomes, step=step, moments=moments, steps_of_moments=steps, history=history, seconds=1.5
+    )
 
 
-def again(path: Path) -> SearchState:
-    return restored(path, KEY, FRESH, STAGES, NAMES)
+class OneProblem(Problems):
+    """Problems of a search that begins with ``fresh``: what a checkpoint needs of them."""
+
+    def __init__(self, fresh: SearchState, names: tuple[str, ...]) -> None:
+        self.only = SimpleNamespace(
+            constraints=SimpleNamespace(keys=names, multipliers=fresh.multipliers),
+            parametrisation=SimpleNamespace(basis=SimpleNamespace(size=len(fresh.weights))),
+        )
+
+    def of(self, levels: tuple[int, ...]) -> Any:
+        return self.only
+
+
+def again(path: Path, fresh: SearchState = FRESH, names: tuple[str, ...] = NAMES) -> SearchState:
+    return restored(path, KEY, FixedSchedule(tuple(STAGES)), OneProblem(fresh, names))
 
 
 def bits(state: SearchState) -> tuple[object, ...]:
     parts = (state.weights, state.offsets, state.multipliers, *(state.moments or ()))
-    return (*(part.numpy().tobytes() for part in parts), state.stage, state.step, state.history, state.seconds)
+    return (*(part.numpy().tobytes() for part in parts), state.outcomes, state.step, state.history, state.seconds)
 
 
 @pytest.fixture
@@ -131,10 +154,11 @@ def test_a_truncated_one_is_refused_in_one_line(length: int, saved: Path) -> Non
 
 @pytest.mark.parametrize(
     "change",
-    [{"stage": 0}, {"stage": 2}, {"stage": 3}, {"step": 0}, {"step": 2}, {"step": 5}, {"step": 10**15},
-     {"stage": 2, "step": 1}],
+    [{"outcomes": ()}, {"outcomes": (ENDED,) * 2}, {"outcomes": (ENDED,) * 3}, {"step": 0}, {"step": 2}, {"step": 5},
+     {"step": 10**15}, {"outcomes": (ENDED,) * 2, "step": 1}, {"steps_of_moments": 0},
+     {"outcomes": (Outcome(steps=4, seconds=1.5, light=JUDGED),)}],
 )  # fmt: skip
-def test_one_of_another_shape_is_refused_in_one_line(change: dict[str, int], saved: Path) -> None:
+def test_one_of_another_shape_is_refused_in_one_line(change: dict[str, Any], saved: Path) -> None:
     head, found = load_checkpoint(saved, KEY)
     save_checkpoint(saved, head.model_copy(update=change), found)
     with pytest.raises(InputError, match="of another shape") as caught:
@@ -145,16 +169,15 @@ def test_one_of_another_shape_is_refused_in_one_line(change: dict[str, int], sav
 @pytest.mark.parametrize(
     "other",
     [
-        replace(FRESH, weights=numbers(10, 2)),
         replace(FRESH, multipliers=numbers(2, 31)),
         replace(FRESH, multipliers=numbers(3, 30)),
     ],
 )
 def test_one_of_another_scene_is_refused(other: SearchState, saved: Path) -> None:
     with pytest.raises(InputError, match="of another shape"):
-        restored(saved, KEY, other, STAGES, NAMES)
+        again(saved, other)
     with pytest.raises(InputError, match="of another shape"):
-        restored(saved, KEY, FRESH, STAGES, NAMES[:1])
+        again(saved, FRESH, NAMES[:1])
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e13, -1e308])
@@ -177,18 +200,22 @@ def test_a_history_that_no_search_has_is_refused(saved: Path) -> None:
 def rewritten(path: Path, head: bytes, rest: bytes = b"") -> None:
     """A file with a right checksum over any content."""
     content = head + b"\n" + rest
-    path.write_bytes(b"lensforge checkpoint 2\n" + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
+    path.write_bytes(b"lensforge checkpoint 3\n" + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
 
 
 @pytest.mark.parametrize(
     "head",
     [
-        b"", b"[]", b"null", b"{}", b"\xff\xfe", b"[" * 4000, b"9" * 4000, b"x" * 10_000, b'{"stage": 1e999}',
-        json.dumps({"key": KEY, "made_by": {}, "stage": -1, "step": 0, "seconds": 0.0}).encode(),
-        json.dumps({"key": KEY, "made_by": {}, "stage": 0, "step": True, "seconds": 0.0}).encode(),
-        json.dumps({"key": KEY, "made_by": [], "stage": 0, "step": 0, "seconds": 0.0}).encode(),
-        json.dumps({"key": KEY, "made_by": {}, "stage": 0, "step": 0, "seconds": 0.0, "more": 1}).encode(),
-        json.dumps({"key": KEY, "made_by": {}, "stage": 0, "step": 0, "seconds": float("nan")}).encode(),
+        b"", b"[]", b"null", b"{}", b"\xff\xfe", b"[" * 4000, b"9" * 4000, b"x" * 10_000, b'{"step": 1e999}',
+        *(
+            json.dumps(HEAD | bad).encode()
+            for bad in (
+                {"outcomes": [[0.0]]}, {"outcomes": [{"seconds": float("nan")}]}, {"outcomes": [{"seconds": -1.0}]},
+                {"outcomes": [{"seconds": 1.0, "light": {"merit": 1.0, "image": 0.0, "without": [1.0] * SLICES}}]},
+                {"outcomes": [{"seconds": 1.0, "light": {"merit": 1.0, "image": 1.0, "without": [1.0]}}]},
+                {"step": -1}, {"step": True}, {"made_by": []}, {"more": 1}, {"seconds": float("nan")},
+            )
+        ),
     ],
 )  # fmt: skip
 def test_a_hostile_head_with_a_right_checksum_is_one_line(head: bytes, tmp_path: Path) -> None:
@@ -272,7 +299,7 @@ def test_a_search_that_starts_anew_drops_the_checkpoint_of_an_earlier_one(tmp_pa
     with pytest.raises(Stop):
         search(spec, build_source(spec.source), accuracy="draft", checkpoint=path, progress=stop)
     head, _ = load_checkpoint(path, fingerprint(spec, 0, "draft", None, None))
-    assert (head.stage, head.step) == (0, 0), "the step whose observer was interrupted is taken again"
+    assert (head.outcomes, head.step) == ((), 0), "the step whose observer was interrupted is taken again"
     path.unlink()
     path.mkdir()
     with pytest.raises(InputError, match="cannot be replaced"):

@@ -14,7 +14,7 @@ from lensforge.optimisation.design import Progress
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation, fit_surface
-from lensforge.optimisation.schedule import plan
+from lensforge.optimisation.schedule import fixed_schedule
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
@@ -98,7 +98,7 @@ def test_a_checkpoint_of_another_design_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_plan_is_coarse_to_fine_and_the_spec_outranks_the_preset() -> None:
-    stages = plan(small_spec(optimise__uniformity_steps=3), PRESETS["draft"])
+    stages = fixed_schedule(small_spec(optimise__uniformity_steps=3), PRESETS["draft"], last_only=False).stages
     assert [stage.functions for stage in stages] == [9, 34]
     assert [stage.steps for stage in stages] == [4, 4]
     assert stages[0].learning_rate > stages[1].learning_rate > stages[1].rate(3)

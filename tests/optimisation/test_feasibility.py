@@ -13,6 +13,7 @@ from lensforge.optimisation.feasibility import (
 from lensforge.optimisation.limits import constraint_criteria
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.problem import Problem, Problems
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 
@@ -24,6 +25,10 @@ def scene(
     weights = np.random.default_rng(1).normal(size=(parametrisation.basis.size, 2)) * spread
     offsets = torch.tensor([1.0, outer], dtype=torch.float64)
     return parametrisation, AugmentedLagrangian.of(spec, parametrisation.grid), torch.from_numpy(weights), offsets
+
+
+def problem_of(spec: Spec, levels: tuple[int, ...]) -> Problem:
+    return Problems(spec, build_source(spec.source), 2.5, None).of(levels)
 
 
 def failing(parametrisation: Parametrisation, spec: Spec, weights: torch.Tensor, offsets: torch.Tensor) -> set[str]:
@@ -74,9 +79,8 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     """A cavity of 5.5 mm nowhere tighter than 5.5 mm, 1 mm of wall and 25 degrees of draft need 6.5 / cos(25 deg)."""
     limits = {"constraints__cavity_height_mm": 5.5, "constraints__inner_concave_radius_mm": 5.5}
     spec = small_spec(**limits, constraints__outer_draft_deg=25.0, lens__symmetry="square")
-    parametrisation, constraints, _, _ = scene(spec, 0.0, 1.0)
     with pytest.raises(InputError, match=r"no lens was found that keeps all of .*outer_draft_deg = 25") as refusal:
-        require_feasible_start(spec, parametrisation, constraints)
+        require_feasible_start([problem_of(spec, spec.lens.basis.levels)])
     assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
     begun: list[object] = []
     with pytest.raises(InputError, match="no lens was found"):
@@ -85,8 +89,7 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     wider = small_spec(
         **limits, constraints__outer_draft_deg=25.0, constraints__max_radius_mm=7.5, lens__symmetry="square"
     )
-    parametrisation, constraints, _, _ = scene(wider, 0.0, 1.0)
-    require_feasible_start(wider, parametrisation, constraints)  # 7.17 mm of radius are enough
+    require_feasible_start([problem_of(wider, wider.lens.basis.levels)])  # 7.17 mm of radius are enough
 
 
 @pytest.mark.parametrize("symmetry", ["mirror_x", "rectangle", "square"])

@@ -234,7 +234,7 @@ def test_without_run_json_every_criterion_is_judged_by_its_own_value_and_limit(w
             require_own_judgement(folder)
             assert not words.startswith(("criteria", "verdicts")) or "remedy" in words, (stem, words)
         (folder / f"{stem}.json").write_bytes(before)
-    assert taken < 0.5 * len(chosen(whole_run))
+    assert taken < (0.5 if NIGHTLY else 0.6) * len(chosen(whole_run))  # 30 by day: two standard errors more
 
 
 def test_the_value_of_the_issue_is_refused(folder: Path) -> None:

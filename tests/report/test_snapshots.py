@@ -1,10 +1,13 @@
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from judgements import judge_as
 from result_folders import make_results, page_of, small_lens
 from scenes import small_spec
 
+from lensforge.accuracy import PRESETS, SearchEffort
 from lensforge.errors import InputError
 from lensforge.optimisation.optimiser import search
 from lensforge.report.search_figures import snapshot_figure
@@ -70,6 +73,21 @@ def test_a_resumed_design_keeps_the_levels_that_it_had(taken):
     folder, result = taken
     Snapshots(small_spec(), folder, resume=True)
     assert len(load_snapshots(folder, result.lens)) == 2
+
+
+def test_snapshots_of_automatic_levels_end_in_the_finished_lens(tmp_path, monkeypatch):
+    """The second level is left out, and after the last stage the search goes back to the best lens."""
+    effort = SearchEffort(25, (4, 6), (256, 512), 512, 0.1, 0.05)
+    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=effort))
+    judge_as(monkeypatch, 1.0, 0.5, 0.51, 0.49, 0.4, 0.45)
+    changes = {"optimise__steps_per_level": None, "optimise__rays": None, "target__uniform_mm": None}
+    spec = small_spec(lens__levels="auto", **changes)
+    observer = Snapshots(spec, tmp_path)
+    result = search(spec, build_source(spec.source), accuracy="draft", progress=observer.on_step)
+    assert result.steps == 4 + 4 + 4 + 6 + 6 and result.lens.basis.levels == (9,)
+    found = load_snapshots(tmp_path, result.lens)
+    assert [(each.level, each.functions, each.step) for each in found] == [(1, 9, 24)]
+    assert np.array_equal(found[-1].surface_mm, outer_slope(result.lens)[0])
 
 
 def test_levels_can_be_drawn_on_one_scale(taken):

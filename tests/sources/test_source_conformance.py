@@ -19,6 +19,7 @@ from lensforge.optics.materials import MATERIALS
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.measured_rays import smoothed
 from lensforge.sources.photometric import PhotometricFile, write_photometric
 from lensforge.sources.radiance_table import RadianceTable
 from lensforge.spec import parse_spec
@@ -173,7 +174,9 @@ def test_every_kind_and_every_emitter_class_has_a_case(tmp_path):
     radiant = _built({"kind": "radiance", "file": _radiance(tmp_path / "square.npz")})
     found = set(_emitter_classes())
     assert len(found) >= 3
-    assert found == built | {type(radiant)}
+    turned = smoothed(_built({"kind": "rayfile", "file": LED}))  # made by a search, not by a spec
+    assert found == built | {type(radiant), type(turned)}
+    assert isinstance(turned, Source)
 
 
 @every

@@ -18,7 +18,7 @@ from lensforge.studies.tradeoff.measure import Effort, _lens_in, measure, run_tr
 from lensforge.studies.tradeoff.record import Tradeoff
 
 NODES = tuple(sorted({n for p in PRESETS.values() for n in (p.nodes_per_sigma, p.evaluate_nodes_per_sigma)}))
-EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (12,), cad=False)
+EFFORT = Effort(NODES, (2**8, 2**10, 2**12), (8, 16), (20, 28, 40), (12, 24, 48), (12,), cad=False, search=None)
 FEW = replace(EFFORT, rays=(2**8, 2**10), pixels=(8,), nodes=(20, 28), rings=(12, 24))
 SPEC = small_spec(base={"kind": "none"})
 
@@ -134,6 +134,7 @@ def test_without_a_lens_a_draft_is_designed(tmp_path):
     assert "draft" in heard[0] and heard[1:] == ["tables", "tables"]
 
 
+@pytest.mark.nightly("a study of its own")
 def test_a_measured_source_is_resampled_and_its_rays_are_the_reference():
     source = Measured(build_source(SPEC.source).sample(5000, 1))
     content = measure(small_lens(), source, replace(FEW, rays=EFFORT.rays), lambda _: None)

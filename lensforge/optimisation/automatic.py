@@ -1,0 +1,226 @@
+"""A search that chooses its levels and ends when nothing is gained: decisions from held rays after every stage.
+
+The lens from which it starts is judged first, so that the end is never worse. Each level has one short stage: broad
+functions need not be converged, the next level does the same work better, and a converged coarse lens leads to a worse
+fine one. A level that lowered the error by too little, or by no more than noise, is tried again with smaller steps; if
+that does not help, it is left out, and no finer one is tried. Long stages of ever smaller steps and more rays follow,
+until one of them gains too little. A scene with a region of uniform light then has stages for its uniformity, with
+small steps: they decide between lenses that light the target alike, and larger ones scatter light out of the window
+(0.904 of the flux for 0.908 on flat_top). In every stage the learning rate falls to a twentieth, so that its end can be
+judged.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import Literal
+
+from lensforge.optimisation.automatic_stages import AutomaticStages
+from lensforge.optimisation.judgement import Gain, Outcome
+from lensforge.optimisation.schedule import Stage, Turn
+
+_OF_BUDGET = 0.7  # for all levels, each of which gains more than a long stage; the rest is for those
+_FOR_UNIFORMITY = 0.3  # of the budget, in a scene with a region of uniform light
+_DEARER = 1.6  # a step takes that much longer than one of the level before: 1.2 to 2.0, most where rays are doubled
+_GAIN_IN_BUDGET = 0.02  # of a long stage, at least: who gives seconds wants what can be had in them
+_SAFE = 0.93  # of the budget, for steps that take longer than those before, and what follows the last one
+_UP = 0.95  # of the budget: a machine that others use may become slower by any factor; then a stage ends at once
+_FEWEST = 10  # steps of a stage that is cut to fit the budget
+
+
+@dataclass(frozen=True)
+class AutomaticSchedule:
+    """``budget_s``: seconds of the whole search, None for as long as it gains.
+
+    ``uniform``: the scene has a region of uniform light. ``start_level``: of the lens from which it starts, 0 for
+    hemispheres.
+    """
+
+    stages: AutomaticStages
+    uniform: bool
+    budget_s: float | None = None
+    start_level: int = 0
+
+    def turn(self, outcomes: Sequence[Outcome]) -> Turn:
+        """Decide what follows the stages that had ``outcomes``."""
+        return self._last(outcomes).turn
+
+    def turns(self, outcomes: Iterable[Outcome]) -> Iterator[Turn]:
+        """The first turn, and the one that follows each of ``outcomes``."""
+        return (position.turn for position in self._positions(outcomes))
+
+    def accepts(self, outcome: Outcome) -> bool:
+        """True for one with judgements of its light, and of its uniformity in a scene that asks for it."""
+        return outcome.light is not None and (outcome.even is not None) == self.uniform
+
+    def most_steps(self, outcomes: Sequence[Outcome]) -> int:
+        """Steps so far, and those of the stage that follows."""
+        return self._last(outcomes).steps
+
+    def most_seconds(self, outcomes: Sequence[Outcome]) -> float:
+        """Nearly the budget, but the first level has all its steps."""
+        return math.inf if self.budget_s is None or len(outcomes) < 2 else _UP * self.budget_s
+
+    def _last(self, outcomes: Sequence[Outcome]) -> "_Position":
+        *_, last = self._positions(outcomes)
+        return last
+
+    def _positions(self, outcomes: Iterable[Outcome]) -> "Iterator[_Position]":
+        return accumulate(outcomes, _Position.after, initial=_Position.first(self))
+
+    @property
+    def step_gain(self) -> float:
+        """Share by which a long stage must lower the error, else the search ends."""
+        return (
+            self.stages.effort.step_gain
+            if self.budget_s is None
+            else min(self.stages.effort.step_gain, _GAIN_IN_BUDGET)
+        )
+
+
+_Part = Literal["levels", "long", "uniform"]
+_Begin = Literal["current", "best", "accepted"]
+
+
+@dataclass(frozen=True)
+class _Position:
+    """Position of a search: ``best`` outcome of its part, ``accepted`` one of its levels, of ``accepted_level``.
+
+    ``stages``: of its part. ``again``: the level is tried for the second time. ``steps``: of all stages, the next one
+    included.
+    """
+
+    schedule: AutomaticSchedule
+    part: _Part
+    level: int
+    turn: Turn
+    steps: int = 0
+    best: Outcome | None = None
+    accepted: Outcome | None = None
+    accepted_level: int = 0
+    seconds: float = 0.0
+    stages: int = 0
+    again: bool = False
+    why: str = ""
+
+    @staticmethod
+    def first(schedule: AutomaticSchedule) -> "_Position":
+        level = schedule.start_level
+        judged = replace(schedule.stages.level_stage(level), steps=0, uniformity_from=0)
+        return _Position(schedule, "levels", level, Turn(judged))
+
+    def after(self, outcome: Outcome) -> "_Position":
+        """The position after one more stage."""
+        following = self._after_level(outcome) if self.part == "levels" else self._after_long_stage(outcome)
+        last, stage = self.turn.stage, following.turn.stage
+        cut = 0 if last is None else last.steps - outcome.steps
+        steps = self.steps - cut + (0 if stage is None else stage.steps)
+        return replace(following, seconds=outcome.seconds, steps=steps)
+
+    def _after_level(self, outcome: Outcome) -> "_Position":
+        counts, level = self.schedule.stages.levels.counts, self.level
+        now = replace(self, best=outcome, accepted=outcome, accepted_level=level)
+        kept = Turn(None, "current", improved=True, accepted=True)
+        if self.accepted is None:
+            return now._level_stage(level, kept)
+        gain = self.accepted.gain_of(outcome, even=False)
+        if not gain.reaches(self.schedule.stages.effort.level_gain):
+            return self._after_small_gain(gain, outcome, now)
+        if level + 1 == len(counts):
+            return replace(now, why=self.schedule.stages.levels.why)._stage_of("long", outcome, kept)
+        most = self._steps_of_level(outcome, len(counts) - 1 - level)
+        if most == 0:
+            why = f"optimise.seconds = {self.schedule.budget_s:g} leaves no time for {counts[level + 1]} functions"
+            return replace(now, why=why)._stage_of("long", outcome, kept)
+        return now._level_stage(level + 1, kept, most)
+
+    def _after_small_gain(self, gain: Gain, outcome: Outcome, now: "_Position") -> "_Position":
+        """The level once more with smaller steps, or without it; that of the start stays, with what it has gained."""
+        first, least = self.level == self.accepted_level, self.schedule.stages.effort.level_gain
+        more = "the first steps" if first else f"{self.schedule.stages.levels.counts[self.level]} functions more"
+        why = f"{more} lower the error by {_judged(gain, least)}"
+        if not first and self._time_is_up(outcome):
+            why = f"optimise.seconds = {self.schedule.budget_s:g} leaves no time for {more}"
+        if first and gain.share > 0.0:
+            return replace(now, why=why)._stage_of("long", outcome, Turn(None, "current", improved=True, accepted=True))
+        most = self._steps_of_level(outcome, 1)
+        if not self.again and most != 0:
+            return self._level_stage(self.level, Turn(None, "accepted"), most, again=True)
+        back = replace(self, level=self.accepted_level, best=self.accepted, why=why)
+        return back._stage_of("long", outcome, Turn(None, "accepted"))
+
+    def _level_stage(
+        self, level: int, turn: Turn, most_steps: int | None = None, *, again: bool = False
+    ) -> "_Position":
+        """The stage of ``level``, cut to ``most_steps``; ``again``: for the second time."""
+        stage = self.schedule.stages.level_stage(level, most_steps, again=again)
+        return replace(self, level=level, again=again, turn=replace(turn, stage=stage))
+
+    def _steps_of_level(self, outcome: Outcome, levels: int) -> int | None:
+        """Steps of each of so many ``levels`` more for which the budget has time, or of fewer levels; 0 for none."""
+        if self.schedule.budget_s is None:
+            return None
+        left_s, step_s = _OF_BUDGET * self.schedule.budget_s - outcome.seconds, self._step_s(outcome)
+        for count in range(levels, 0, -1):
+            steps = int(left_s / step_s / sum(_DEARER**k for k in range(1, count + 1)))
+            if steps >= min(_FEWEST, self.schedule.stages.effort.steps[0]):
+                return steps
+        return 0
+
+    def _step_s(self, outcome: Outcome) -> float:
+        """Seconds of a step of the stage that has ended; its set-up included."""
+        return max(outcome.seconds - self.seconds, 1e-9) / max(outcome.steps, 1)
+
+    def _after_long_stage(self, outcome: Outcome) -> "_Position":
+        assert self.best is not None
+        gain, least = self.best.gain_of(outcome, even=self.part == "uniform"), self.schedule.step_gain
+        improved = gain.share > 0.0
+        now = replace(self, best=outcome if improved else self.best)
+        if gain.reaches(least):
+            return now._stage_of(self.part, outcome, Turn(None, "current", improved=True))
+        words = f"the last {outcome.steps} steps lowered the error by {_judged(gain, least)}"
+        if self._time_is_up(outcome):
+            words = self._used()
+        return now._after_part(outcome, Turn(None, "best", improved), self.part, words)
+
+    def _time_is_up(self, outcome: Outcome) -> bool:
+        return self.schedule.budget_s is not None and outcome.seconds >= _UP * self.schedule.budget_s
+
+    def _used(self) -> str:
+        return f"optimise.seconds = {self.schedule.budget_s:g} are used"
+
+    def _stage_of(self, part: _Part, outcome: Outcome, turn: Turn) -> "_Position":
+        """One more stage of ``part``, with the parameters of ``turn``, if there is time; else what comes after it."""
+        before = self.stages if part == self.part else 0
+        make = self.schedule.stages.long_stage if part == "long" else self.schedule.stages.uniform_stage
+        most = self._steps_left(outcome, make(self.level, before, None))
+        if most is not None and most < _FEWEST:
+            begin: _Begin = "best" if turn.begin == "current" else turn.begin
+            return self._after_part(outcome, replace(turn, begin=begin), part, self._used())
+        stage = make(self.level, before, most)
+        return replace(self, part=part, stages=before + 1, turn=replace(turn, stage=stage))
+
+    def _after_part(self, outcome: Outcome, turn: Turn, part: _Part, words: str) -> "_Position":
+        """The first stage for the uniformity, or the end, because of ``words``."""
+        if self.schedule.uniform and part != "uniform":
+            begins = {"current": outcome, "best": self.best, "accepted": self.accepted}[turn.begin]
+            return replace(self, best=begins)._stage_of("uniform", outcome, turn)
+        return replace(self, turn=replace(turn, why=f"{self.why}; {words}"))
+
+    def _steps_left(self, outcome: Outcome, stage: Stage) -> int | None:
+        """Steps of ``stage`` for which the budget has time, judged by the seconds of the last stage."""
+        last = self.turn.stage
+        if self.schedule.budget_s is None or last is None or not outcome.steps:
+            return None
+        kept = _FOR_UNIFORMITY if self.schedule.uniform and not stage.uniform else 0.0
+        until_s = (_SAFE - kept) * self.schedule.budget_s
+        return int((until_s - outcome.seconds) / (self._step_s(outcome) * max(1.0, stage.rays / last.rays)))
+
+
+def _judged(gain: Gain, least: float) -> str:
+    """A gain that is not enough, in words."""
+    lowered = 100.0 * max(gain.share, 0.0)
+    if gain.share >= least:
+        return f"{lowered:.2g} %, which may be noise: its standard error is {100 * gain.standard_error:.2g} %"
+    return f"{lowered:.2g} %, less than {100 * least:g} %"

@@ -1,0 +1,25 @@
+"""Judgements of lenses by hand, for searches whose decisions a test wants to know beforehand."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lensforge.optimisation.held_rays import HeldRays
+from lensforge.optimisation.judgement import SLICES, Judgement
+
+
+def judged(merit: float, noise: float = 0.0, seed: int = 0) -> Judgement:
+    """A judgement whose merit has the standard error ``noise``, to some 30 %."""
+    without = merit + noise / np.sqrt(SLICES - 1) * np.random.default_rng(seed).normal(size=SLICES)
+    return Judgement(merit=merit, image=merit, without=tuple(without.tolist()))
+
+
+def judge_as(monkeypatch: pytest.MonkeyPatch, *merits: float) -> None:
+    """Let the lenses of all searches from here on have ``merits``, one after another; the last of them for all more."""
+    coming = iter(merits)
+
+    def judge(self: HeldRays, *given: Any) -> tuple[Judgement, None]:
+        return judged(next(coming, merits[-1])), None
+
+    monkeypatch.setattr(HeldRays, "judge", judge)

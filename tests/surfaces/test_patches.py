@@ -1,0 +1,95 @@
+"""Tables from patches of basis functions, level by level, against the exact sum; refinement and gradient."""
+
+import numpy as np
+import pytest
+import torch
+from scenes import small_spec
+
+from lensforge.kernels.patches import refine, refine_adjoint
+from lensforge.optimisation.parameters import Parametrisation
+from lensforge.surfaces.patches import dyadic_grid
+from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
+from lensforge.surfaces.srbf import SrbfSurface, level_sigma
+
+LEVELS = [9, 25, 81, 289]
+
+
+def parametrisation(nodes_per_sigma: float, **changes: object) -> Parametrisation:
+    return Parametrisation.patched(
+        small_spec(lens__levels=LEVELS, optimise__steps_per_level=None, **changes), nodes_per_sigma
+    )
+
+
+def random_weights(count: int) -> torch.Tensor:
+    return torch.from_numpy(np.random.default_rng(3).normal(size=(count, 2)) * 0.01)
+
+
+@pytest.mark.parametrize("symmetry", ["none", "mirror_x", "rectangle", "square"])
+@pytest.mark.parametrize("nodes_per_sigma", [2.5, 3.4, 5.0])
+def test_tables_are_no_worse_than_those_of_the_exact_sum(symmetry: str, nodes_per_sigma: float) -> None:
+    ours = parametrisation(nodes_per_sigma, lens__symmetry=symmetry)
+    weights, offsets = random_weights(ours.basis.size), torch.tensor([1.0, 1.1], dtype=torch.float64)
+    for face, table in enumerate(ours.tables(weights, offsets)):
+        scale = float(ours.scale_mm[face])
+        surface = SrbfSurface(ours.basis, weights[:, face].numpy() * scale, float(offsets[face]) * scale)
+        best = table_error(ours.grid, tabulate(ours.grid, surface), surface)
+        assert table_error(ours.grid, table.numpy(), surface) < 1.5 * best + 3e-5 * 0.01 * scale
+
+
+@pytest.mark.parametrize("count", [9, 34, 115, 404])
+def test_the_first_levels_alone_are_the_same_as_zeros_in_the_others(count: int) -> None:
+    ours, weights = parametrisation(3.4), random_weights(404)
+    weights[count:] = 0.0
+    offsets = torch.ones(2, dtype=torch.float64)
+    for few, all_of_them in zip(ours.tables(weights[:count], offsets), ours.tables(weights, offsets), strict=True):
+        assert torch.equal(few, all_of_them)
+
+
+def test_the_gradient_is_that_of_a_linear_map() -> None:
+    ours, weights = parametrisation(3.4), random_weights(404).requires_grad_()
+    offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)
+    by_tables = [torch.from_numpy(np.random.default_rng(k).normal(size=(ours.grid.side,) * 2)) for k in (0, 1)]
+
+    def product(weights: torch.Tensor, offsets: torch.Tensor) -> torch.Tensor:
+        return sum(torch.sum(by * table) for by, table in zip(by_tables, ours.tables(weights, offsets), strict=True))
+
+    value = product(weights, offsets)
+    by_weights, by_offsets = torch.autograd.grad(value, (weights, offsets))
+    along = torch.sum(by_weights * weights) + torch.sum(by_offsets * offsets)
+    assert along.item() == pytest.approx(value.item(), rel=1e-10), "homogeneous of degree 1"
+    other = torch.flip(weights.detach(), [0])
+    change = product(other, offsets.detach()) - value.detach()
+    assert torch.sum(by_weights * (other - weights.detach())).item() == pytest.approx(change.item(), rel=1e-10)
+
+
+def test_a_refined_table_is_the_same_spline() -> None:
+    coarse, fine = TableGrid(12), TableGrid(23)
+    rng = np.random.default_rng(1)
+    table, halfway, finer = rng.normal(size=(14, 14)), np.empty((25, 14)), np.empty((25, 25))
+    refine(table, halfway, finer)
+    assert coarse.side == 14 and fine.side == 25
+
+    def at_nodes(values: np.ndarray) -> np.ndarray:
+        along = (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
+        return (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:]) / 6.0
+
+    assert np.allclose(at_nodes(finer)[::2, ::2], at_nodes(table), rtol=0.0, atol=1e-14)
+    assert np.allclose(at_nodes(finer)[1::2, ::2], _between(table), rtol=0.0, atol=1e-14)
+    by_finer, by_table = rng.normal(size=(25, 25)), np.empty((14, 14))
+    refine_adjoint(by_finer, halfway, by_table)
+    assert np.sum(by_table * table) == pytest.approx(np.sum(by_finer * finer), rel=1e-12)
+
+
+def _between(table: np.ndarray) -> np.ndarray:
+    """The spline midway between nodes along the first axis, at nodes along the second."""
+    along = (table[:-3] + 23.0 * table[1:-2] + 23.0 * table[2:-1] + table[3:]) / 48.0
+    return (along[:, :-2] + 4.0 * along[:, 1:-1] + along[:, 2:]) / 6.0
+
+
+def test_every_level_is_resolved_on_its_own_grid() -> None:
+    sigmas = [level_sigma(count, 1.75) for count in LEVELS]
+    grid, halvings = dyadic_grid(sigmas, 3.4)
+    assert list(halvings) == sorted(halvings, reverse=True) and halvings[-1] == 0
+    for sigma, times in zip(sigmas, halvings, strict=True):
+        assert (grid.nodes - 1) % 2**times == 0
+        assert (grid.nodes - 1) >> times >= grid_for(sigma, 3.4).nodes - 1 or times == 0
