@@ -21,7 +21,7 @@ from lensforge.results import LENS_FILE
 from lensforge.run_folder import open_run
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
-from lensforge.spec import Spec
+from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
 from lensforge.stages import design
 from lensforge.studies.tradeoff import exported, pixels, rays, tables
@@ -29,6 +29,7 @@ from lensforge.studies.tradeoff.page import tradeoff_page
 from lensforge.studies.tradeoff.presets import accuracy_of_presets
 from lensforge.studies.tradeoff.record import MeasuredLens, Tradeoff
 from lensforge.studies.tradeoff.runs import trace_run
+from lensforge.studies.tradeoff.search import search_study
 from lensforge.tracing.tables import Scene
 
 PAGE = "tradeoff.html"
@@ -38,7 +39,10 @@ _WARM_UP_RAYS = 512  # compile the kernels, so that no level includes it
 
 @dataclass(frozen=True)
 class Effort:
-    """The settings of each study; without ``cad`` no STEP file is written and the CAD kernel is not loaded."""
+    """The settings of each study; without ``cad`` no STEP file is written and the CAD kernel is not loaded.
+
+    ``search``: accuracy of the search that is looked at, None for no search.
+    """
 
     nodes_per_sigma: tuple[float, ...] = tables.SETTINGS
     rays: tuple[int, ...] = rays.SETTINGS
@@ -47,6 +51,7 @@ class Effort:
     rings: tuple[int, ...] = exported.MESH_RINGS
     cast_rings: tuple[int, ...] = exported.CAST_RINGS
     cad: bool = True
+    search: Accuracy | None = "standard"
 
     @staticmethod
     def up_to(most_rays: int) -> "Effort":
@@ -112,6 +117,9 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     by_knots, plan = exported.nurbs_study(lens, effort.nodes, cad=effort.cad)
     by_mesh, by_cast = exported.mesh_study(plan, effort.rings), exported.casting_study(few, plan, effort.cast_rings)
     studies = [by_rays, by_nodes, by_pixels, by_filter, by_knots, by_mesh, by_cast]
+    if effort.search is not None:
+        announce("functions and steps of a search")
+        studies.append(search_study(lens.spec, source, effort.search, max(effort.rays)))
     return Tradeoff(
         inputs={"lens": lens.sha256},
         name=lens.spec.name,
@@ -126,6 +134,8 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
 def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> None:
     """Raise :class:`InputError` where ``lens`` was designed for another scene than ``spec`` with its ``source``."""
     wanted = settled_symmetry(spec, source)
+    if wanted.lens.levels == "auto":
+        wanted = wanted.with_levels(lens.spec.lens.basis.levels)
     for section in ("source", "lens", "target"):
         if section_sha256(getattr(lens.spec, section)) != section_sha256(getattr(wanted, section)):
             raise InputError(

@@ -33,6 +33,8 @@ _NAMES = {
     "nmse_shift": "NMSE shifted by",
     "noise_nmse": "remaining noise, NMSE",
     "form": "form",
+    "nmse": "NMSE",
+    "loss": "lost light",
     "chord": "form",
 }
 _OTHER = {
@@ -40,6 +42,8 @@ _OTHER = {
     "nmse": "NMSE",
     "step_kb": "STEP (kB)",
     "triangles": "triangles",
+    "inner_concave_mm": "smallest concave radius inside (mm)",
+    "outer_concave_mm": "outside (mm)",
 }
 
 _PRESETS = {
