@@ -1,4 +1,4 @@
-"""One gradient step of the flat top: time of its parts, growth with rays and functions, memory.
+"""One gradient step of the flat top: time of its parts, growth with rays and functions, set-up, memory.
 
     python benchmarks/gradient_step.py [--rays 524288] [--repeat 7]
 
@@ -18,14 +18,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.merit import MeritFunction
-from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.problem import Problems
 from lensforge.optimisation.schedule import rays_ahead
+from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 
-MANY = (25, 81, 289, 1089, 2741)
+LEVELS, MANY, AUTOMATIC = (25, 81, 289), (25, 81, 289, 1089, 2741), (9, 25, 81, 289, 1089)
 SPEC = Path(__file__).parents[1] / "examples" / "flat_top.toml"
 
 
@@ -42,15 +41,13 @@ def median_seconds(work: Callable[[], object], repeat: int) -> float:
 class Step:
     """The step of the design loop, with its parts callable one by one."""
 
-    def __init__(self, rays: int, levels: tuple[int, ...] | None = None) -> None:
-        spec = load_spec(SPEC)
-        if levels is not None:
-            lens = spec.lens.model_copy(update={"levels": levels})
-            spec = spec.model_copy(update={"lens": lens})
+    def __init__(self, rays: int, levels: tuple[int, ...] = LEVELS, *, automatic: bool = False) -> None:
+        spec, start = load_spec(SPEC), time.perf_counter()
         self.source = build_source(spec.source, spec.lens.dispersion)
-        self.parametrisation = Parametrisation.of(spec, 3.4)
-        self.merit = MeritFunction.of(spec, self.source, self.parametrisation)
-        self.constraints = AugmentedLagrangian.of(spec, self.parametrisation.grid)
+        spec = spec if automatic else spec.with_levels(levels)
+        problem = Problems(settled_symmetry(spec, self.source), self.source, 3.4, None).of(levels)
+        self.set_up_s = time.perf_counter() - start
+        self.parametrisation, self.merit, self.constraints = problem.parametrisation, problem.merit, problem.constraints
         rng = np.random.default_rng(0)
         size = self.parametrisation.basis.size
         self.weights = torch.from_numpy(rng.normal(size=(size, 2)) * 0.005).requires_grad_()
@@ -117,6 +114,20 @@ def main() -> None:
     larger = Step(options.rays, MANY)
     ratio = times_the_cost(larger, step, options.repeat)
     print(f"{'functions':10s} {ratio:8.2f}  times the cost for {2 * larger.parametrisation.basis.size} functions")
+    by_patches(2**16, options.repeat)
+
+
+def by_patches(rays: int, repeat: int) -> None:
+    """Costs of an automatic search's finest level, by patches as there, and by the maps of given levels."""
+    few, maps, patches = Step(rays), Step(rays, AUTOMATIC), Step(rays, AUTOMATIC, automatic=True)
+    print(f"{rays} rays a step, {maps.parametrisation.basis.size} functions a surface, by maps and by patches:")
+    for name, step in (("maps", maps), ("patches", patches)):
+        tables = 1e3 * median_seconds(step.tables, repeat)
+        ratio = times_the_cost(step, few, repeat)
+        print(
+            f"{name:10s} {step.set_up_s:8.2f} s of set-up, {tables:.0f} ms to tables and back, a step "
+            f"{ratio:.2f} times the cost of one with {few.parametrisation.basis.size} functions by maps"
+        )
 
 
 if __name__ == "__main__":

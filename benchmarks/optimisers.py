@@ -1,20 +1,21 @@
-"""Quality over time of several optimisers: the paper's SGD, Adam, and L-BFGS on fixed samples.
+"""Quality of several optimisers after the same time, on five scenes: first order, L-BFGS, damped Gauss-Newton.
 
-    python benchmarks/optimisers.py [examples/pi.toml] [--seconds 60] [--output docs/optimisers]
+    python benchmarks/optimisers.py [pi quickstart ...] [--seconds 20] [--methods Adam ...] [--output docs/optimisers]
 
-All vary the same parameters, coarse to fine through the same levels with the same share of the time for each, on the
-same loss; SGD and Adam see fresh rays at every step, L-BFGS (strong Wolfe line search) a fixed sample that is renewed
-at every restart. All are evaluated alike: NMSE of 2^20 rays that no search has seen; that time is not
-counted. Learning rates are the best of a series for each method. Writes a table (Markdown) and a plot.
+All vary the same parameters through the levels that an automatic search takes, with the same share of the time for
+each, on the same loss. First-order methods see fresh rays at every step, and their rate falls by a cosine to a
+twentieth over each level; L-BFGS (strong Wolfe line search) and Gauss-Newton take a sample that is renewed at every
+restart. The last row is the automatic search itself, which has its own share for each level, judges itself, and pays
+for its set-up. All are judged alike: NMSE of 2^20 rays that no search has seen, on the pixels of the search; that time
+is not counted. Writes a table (Markdown) and, for the first scene, a plot over time.
 """
 
-import lensforge  # noqa: F401  before torch, whose idle threads then sleep
+import lensforge as lf  # before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import matplotlib
@@ -22,185 +23,111 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-import torch
+from descents import Method, SearchInProgress, adabelief, first_order, gauss_newton, quasi_newton, sgd
+from torch import optim
 
 from lensforge.accuracy import PRESETS
-from lensforge.errors import InputError
-from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.merit import Evaluated, MeritFunction
-from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.levels import UsefulLevels
 from lensforge.sources.build import build_source
-from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec, load_spec
 
-SHARES = (0.05, 0.1, 0.2, 0.65)  # of the time, for the levels from coarse to fine
-UNSEEN_RAYS, UNSEEN_SEED, ROUND = 2**20, 2**41, 10
-THRESHOLDS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.015, 0.012, 0.01)
+EXAMPLES = Path(__file__).parents[1] / "examples"
+SCENES = ("pi", "quickstart", "flat_top", "image", "text")
+AUTOMATIC = "the automatic search"
+SHARE_BEFORE_LAST = 0.35  # of the time, for all levels but the last, halved for each that is coarser
 
-
-@dataclass
-class SearchInProgress:
-    """A search in progress: parameters, and a clock that is stopped during evaluations."""
-
-    merit: MeritFunction
-    constraints: AugmentedLagrangian
-    source: Source
-    rays: int
-    weights: torch.Tensor
-    offsets: torch.Tensor
-    draws: int = 0
-    spent: float = 0.0
-
-    def fresh_rays(self) -> RayBundle:
-        self.draws += 1
-        return self.source.sample(self.rays, self.draws)
-
-    def loss(self, weights: torch.Tensor, offsets: torch.Tensor, rays: RayBundle) -> Evaluated:
-        return self.merit.evaluate(weights, offsets, rays, self.constraints, False)
-
-
-Method = Callable[[SearchInProgress, list[torch.Tensor], float, float], Iterator[None]]
-
-
-def gradient_descent(make: Callable[[list[torch.Tensor]], torch.optim.Optimizer]) -> Method:
-    """A method whose rate falls by a cosine to a twentieth over each level."""
-
-    def level(run: SearchInProgress, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
-        optimiser = make(active)
-        top = [group["lr"] * 0.2**fine for group in optimiser.param_groups]
-        begun, step = run.spent, 0
-        while run.spent < begun + seconds:
-            progress = (run.spent - begun) / seconds
-            for group, rate in zip(optimiser.param_groups, top, strict=True):
-                group["lr"] = rate * (0.05 + 0.95 * 0.5 * (1.0 + np.cos(np.pi * progress)))
-            start = time.perf_counter()
-            result = run.loss(*active, run.fresh_rays())
-            optimiser.zero_grad()
-            result.loss.backward()
-            optimiser.step()
-            step += 1
-            if step % ROUND == 0:
-                run.constraints.update(result.fields)
-            run.spent += time.perf_counter() - start
-            yield
-
-    return level
-
-
-def quasi_newton(iterations: int) -> Method:
-    """L-BFGS restarted every ``iterations``, on a new sample each; a run that leaves the surfaces' domain is undone."""
-
-    def restart(run: SearchInProgress, active: list[torch.Tensor]) -> None:
-        rays = run.fresh_rays()
-        optimiser = torch.optim.LBFGS(active, max_iter=iterations, history_size=20, line_search_fn="strong_wolfe")
-
-        def closure() -> torch.Tensor:
-            optimiser.zero_grad()
-            loss = run.loss(*active, rays).loss
-            loss.backward()
-            return loss
-
-        optimiser.step(closure)
-        with torch.no_grad():
-            run.constraints.update(run.loss(*active, rays).fields)
-
-    def level(run: SearchInProgress, active: list[torch.Tensor], seconds: float, fine: float) -> Iterator[None]:
-        begun = run.spent
-        while run.spent < begun + seconds:
-            start, before = time.perf_counter(), [parameter.detach().clone() for parameter in active]
-            try:
-                restart(run, active)
-            except InputError as error:
-                print(f"   undone: {error}"[:110])
-                with torch.no_grad():
-                    for parameter, old in zip(active, before, strict=True):
-                        parameter.copy_(old)
-            run.spent += time.perf_counter() - start
-            yield
-
-    return level
-
-
+adam = partial(optim.Adam, betas=(0.9, 0.99))
 METHODS: dict[str, Method] = {
-    **{f"SGD, rate {rate:g}": gradient_descent(lambda p, r=rate: torch.optim.SGD(p, lr=r)) for rate in (0.003, 0.03)},
-    **{
-        f"SGD with momentum 0.9, rate {rate:g}": gradient_descent(
-            lambda p, r=rate: torch.optim.SGD(p, lr=r, momentum=0.9)
-        )
-        for rate in (0.001, 0.01)
-    },
-    **{
-        f"Adam, rate {rate:g}": gradient_descent(lambda p, r=rate: torch.optim.Adam(p, lr=r, betas=(0.9, 0.99)))
-        for rate in (0.003, 0.01, 0.03)
-    },
-    **{f"L-BFGS, restart after {count}": quasi_newton(count) for count in (10, 30)},
+    "SGD with momentum 0.9, rate 0.01": first_order(partial(sgd, momentum=0.9), 0.01),
+    "Adam, rate 0.002": first_order(adam, 0.002),
+    "Adam, rate 0.006": first_order(adam, 0.006),
+    "Adam, rate 0.018": first_order(adam, 0.018),
+    "Adam, momentum 0.95": first_order(partial(optim.Adam, betas=(0.95, 0.99)), 0.006),
+    "Adam, half the rate for each finer level": first_order(adam, 0.006, by_level=0.5),
+    "Adam, 2^14 rays a step": first_order(adam, 0.006, rays=2**14),
+    "Adam, 2^17 rays a step": first_order(adam, 0.006, rays=2**17),
+    "AdaBelief (rates from the gradient's noise)": first_order(adabelief, 0.006),
+    "L-BFGS, 30 iterations a sample": quasi_newton(30),
+    "Gauss-Newton, 10 conjugate gradients a sample": gauss_newton(10),
+    "Gauss-Newton, 40 conjugate gradients a sample": gauss_newton(40),
 }
 
 
-def search(spec: Spec, method: Method, seconds: float, rays: int) -> list[tuple[float, float]]:
-    """(seconds spent, NMSE of unseen rays) along a run."""
-    source = build_source(spec.source)
-    parametrisation = Parametrisation.of(spec, PRESETS["standard"].nodes_per_sigma)
-    constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
-    count = parametrisation.basis.size
-    weights = torch.zeros(count, 2, dtype=torch.float64)
-    run = SearchInProgress(
-        MeritFunction.of(spec, source, parametrisation), constraints, source, rays, weights, torch.ones(2).double()
-    )
-    unseen = source.sample(UNSEEN_RAYS, UNSEEN_SEED)
-    curve, functions, next_look = [], 0, 0.0
-    for number, (level, share) in enumerate(zip(spec.lens.levels, SHARES[-len(spec.lens.levels) :], strict=True)):
-        functions += level
-        active = [run.weights[:functions].clone().requires_grad_(), run.offsets.clone().requires_grad_()]
-        for _ in method(run, active, share * seconds, number / max(1, len(spec.lens.levels) - 1)):
-            if run.spent >= next_look:
-                with torch.no_grad():
-                    curve.append((run.spent, run.loss(*active, unseen).nmse))
-                next_look = run.spent + 0.02 * seconds
-        run.weights[:functions], run.offsets = active[0].detach(), active[1].detach()
-    with torch.no_grad():
-        curve.append((run.spent, run.loss(run.weights, run.offsets, unseen).nmse))
-    return curve
+def automatic(name: str) -> tuple[Spec, tuple[int, ...]]:
+    """The scene with the levels that a search of standard accuracy may take."""
+    spec = load_spec(EXAMPLES / f"{name}.toml").with_automatic_levels()
+    levels = UsefulLevels.of(spec, build_source(spec.source), PRESETS["standard"].effort.finest).counts
+    return spec, levels
 
 
-def first_below(curve: list[tuple[float, float]], threshold: float) -> str:
-    return next((f"{seconds:.1f}" for seconds, value in curve if value <= threshold), "–")
+def shares(levels: Sequence[int]) -> list[float]:
+    """Share of the time for each level."""
+    before = [0.5 ** (len(levels) - 1 - k) for k in range(len(levels) - 1)]
+    return [SHARE_BEFORE_LAST * share / sum(before) for share in before] + [1.0 - SHARE_BEFORE_LAST]
+
+
+def curve(name: str, method: Method, seconds: float, looks: int) -> list[tuple[float, float]]:
+    """(seconds spent, NMSE of unseen rays) along a run, at its end and ``looks`` times before."""
+    spec, levels = automatic(name)
+    run = SearchInProgress.of(spec, levels)
+    found = [(run.spent, run.unseen_nmse())]
+
+    def look(every_s: float, steps: Iterator[None]) -> None:
+        for _ in steps:
+            if looks and run.spent >= found[-1][0] + every_s:
+                found.append((run.spent, run.unseen_nmse()))
+
+    for level, share in enumerate(shares(levels)):
+        run.begin(levels[: level + 1])
+        look(seconds / max(looks, 1), method(run, share * seconds, level))
+    return [*found, (run.spent, run.unseen_nmse())]
+
+
+def automatic_search(name: str, seconds: float) -> float:
+    """NMSE of unseen rays of an automatic search of so many seconds, for the image alone."""
+    spec, _ = automatic(name)
+    lens = lf.design(spec.replace({"optimise.seconds": seconds, "target.uniform_mm": None})).lens
+    run = SearchInProgress.of(spec, lens.basis.levels)
+    run.begin(lens.basis.levels)
+    run.parameters = list(run.problem.parametrisation.parameters_of(lens))
+    return run.unseen_nmse()
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("spec", nargs="?", type=Path, default=Path(__file__).parents[1] / "examples" / "pi.toml")
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--rays", type=int, default=2**16)
+    parser.add_argument("scenes", nargs="*", default=list(SCENES))
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--methods", nargs="*", default=list(METHODS))
     parser.add_argument("--output", type=Path, default=Path("docs/optimisers"))
     options = parser.parse_args()
-    spec = load_spec(options.spec)
     curves = {}
-    for name, method in METHODS.items():
-        curves[name] = search(spec, method, options.seconds, options.rays)
-        print(f"{name:40s} NMSE {curves[name][-1][1]:.4f} after {curves[name][-1][0]:.0f} s", flush=True)
+    for name in options.scenes:
+        for method in options.methods:
+            curves[name, method] = curve(name, METHODS[method], options.seconds, 12 if name == options.scenes[0] else 0)
+            print(f"{name:14s} {method:46s} NMSE {curves[name, method][-1][1]:.5f}", flush=True)
+        curves[name, AUTOMATIC] = [(options.seconds, automatic_search(name, options.seconds))]
+        print(f"{name:14s} {AUTOMATIC:46s} NMSE {curves[name, AUTOMATIC][-1][1]:.5f}", flush=True)
     write_table(curves, options)
-    draw(curves, options)
+    draw({method: curves[options.scenes[0], method] for method in options.methods}, options)
 
 
-def write_table(curves: dict[str, list[tuple[float, float]]], options: argparse.Namespace) -> None:
-    head = "| method | " + " | ".join(f"{t:g}" for t in THRESHOLDS) + f" | after {options.seconds:g} s |"
-    lines = [head, "|" + " --- |" * (len(THRESHOLDS) + 2)]
-    for name, curve in curves.items():
-        cells = " | ".join(first_below(curve, threshold) for threshold in THRESHOLDS)
-        lines.append(f"| {name} | {cells} | {curve[-1][1]:.4f} |")
-    title = f"Seconds to an NMSE of …, `{options.spec.name}`, {options.rays} rays per step:"
-    text = "\n".join([title, "", *lines, ""])
+def write_table(curves: dict[tuple[str, str], list[tuple[float, float]]], options: argparse.Namespace) -> None:
+    lines = ["| method | " + " | ".join(options.scenes) + " |", "|" + " --- |" * (len(options.scenes) + 1)]
+    for method in (*options.methods, AUTOMATIC):
+        cells = " | ".join(f"{curves[name, method][-1][1]:.4f}" for name in options.scenes)
+        lines.append(f"| {method} | {cells} |")
+    text = "\n".join([f"NMSE after {options.seconds:g} s, set-up not counted but for the last row:", "", *lines, ""])
     options.output.with_suffix(".table.md").write_text(text, encoding="utf-8")
     print(text)
 
 
 def draw(curves: dict[str, list[tuple[float, float]]], options: argparse.Namespace) -> None:
-    figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
-    for name, curve in curves.items():
-        axes.plot(*np.array(curve).T, label=name, linestyle="-" if name.startswith("Adam") else "--")
+    figure, axes = plt.subplots(figsize=(10, 4.5), layout="constrained")
+    for number, (name, points) in enumerate(curves.items()):
+        colour = plt.get_cmap("tab20")(number)
+        axes.plot(*np.array(points).T, label=name, color=colour, linestyle="-" if name.startswith("Adam") else "--")
     axes.set(xscale="linear", yscale="log", xlabel="time of the search (s)", ylabel="NMSE, rays unseen")
-    axes.legend(fontsize="small")
+    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
     figure.savefig(options.output.with_suffix(".png"), dpi=130)
 
 

@@ -1,7 +1,7 @@
 """The paper's designs, repeated: prints the rows of docs/results.md from finished result folders.
 
-for name in flat_top pi quickstart led_rayfile; do lensforge design examples/$name.toml; done
-python benchmarks/results.py cad_out/flat_top cad_out/pi cad_out/quickstart cad_out/led_rayfile
+for name in flat_top pi quickstart; do lensforge design examples/$name.toml; done
+python benchmarks/results.py cad_out/flat_top cad_out/pi cad_out/quickstart
 """
 
 import sys
@@ -16,8 +16,8 @@ COLUMNS = (
     "efficiency",
     "NMSE",
     "r_max / height (mm)",
-    "steps × rays",
-    "design time",
+    "functions a surface, steps",
+    "search",
     "STEP form / normal",
 )
 
@@ -37,9 +37,9 @@ def row(directory: Path) -> tuple[str, ...]:
         directory.name,
         shown(light.uniformity, 3),
         shown(light.efficiency, 4),
-        shown(light.nmse, 4),
+        shown(light.nmse, 5),
         f"{design.max_radius_mm:.3f} / {design.height_mm:.3f}",
-        f"{design.steps} × {design.rays_per_step}",
+        f"{design.lens.basis.size}, {design.steps}",
         f"{design.seconds:.0f} s",
         f"{part.form_error_nm.max:.2f} nm / {1e3 * part.normal_error_mrad.max:.1f} µrad",
     )

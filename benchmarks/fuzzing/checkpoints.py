@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import tempfile
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -17,39 +18,41 @@ from fuzzing.spec_texts import small
 from fuzzing.trees import as_json, changed_tree
 from lensforge.spec import parse_spec
 
-_FILE = "checkpoint.bin"
-_STOPPED_AT = 3  # steps of eight
+# Steps until it is stopped: of eight; and where levels are automatic, in the second of them.
+_STOPPED_AT = {"checkpoint.bin": 3, "automatic.bin": 45}
 
 
 @cache
-def _spec() -> lf.Spec:
-    return parse_spec(small(), "sample")
+def _spec(name: str) -> lf.Spec:
+    content = small()
+    if name == "automatic.bin":
+        content["lens"].pop("levels")
+        content.pop("optimise")
+    return parse_spec(content, "sample")
 
 
 @cache
-def _saved(folder: Path) -> bytes:
+def _sample(name: str) -> bytes:
     """The checkpoint that a search leaves which its caller has stopped."""
-    steps = iter(range(_STOPPED_AT))
-    path = folder / "sample.bin"
-    with suppress(lf.Cancelled):
-        lf.design(
-            _spec(), accuracy="draft", threads=1, checkpoint=path, progress=lambda _: next(steps, None) is not None
-        )
-    return path.read_bytes()
-
-
-@cache
-def _sample() -> bytes:
-    import tempfile
-
+    steps = iter(range(_STOPPED_AT[name]))
     with tempfile.TemporaryDirectory() as folder:
-        return _saved(Path(folder))
+        path = Path(folder) / name
+        with suppress(lf.Cancelled):
+            lf.design(
+                _spec(name),
+                accuracy="draft",
+                threads=1,
+                checkpoint=path,
+                progress=lambda _: next(steps, None) is not None,
+            )
+        return path.read_bytes()
 
 
 def _make(chance: Chance) -> Files:
-    content = _sample()
+    file = chance.pick(tuple(_STOPPED_AT))
+    content = _sample(file)
     if chance.share(0.4):
-        return {_FILE: damaged(chance, content)}
+        return {file: damaged(chance, content)}
     name, _, rest = content.partition(b"\n")
     _, _, rest = rest.partition(b"\n")
     line, _, numbers = rest.partition(b"\n")
@@ -64,16 +67,21 @@ def _make(chance: Chance) -> Files:
         values = values[:-1] if kind == 0 else np.append(values, values) if kind == 1 else values
         numbers = values.tobytes()
     body = line + b"\n" + numbers
-    return {_FILE: name + b"\n" + hashlib.sha256(body).hexdigest().encode() + b"\n" + body}
+    return {file: name + b"\n" + hashlib.sha256(body).hexdigest().encode() + b"\n" + body}
 
 
 def _read(folder: Path) -> object:
     """Resume the search; one more step ends it."""
-    path = folder / _FILE
+    path = next(folder / name for name in _STOPPED_AT if (folder / name).exists())
     try:
-        return lf.design(_spec(), accuracy="draft", threads=1, checkpoint=path, resume=True, progress=lambda _: False)
+        spec = _spec(path.name)
+        return lf.design(spec, accuracy="draft", threads=1, checkpoint=path, resume=True, progress=lambda _: False)
     except lf.Cancelled:
         return None
 
 
-KINDS = [Kind("checkpoint", _make, _read, lambda: [{_FILE: _sample()}], 0.05)]
+def _originals() -> list[Files]:
+    return [{name: _sample(name)} for name in _STOPPED_AT]
+
+
+KINDS = [Kind("checkpoint", _make, _read, _originals, 0.05)]
