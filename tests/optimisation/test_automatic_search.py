@@ -71,11 +71,11 @@ def measured(spec: Spec) -> Source:
 @pytest.mark.parametrize(
     ("light", "changes", "stop_at"),
     first_by_day(
-        3,
+        2,
         [
-            (square, {}, 9),
             (measured, {}, 9),
             (square, {"target__uniform_mm": 60.0}, 18),
+            (square, {}, 9),
             (square, {}, 4),
             *((square, {}, step) for step in (1, 3, 5, 8, 13, 14)),
             (square, {"target__uniform_mm": 60.0}, 14),
@@ -158,7 +158,7 @@ def test_limits_that_only_finer_functions_keep_do_not_end_a_search_before_it_beg
     assert tried[:2] == [9, 34]
 
 
-@pytest.mark.parametrize("seed", first_by_day(2, range(4)))
+@pytest.mark.parametrize("seed", first_by_day(1, range(4)))
 def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     """At the nodes of its coarse table this lens is a little smaller than between them."""
     spec = automatic()
@@ -233,7 +233,7 @@ def judged_again(spec: Spec, design: lf.Design, effort: SearchEffort, seed: int 
     return found
 
 
-@pytest.mark.parametrize("seed", first_by_day(2, range(3)))
+@pytest.mark.parametrize("seed", first_by_day(1, range(3)))
 def test_no_search_ends_above_what_held_rays_have_accepted(
     seed: int, monkeypatch: pytest.MonkeyPatch, few_steps: None
 ) -> None:
