@@ -42,8 +42,7 @@ class Preset:
     ``evaluate_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
     Of a search with given levels, ``design_rays``: rays of a gradient step; ``coarse_steps``, ``fine_steps``: gradient
     steps of every level but the last, and of the last. ``effort``: of one that chooses its levels. ``evaluate_rays``:
-    rays that evaluate the finished lens. ``verify_rays``: rays of the
-    independent ray cast.
+    rays that evaluate the finished lens. ``verify_rays``: rays of the independent ray cast.
     """
 
     nodes_per_sigma: float

@@ -104,6 +104,11 @@ class FaceSamples:
         """Unit normals pointing away from the origin, whichever side the air is on."""
         return float(self.face.air) * self.normals
 
+    def lowest_curvature(self) -> float:
+        """The lowest curvature (1/mm) of the face, searched for between the samples too."""
+        sharpest = self.chart[int(np.argmin(self.curvatures.minimum))]
+        return self.face.smallest_curvature(sharpest, self.grid.step)
+
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
         """Share of the face's area where ``where`` is True."""
         return float(self.areas[where].sum() / self.areas.sum())

@@ -56,13 +56,12 @@ class FaceCheck:
 def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes: int = SAMPLE_NODES) -> FaceCheck:
     """Measure ``face`` on a chart grid of ``nodes`` x ``nodes``."""
     samples = sample_face(face, nodes)
-    sharpest = samples.chart[int(np.argmin(samples.curvatures.minimum))]
     ball = largest_ball_mm(samples)
     return FaceCheck(
         name=name,
         samples=samples,
         sphere=best_fit_sphere(samples),
-        lowest_curvature=face.smallest_curvature(sharpest, samples.grid.step),
+        lowest_curvature=samples.lowest_curvature(),
         cutter_radius_mm=cutter_radius_mm,
         ball_mm=ball,
         residual_mm=residual_height_mm(samples, ball, cutter_radius_mm),

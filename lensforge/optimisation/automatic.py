@@ -72,11 +72,8 @@ class AutomaticSchedule:
     @property
     def step_gain(self) -> float:
         """Share by which a long stage must lower the error, else the search ends."""
-        return (
-            self.stages.effort.step_gain
-            if self.budget_s is None
-            else min(self.stages.effort.step_gain, _GAIN_IN_BUDGET)
-        )
+        gain = self.stages.effort.step_gain
+        return gain if self.budget_s is None else min(gain, _GAIN_IN_BUDGET)
 
 
 _Part = Literal["levels", "long", "uniform"]
@@ -114,9 +111,9 @@ class _Position:
         """The position after one more stage."""
         following = self._after_level(outcome) if self.part == "levels" else self._after_long_stage(outcome)
         last, stage = self.turn.stage, following.turn.stage
-        cut = 0 if last is None else last.steps - outcome.steps
-        steps = self.steps - cut + (0 if stage is None else stage.steps)
-        return replace(following, seconds=outcome.seconds, steps=steps)
+        assert last is not None, "it has had an outcome"
+        done = self.steps - last.steps + outcome.steps
+        return replace(following, seconds=outcome.seconds, steps=done + (0 if stage is None else stage.steps))
 
     def _after_level(self, outcome: Outcome) -> "_Position":
         counts, level = self.schedule.stages.levels.counts, self.level
@@ -204,14 +201,13 @@ class _Position:
     def _after_part(self, outcome: Outcome, turn: Turn, part: _Part, words: str) -> "_Position":
         """The first stage for the uniformity, or the end, because of ``words``."""
         if self.schedule.uniform and part != "uniform":
-            begins = {"current": outcome, "best": self.best, "accepted": self.accepted}[turn.begin]
-            return replace(self, best=begins)._stage_of("uniform", outcome, turn)
+            return self._stage_of("uniform", outcome, turn)
         return replace(self, turn=replace(turn, why=f"{self.why}; {words}"))
 
     def _steps_left(self, outcome: Outcome, stage: Stage) -> int | None:
         """Steps of ``stage`` for which the budget has time, judged by the seconds of the last stage."""
         last = self.turn.stage
-        if self.schedule.budget_s is None or last is None or not outcome.steps:
+        if self.schedule.budget_s is None or last is None:
             return None
         kept = _FOR_UNIFORMITY if self.schedule.uniform and not stage.uniform else 0.0
         until_s = (_SAFE - kept) * self.schedule.budget_s

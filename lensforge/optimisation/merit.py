@@ -114,12 +114,12 @@ class MeritFunction:
 
     def light_of(
         self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
-    ) -> "SampledLight":
+    ) -> SampledLight:
         """The light of ``rays`` through the lens with these tables."""
         light = self.light.collect(inner, outer, rays)
         return SampledLight(self._mirrored(light), self._flux_term(light), float(rays.flux.sum()))
 
-    def judge(self, first: "SampledLight", second: "SampledLight", uniform: bool) -> tuple[float, float]:
+    def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
         """Merit without constraints from two independent samples, and its part of the image.
 
         The product of the errors of both images has the expectation of the error without the noise of the rays; of

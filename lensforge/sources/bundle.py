@@ -68,3 +68,32 @@ class Source(Protocol):
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Closed polygon (mm) around the emitting area, for drawings to scale."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedSource:
+    """A source whose rays are those of ``source``, changed; all else is that of ``source``, unless a subclass says so.
+
+    Subclasses have ``sample``.
+    """
+
+    source: Source
+
+    @property
+    def flux_w(self) -> float:
+        """Flux (W) of the source itself."""
+        return self.source.flux_w
+
+    @property
+    def symmetry(self) -> str:
+        """Symmetry of the source itself."""
+        return self.source.symmetry
+
+    @property
+    def ray_count(self) -> int | None:
+        """Number of distinct rays of the source itself."""
+        return self.source.ray_count
+
+    def outline(self) -> Float[np.ndarray, "k 3"]:
+        """Outline (mm) of the source itself."""
+        return self.source.outline()

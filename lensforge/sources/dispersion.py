@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import Material
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import ChangedSource, RayBundle
 from lensforge.sources.source_summary import Range
 from lensforge.sources.spectrum import Spectrum, usable_wavelengths
 
@@ -125,33 +125,17 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
 
 
 @dataclass(frozen=True, eq=False)
-class DispersedSource:
+class DispersedSource(ChangedSource):
     """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``.
 
     Raises :class:`InputError` for a spectrum of which too much is beyond what is known of the material.
     """
 
-    source: Source
     spectrum: Spectrum
     material: Material
 
     def __post_init__(self) -> None:
         _ = self.index_range
-
-    @property
-    def flux_w(self) -> float:
-        """Flux (W) of the source itself."""
-        return self.source.flux_w
-
-    @property
-    def symmetry(self) -> str:
-        """Symmetry of the source itself: wavelengths are spread evenly over it."""
-        return self.source.symmetry
-
-    @property
-    def ray_count(self) -> int | None:
-        """Number of distinct rays of the source itself."""
-        return self.source.ray_count
 
     @cached_property
     def index_range(self) -> IndexRange:
@@ -162,7 +146,3 @@ class DispersedSource:
         """Draw the rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
         rays = self.source.sample(count, seed)
         return replace(rays, refractive_indices=self.material.nearest_index(self.spectrum.draw(count, seed)))
-
-    def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Outline of the source itself."""
-        return self.source.outline()

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import ChangedSource, RayBundle, Source
 from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.ray_set import RaySetEmitter
 
 # Standard deviation of a turn: as many rays as this within its area, 2 sigma^2 of the hemisphere. With 80,000 rays
-# 2 to 4 degrees are alike, with 16,000 6 degrees are better than 3; docs/rayfiles.md.
+# 2 to 4 degrees are alike, with 16,000 6 degrees are better than 3.
 _RAYS_IN_TURN = 600.0
 _MOST_TURN_RAD = 0.15  # that of 13,000 rays: larger turns have not been tried
 _LEAST_RISE = 0.1  # of a direction relative to the source's plane: flatter rays would cross it far away, and stay
@@ -53,21 +53,11 @@ def _ray_set(source: Source, seed: int) -> RaySetEmitter:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedRays:
+class TurnedRays(ChangedSource):
     """Rays of ``source``, each turned about its point in the source's plane by ``sigma_rad`` in two directions."""
 
     source: RaySetEmitter
     sigma_rad: float
-
-    @property
-    def flux_w(self) -> float:
-        """Flux (W) of the source itself."""
-        return self.source.flux_w
-
-    @property
-    def symmetry(self) -> str:
-        """Symmetry of the source itself."""
-        return self.source.symmetry
 
     @property
     def ray_count(self) -> int | None:
@@ -85,10 +75,6 @@ class TurnedRays:
             origins, directions = _turned(*own, turns)
             origins, directions = pose.points(origins), pose.directions(directions)
         return replace(rays, origins=origins, directions=directions)
-
-    def outline(self) -> Float[np.ndarray, "k 3"]:
-        """Outline of the source itself."""
-        return self.source.outline()
 
 
 def _turned(

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import ChangedSource, RayBundle, Source
 from lensforge.spec.emitter import EmitterSection
 from lensforge.surfaces.symmetry import group, largest_symmetry
 
@@ -74,27 +74,16 @@ def rotation_about(axis: str, angle: float) -> Float[np.ndarray, "3 3"]:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedSource:
+class PlacedSource(ChangedSource):
     """``source``, which emits about its own origin, at ``pose`` in the lens; its rays are the same, moved."""
 
-    source: Source
     pose: SourcePose
-
-    @property
-    def flux_w(self) -> float:
-        """Flux (W) of the source itself."""
-        return self.source.flux_w
 
     @cached_property
     def symmetry(self) -> str:
         """Largest mirror group about the lens axis whose images are images of the source itself, at the same place."""
         own = self.source.symmetry
         return largest_symmetry(lambda mirror: self.pose.keeps(mirror, own))
-
-    @property
-    def ray_count(self) -> int | None:
-        """Number of distinct rays of the source itself."""
-        return self.source.ray_count
 
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, and move them."""

@@ -181,6 +181,12 @@ def test_a_short_budget_is_shared_among_the_levels() -> None:
     assert Followed(schedule(effort=effort, budget_s=90.0), halved).levels == (9,)
 
 
+def test_stages_for_the_uniformity_take_ever_smaller_steps() -> None:
+    found = Followed(schedule(uniform=True), lambda s, m: max(1e-3 if s.uniform else 0.1, 0.5 * m))
+    rates = [stage.learning_rate for stage in found.stages if stage.uniform]
+    assert len(rates) > 2 and np.allclose(rates, rates[0] * 0.5 ** np.arange(len(rates)))
+
+
 def test_some_of_a_budget_is_left_for_the_uniformity() -> None:
     found = Followed(schedule(uniform=True, budget_s=200.0), lambda stage, merit: 0.7 * merit)
     assert found.stages[-1].uniform and any(s.steps > EFFORT.steps[0] for s in found.stages)

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from lensforge.geometry.form import chart_samples, fit_to_form, form_error, worst
+from lensforge.geometry.form import chart_samples, fit_faces, patches_error
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.geometry.plan import Plan, make_plan
@@ -36,15 +36,13 @@ def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
     With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
     body with the export's number of nodes.
     """
-    chosen: Patches = {name: fit_to_form(getattr(lens, name)) for name in ("inner", "outer")}
+    chosen: Patches = dict(zip(("inner", "outer"), fit_faces(lens), strict=True))
     chart = chart_samples(_SAMPLES)
     levels = []
     for nodes in sorted({*settings, *(patch.nodes for patch in chosen.values())}):
         with Meter() as meter:
             patches = {name: fit_patch(getattr(lens, name), nodes) for name in chosen}
-        error = worst(
-            [form_error(getattr(lens, name), p.points(chart), p.normals(chart)) for name, p in patches.items()]
-        )
+        error = patches_error(lens, patches["inner"], patches["outer"], chart)
         errors = {
             "form": Metric(value=error.form_max_nm, unit="nm"),
             "normal": Metric(value=error.normal_max_mrad, unit="mrad"),

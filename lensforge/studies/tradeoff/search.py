@@ -6,14 +6,13 @@ as they do in a design.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.geometry.form import FormError, chart_samples, fit_to_form, form_error, worst
+from lensforge.geometry.form import FormError, chart_samples, fit_faces, patches_error
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
+from lensforge.manufacturing.face_check import SAMPLE_NODES
 from lensforge.optimisation.design import Progress
 from lensforge.optimisation.optimiser import search
 from lensforge.records import Metric
@@ -22,7 +21,6 @@ from lensforge.spec import Accuracy, Spec
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, RefinementLevel, Setting, reference_level
 
 RAYS = 2**20
-_NODES = 161  # of a face's samples, as in ``check``
 _UNITS = {"nmse": "", "loss": "", "form": "nm"}
 
 
@@ -81,14 +79,8 @@ def _level(stage: _Stage, source: Source, accuracy: Accuracy, rays: int) -> Refi
 
 def _export(lens: Lens) -> tuple[FormError, dict[str, float]]:
     """Form error of the faces as they would be exported, and the smallest concave radius (mm) of each."""
-    chart, errors, radii = chart_samples(), [], {}
-    for name, air in (("inner", AirSide.INSIDE), ("outer", AirSide.OUTSIDE)):
-        patch = fit_to_form(getattr(lens, name))
-        errors.append(form_error(getattr(lens, name), patch.points(chart), patch.normals(chart)))
-        face = OpticalFace(patch, air)
-        samples = sample_face(face, _NODES)
-        sharpest = samples.chart[int(np.argmin(samples.curvatures.minimum))]
-        lowest = face.smallest_curvature(sharpest, samples.grid.step)
-        if lowest < 0.0:
-            radii[f"{name}_concave_mm"] = -1.0 / lowest
-    return worst(errors), radii
+    inner, outer = fit_faces(lens)
+    faces = {"inner": OpticalFace(inner, AirSide.INSIDE), "outer": OpticalFace(outer, AirSide.OUTSIDE)}
+    lowest = {name: sample_face(face, SAMPLE_NODES).lowest_curvature() for name, face in faces.items()}
+    radii = {f"{name}_concave_mm": -1.0 / curvature for name, curvature in lowest.items() if curvature < 0.0}
+    return patches_error(lens, inner, outer, chart_samples()), radii
