@@ -2,7 +2,8 @@
 
 The design ignores the base. Here all light is followed, with reflections, through the mesh of the part with its base
 and through that of the part without one, always the same rays; prints the rows of docs/results.md. NMSE is against the
-target, on 32 x 32 pixels, where ray noise is small; the change is the NMSE of the picture against the one without base.
+target on the first receiver, on 32 pixels along its longer side, where ray noise is small; the change is the NMSE of
+the picture against the one without base.
 
 python benchmarks/base_effect.py cad_out/flat_top cad_out/pi cad_out/quickstart
 """
@@ -19,12 +20,12 @@ from lensforge.geometry.mesh_files import stl_bytes
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.build import receivers_of
+from lensforge.screens import screens_of
 from lensforge.sources.build import build_source
 from lensforge.spec import BaseSection
+from lensforge.targets.pattern import target_light
 from lensforge.verification.casting import Grid
-from lensforge.verification.image_plane import ImagePlane, within
 from lensforge.verification.nonsequential import Base, Body, Cause, Limits, follow
 from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 
@@ -45,9 +46,9 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     spec = lens.spec
     source = build_source(spec.source, spec.lens.dispersion)
     rays = source.sample(min(count, source.ray_count or count), SEED)
-    emitted, side = float(rays.flux.sum()), spec.target.receiver_mm
-    receiver = ImagePlane(side, PIXELS, spec.evaluate.filter_variance)
-    target = target_irradiance(spec.target, PixelGrid(side, PIXELS))
+    emitted, section, receiver = float(rays.flux.sum()), spec.all_receivers[0], receivers_of(spec, PIXELS)[0]
+    screen = screens_of(spec, PIXELS)[0]
+    target = target_light(section.targets, receiver)
     cases: list[tuple[str, BaseSection, Base]] = [
         ("none", BaseSection(kind="none"), "polished"),
         ("polished", spec.base, "polished"),
@@ -58,13 +59,13 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     for name, base, finish in cases:
         part = mesh_with_base(lens, base)
         body = Body(part, Grid(part.mesh), lens.refractive_index, spec.lens.absorption_per_mm, finish)
-        landed = follow(body, rays, spec.target.distance_mm, Limits()).landings()
-        picture = receiver.irradiance(landed.points, landed.flux)
-        inside = within(landed.points, spec.evaluate.window_mm or side)
-        touched = inside & (landed.causes == Cause.BASE)
+        escaped = follow(body, rays, Limits()).escaped()
+        places = screen.land(escaped.points, escaped.directions)
+        picture, inside = screen.irradiance(places, escaped.flux), screen.in_window(places)
+        touched = inside & (escaped.causes == Cause.BASE)
         before = picture if before is None else before
         change = float(np.sum((picture - before) ** 2) / np.sum(before**2))
-        figures = (landed.flux[inside].sum() / emitted, landed.flux[touched].sum() / emitted, nmse(picture, target))
+        figures = (escaped.flux[inside].sum() / emitted, escaped.flux[touched].sum() / emitted, nmse(picture, target))
         shown = (f"{figures[0]:.4f}", f"{100.0 * figures[1]:.3f} %", f"{figures[2]:.4f}", f"{change:.1e}")
         found.append((directory.name, name, *shown))
     return found

@@ -14,7 +14,7 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.optimisation.merit import Evaluated
 from lensforge.optimisation.problem import Problem, Problems
-from lensforge.optimisation.symmetry import mirror_mean, settled_symmetry
+from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
@@ -198,7 +198,7 @@ def quasi_newton(iterations: int) -> Method:
 def gauss_newton(iterations: int) -> Method:
     """Levenberg-Marquardt on the pixels and the sampled constraints of a frozen sample, solved by conjugate gradients.
 
-    The image's derivative along a step is a central difference, its adjoint the gradient.
+    For scenes of one receiver. The image's derivative along a step is a central difference, its adjoint the gradient.
     """
 
     def once(run: SearchInProgress, rays: RayBundle) -> None:
@@ -229,8 +229,8 @@ class _Normal:
         result = run.loss(self.varied, rays)
         self.gradient = _flat(torch.autograd.grad(result.loss, self.varied))
         self.residuals = self._residuals(self.varied)
-        wanted, constraints = run.problem.merit.wanted, run.problem.constraints
-        self.of_image = 2.0 / torch.sum(wanted**2)
+        (terms,), constraints = run.problem.merit.terms, run.problem.constraints
+        self.of_image = 2.0 / torch.sum(terms.wanted**2)
         active = constraints.multipliers - constraints.penalty * (result.fields.detach() - constraints._margin) > 0.0
         self.of_fields = constraints.penalty * constraints._area * active
 
@@ -245,8 +245,8 @@ class _Normal:
     def _residuals(self, parameters: list[torch.Tensor]) -> tuple[torch.Tensor, torch.Tensor]:
         problem = self.run.problem
         tables = problem.parametrisation.tables(*parameters)
-        image = mirror_mean(problem.merit.light.collect(*tables, self.rays).image, problem.spec.lens.basis.symmetry)
-        return image, problem.constraints.fields(*tables)
+        (terms,), (light,) = problem.merit.terms, problem.merit.light.collect(*tables, self.rays)
+        return terms.image(light), problem.constraints.fields(*tables)
 
     def times(self, damping: float, vector: torch.Tensor) -> torch.Tensor:
         size = 1e-5 / max(float(vector.abs().max()), 1e-30)

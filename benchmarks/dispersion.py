@@ -2,7 +2,8 @@
 
     python benchmarks/dispersion.py cad_out/osram_pi --material PMMA
 
-Rays go through the exact surfaces. Shifts are between landings of the same ray on the receiver, weighted by flux.
+Rays go through the exact surfaces. Shifts are between landings of the same ray on the first receiver, a plane, weighted
+by flux.
 """
 
 import argparse
@@ -14,7 +15,8 @@ import numpy as np
 
 from lensforge.lens import load_lens
 from lensforge.optics.materials import MATERIALS
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.pixels import Window
 from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source, summarise
 from lensforge.surfaces.spline import grid_for, tabulate
@@ -23,9 +25,9 @@ from lensforge.tracing.exact import TableScan, exact_surfaces, trace_exact
 NODES_PER_SIGMA = 6.0  # the table only brackets the crossing: a step on the exact surface follows
 
 
-def shift(one, other, side_mm):
-    """Distances (mm) between the landings of the same rays by two traces."""
-    both = one.arrived & other.arrived & (np.abs(other.hits) < 0.5 * side_mm).all(axis=1)
+def shift(one, other, whole):
+    """Distances (mm) between the landings of the same rays on the ``whole`` receiver, a plane, by two traces."""
+    both = one.arrived & other.arrived & whole.contains(other.hits)
     apart = np.linalg.norm(one.hits[both] - other.hits[both], axis=1)
     rms = float(np.sqrt(np.average(apart**2, weights=other.flux[both])))
     return {"rms_mm": rms, "median_mm": float(np.median(apart)), "p99_mm": float(np.quantile(apart, 0.99))}
@@ -47,18 +49,19 @@ def main():
     inner, outer = (TableScan(grid, tabulate(grid, surface)) for surface in (lens.inner, lens.outer))
     surfaces = exact_surfaces(lens, (inner, outer))
     mean = float(np.average(each, weights=rays.flux))
-    side, receiver = lens.spec.target.receiver_mm, PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
+    receiver = receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
+    whole = Window(*receiver.grid.size)
     landed = {}
     for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
         coloured = replace(rays, refractive_indices=np.full(each.shape, index))
         landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.refractive_index, coloured)))
-    inside = {name: (np.abs(light.hits) < 0.5 * side).all(axis=1) for name, light in landed.items()}
+    inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),
         "wavelengths_nm": summarise(source, lens.spec.source).wavelengths_nm,
         "index": {"design": lens.refractive_index, "mean": mean, "standard_deviation": float(each.std())},
-        "colours": shift(landed["each"], landed["mean"], side),
-        "mean_instead_of_design": shift(landed["mean"], landed["design"], side),
+        "colours": shift(landed["each"], landed["mean"], whole),
+        "mean_instead_of_design": shift(landed["mean"], landed["design"], whole),
         "efficiency": {name: float(light.flux[inside[name]].sum() / source.flux_w) for name, light in landed.items()},
     }
     print(json.dumps(report, indent=2))

@@ -3,7 +3,7 @@
     pip install lensforge[mitsuba]
     python benchmarks/mitsuba_check.py DIR [--rays N]
 
-DIR is a result folder with lens.json, lens.stl and evaluate.npz. Prints one JSON object for each ray count, from 2**12
+DIR is a result folder with lens.json, lens.stl and evaluate.json. Prints one JSON object for each ray count, from 2**12
 in steps of four up to --rays; exit code 1 where a criterion is missed.
 """
 
@@ -14,17 +14,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lensforge.accuracy import PRESETS
 from lensforge.errors import LensforgeError
-from lensforge.evaluation.simulate import TracedLens
+from lensforge.evaluation.light import Light
+from lensforge.evaluation.simulate import TracedLens, design_landings
 from lensforge.lens import load_lens
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.screens import screens_of
 from lensforge.sources.build import build_source
 from lensforge.verification.acceptance import mitsuba_criteria
 from lensforge.verification.comparison import Expected
-from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.mitsuba_cast import cast_mitsuba
 from lensforge.verification.part_mesh import read_part_mesh
 
@@ -49,19 +47,17 @@ def main() -> int:
 
 def casts(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     lens, part = load_lens(directory / "lens.json"), read_part_mesh((directory / "lens.stl").read_bytes())
-    target, source = lens.spec.target, build_source(lens.spec.source, lens.spec.lens.dispersion)
+    spec, source = lens.spec, build_source(lens.spec.source, lens.spec.lens.dispersion)
     rays = source.sample(min(most, source.ray_count or most), SEED)
-    with np.load(directory / "evaluate.npz") as images:
-        designed = images["map"]
-    receiver = ImagePlane(target.receiver_mm, len(designed), lens.spec.evaluate.filter_variance)
-    exit_rays = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma).trace(rays)
-    landings = PlaneReceiver.of(target, len(designed)).land(exit_rays)
-    hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
-    expected = Expected(designed, hits, landings.flux.numpy())
+    designed = Light.read(directory).map
+    screen = screens_of(spec, max(designed.shape))[0]
+    traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+    landed = design_landings(traced, spec, rays)[0]
+    expected = Expected(screen, designed, landed.hits, landed.flux)
     count = 2**12
     while count <= len(rays):
-        cast, _ = cast_mitsuba(part, rays, lens.refractive_index, target.distance_mm, receiver, expected, count)
-        criteria = mitsuba_criteria(cast, target.distance_mm)
+        ((cast, _),) = cast_mitsuba(part, rays, lens.refractive_index, [expected], count)
+        criteria = mitsuba_criteria(cast, screen.distance_mm)
         yield cast.model_dump(mode="json") | {"criteria": [criterion.model_dump(mode="json") for criterion in criteria]}
         count *= 4
 

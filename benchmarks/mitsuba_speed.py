@@ -107,7 +107,7 @@ def mitsuba_step(meshes: Meshes, rays: RayBundle, index: float, distance_mm: flo
 
 def lensforge_step(step: Step, tables: list[torch.Tensor], rays: RayBundle) -> None:
     light = step.merit.light
-    landings, _ = landed_through(*tables, light.scene, rays, light.receiver)
+    (landings,), _ = landed_through(*tables, light.scene, rays, light.receivers)
     (landings.flux * (landings.hits**2).sum(dim=1)).sum().backward()
 
 
@@ -120,7 +120,9 @@ def main() -> None:
     dr.set_thread_count(torch.get_num_threads())
 
     step = Step(options.rays)
-    spec = step.merit.spec
+    spec, target = step.merit.spec, step.merit.spec.target
+    assert target is not None and target.distance_mm is not None, "the flat top stands on the axis"
+    distance_mm = target.distance_mm
     lens = step.parametrisation.lens(step.weights.detach(), step.offsets.detach(), spec, 0, "standard")
     surfaces: list[Surface] = [lens.inner, lens.outer]
     tables = [table.detach().requires_grad_() for table in step.parametrisation.tables(step.weights, step.offsets)]
@@ -136,7 +138,7 @@ def main() -> None:
         meshes = Meshes(surfaces, nodes)
         error = meshes.normal_error(surfaces)
         seconds = median_seconds(
-            lambda meshes=meshes: mitsuba_step(meshes, step.bundle, lens.refractive_index, spec.target.distance_mm),
+            lambda meshes=meshes: mitsuba_step(meshes, step.bundle, lens.refractive_index, distance_mm),
             options.repeat,
         )
         mine = median_seconds(lambda: lensforge_step(step, tables, step.bundle), options.repeat)

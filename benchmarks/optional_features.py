@@ -31,16 +31,19 @@ from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
-from lensforge.optimisation.merit import MeritFunction, mirror_mean
+from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.symmetry import chart_mirrors, mirrored_light
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import splat_flux
-from lensforge.receivers.plane import PlaneReceiver
 from lensforge.run_folder import Run, load
+from lensforge.screens import screens_of
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec import BaseSection
 from lensforge.stages import stray_light
+from lensforge.verification.comparison import Expected
 from lensforge.verification.verify import verify_part
 
 Work = Callable[[], object]
@@ -131,18 +134,12 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     lens, light = run.lens, run.light
     rays = build_source(lens.spec.source, lens.spec.lens.dispersion).sample(count, 1)
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
-    hits, flux, _ = design_landings(traced, lens.spec, rays)
+    landed, screen = design_landings(traced, lens.spec, rays)[0], screens_of(lens.spec, light.pixels)[0]
     verify_part(
         run.part.stl,
         rays=rays,
         refractive_index=lens.refractive_index,
-        distance_mm=light.distance_mm,
-        receiver_mm=light.receiver_mm,
-        window_mm=light.window_mm,
-        pixels=light.pixels,
-        design_irradiance=light.map,
-        design_hits=hits,
-        design_flux=flux,
+        expected=[Expected(screen, light.map, landed.hits, landed.flux)],
         step=step,
     )
 
@@ -151,14 +148,15 @@ def noise_of_symmetry(lens: Lens, rays: int, runs: int = 16) -> tuple[float, flo
     """NMSE of the design's picture by ray noise, as it is and as the mean over its mirror images."""
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
     source = build_source(lens.spec.source, lens.spec.lens.dispersion)
-    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
+    receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
+    mirrors = chart_mirrors(receiver, lens.symmetry) or ()
     images = []
     for k in range(runs):
         landings = receiver.land(traced.trace(source.sample(rays, k)))
         image = splat_flux(landings.hits.numpy(), landings.flux.numpy(), receiver.grid)
         images.append(torch.from_numpy(image))
     whole = torch.stack(images)
-    mirrored = torch.stack([mirror_mean(image, lens.spec.lens.symmetry) for image in images])
+    mirrored = torch.stack([mirrored_light(image, mirrors) for image in images])
     plain, folded = (float(i.var(dim=0).sum() / (whole.mean(dim=0) ** 2).sum()) for i in (whole, mirrored))
     return plain, folded
 

@@ -16,11 +16,10 @@ import numpy as np
 import torch
 
 from lensforge.lens import Lens
-from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.receiver import Hits
 from lensforge.records import Metric
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
-from lensforge.studies.tradeoff.reference import LIGHT_UNITS, SURFACES, ExactReference
+from lensforge.studies.tradeoff.reference import LIGHT_UNITS, SURFACES, ExactReference, design_receiver
 from lensforge.studies.tradeoff.tables import TableMeasurement, through_tables
 from lensforge.surfaces.srbf import SrbfSurface
 from lensforge.tracing.exact import DenseScan, ExactSurface, trace_exact
@@ -112,7 +111,7 @@ def exact_light(reference: ExactReference, dtype: torch.dtype, scan: DenseScan) 
     inner, outer = (exact_surface(lens, name, dtype, scan) for name in SURFACES)
     with torch.no_grad():
         exits = trace_exact(inner, outer, lens.refractive_index, reference.rays)
-    return Hits.of(PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels).land_in_torch(exits))
+    return Hits.of(design_receiver(lens).land_in_torch(exits))
 
 
 def studies_of(measured: TableMeasurement) -> list[ConvergenceStudy]:

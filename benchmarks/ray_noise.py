@@ -17,17 +17,17 @@ from pathlib import Path
 import numpy as np
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.evaluate import IN_TARGET
 from lensforge.evaluation.metrics import jackknife_metric, nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import _Choices, _halves, uniformity_without_noise
 from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.simulate import REPLICATES, TracedLens, simulate
 from lensforge.lens import load_lens
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import gaussian3
-from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.sources.build import build_source
+from lensforge.targets.pattern import target_light
+from lensforge.targets.region import in_target, uniform_region
 
 COLUMNS = ("metric", "light", "with ray noise", "stated error", "bias", "scatter", "within 1", "within 2")
 PICTURES = ("picture", "noise", "with noise", "halves read apart", "slope 1/2", "the estimate", "within 1", "within 2")
@@ -50,7 +50,7 @@ class Replicates:
 
 @dataclass(frozen=True)
 class Scene:
-    """The target on the receiver's pixels, and the mask of the uniformity."""
+    """The target on the pixels of the first receiver, and the mask of the uniformity."""
 
     target: np.ndarray
     mask: np.ndarray | None
@@ -80,20 +80,19 @@ def evaluations(directory: Path, rays: int, seeds: range) -> tuple[Scene, Iterat
     lens = load_lens(directory / "lens.json")
     spec, source = lens.spec, build_source(lens.spec.source, lens.spec.lens.dispersion)
     traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
-    receiver = PlaneReceiver.of(spec.target, spec.evaluate.pixels)
-    target, uniform_mm = target_irradiance(spec.target, receiver.grid), spec.target.uniform_mm
-    bright = target > IN_TARGET * target.max()
+    targets, receiver = spec.all_receivers[0].targets, receivers_of(spec, spec.evaluate.pixels)[0]
+    target = target_light(targets, receiver)
+    bright = in_target(target)
 
     def under(seed: int) -> Replicates:
-        window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-        found = simulate(traced, source, receiver, window_mm, rays, seed)
+        simulation = simulate(traced, source, (receiver,), rays, seed)
+        (found,), emitted = simulation.received, simulation.emitted_w
         images = np.stack([gaussian3(image, spec.evaluate.filter_variance) for image in found.images])
-        in_target = found.images[:, bright].sum(axis=1)
-        shares = {"efficiency": found.window / found.emitted_w, "share in the target": in_target / found.emitted_w}
+        inside = found.images[:, bright].sum(axis=1)
+        shares = {"efficiency": found.window / emitted, "share in the target": inside / emitted}
         return Replicates(images.astype(np.float32), shares)
 
-    scene = Scene(target, None if uniform_mm is None else receiver.grid.square_mask(uniform_mm))
-    return scene, map(under, seeds)
+    return Scene(target, uniform_region(targets, receiver)), map(under, seeds)
 
 
 def table(scene: Scene, found: list[Replicates]) -> Iterator[str]:

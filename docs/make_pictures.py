@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from lensforge.figures.light_unit import light_unit
 from lensforge.files import replacing
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.section_figures import lens_section
@@ -37,9 +38,10 @@ def panel(source: Figure | bytes) -> Image.Image:
 
 
 def light_of(directory: Path) -> Figure:
-    """The irradiance of one result."""
-    light = load(directory).light
-    return irradiance_map(light.map, light.receiver_mm, float(light.map.max()))
+    """The light of one result on its first receiver."""
+    light = load(directory).light.first
+    unit = light_unit(None, far_field=light.chart.far_field)
+    return irradiance_map(light.map, light.chart, float(light.map.max()), unit=unit)
 
 
 def panels_of(directory: Path) -> list[Figure | bytes]:

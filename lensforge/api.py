@@ -18,21 +18,17 @@ from lensforge.run_folder import Run, load
 from lensforge.sources.photometric.summary import PhotometricSummary
 from lensforge.sources.rayfiles.summary import RayFileSummary
 from lensforge.spec import (
-    ArrayTarget,
     BaseSection,
     ConstraintsSection,
-    CrossTarget,
     EvaluateSection,
-    FlatTopTarget,
-    ImageTarget,
     LensSection,
     ManufactureSection,
     OptimiseSection,
     Spec,
-    TextTarget,
     Tool,
     load_spec,
 )
+from lensforge.spec.beams import BatwingTarget, BeamTarget, PhotometricTarget
 from lensforge.spec.emission import (
     CosineIntensity,
     FileSpectrum,
@@ -42,7 +38,19 @@ from lensforge.spec.emission import (
     TableSpectrum,
 )
 from lensforge.spec.lens import FixedAsphere, FixedSphere
+from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
+from lensforge.spec.receivers import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
+from lensforge.spec.shapes import (
+    CrossTarget,
+    DiscTarget,
+    EllipseTarget,
+    FlatTopTarget,
+    PolygonTarget,
+    RectangleTarget,
+    RingTarget,
+    SpotsTarget,
+)
 from lensforge.spec.source import (
     Chip,
     ChipArraySource,
@@ -59,12 +67,15 @@ from lensforge.studies.tradeoff.record import Tradeoff
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verbs import handover, rays, sweep, tradeoff
 from lensforge.verdict import Verdict
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 from lensforge.version import __version__
 
 __all__ = [
     "ArrayTarget",
     "BaseSection",
+    "BatwingTarget",
+    "BeamTarget",
     "Cancelled",
     "Check",
     "Chip",
@@ -76,9 +87,13 @@ __all__ = [
     "Criterion",
     "CriterionMissed",
     "CrossTarget",
+    "CylinderReceiver",
     "Design",
     "DiscSource",
+    "DiscTarget",
+    "EllipseTarget",
     "EvaluateSection",
+    "FarFieldReceiver",
     "FileSpectrum",
     "FixedAsphere",
     "FixedSphere",
@@ -100,7 +115,10 @@ __all__ = [
     "PhotoComparison",
     "PhotometricIntensity",
     "PhotometricSummary",
+    "PhotometricTarget",
     "Photometry",
+    "PlaneReceiver",
+    "PolygonTarget",
     "Progress",
     "Proof",
     "RadianceSource",
@@ -110,17 +128,22 @@ __all__ = [
     "RayfileSource",
     "RayfilesSource",
     "RectangleSource",
+    "RectangleTarget",
     "Results",
+    "RingTarget",
     "Run",
     "Sensitivity",
     "SourceWarning",
     "Spec",
+    "SphereReceiver",
+    "SpotsTarget",
     "SquareSource",
     "StrayLight",
     "SurfaceComparison",
     "Sweep",
     "TableIntensity",
     "TableSpectrum",
+    "TableTarget",
     "TextTarget",
     "Tool",
     "Tradeoff",

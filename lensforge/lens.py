@@ -18,7 +18,7 @@ from lensforge.files import read_json, write_json
 from lensforge.records import Count, Number, Record, Text
 from lensforge.records.html import section_html
 from lensforge.records.stored import CHECKSUM, require_checksum, validated, with_checksum, without_schema
-from lensforge.spec import Accuracy, Spec, parse_spec
+from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
@@ -104,7 +104,7 @@ class Lens:
         facts = {
             "material": f"{spec.lens.material}, n = {self.refractive_index:g}",
             "source": spec.source.title,
-            "receiver": f"{spec.target.receiver_mm:g} mm wide at {spec.target.distance_mm:g} mm",
+            "receiver": "; ".join(_where(receiver) for receiver in spec.all_receivers),
             "surfaces": ", ".join(f"{name}: {_describe(getattr(self, name))}" for name in ("inner", "outer")),
             "made by": f"lensforge {self.version}, {self.accuracy}, seed {self.seed}",
         }
@@ -112,6 +112,15 @@ class Lens:
         u = np.stack([np.sin(theta), np.zeros_like(theta), np.cos(theta)], axis=1)
         outer, inner = (surface.radius(u)[:, None] * u[:, [0, 2]] for surface in (self.outer, self.inner))
         return section_html(spec.name, np.concatenate([outer, inner[::-1]]), facts)
+
+
+def _where(receiver: AnyReceiver) -> str:
+    """Size of a receiver, and its place; of the far field and of a sphere the place alone."""
+    if receiver.kind in ("far_field", "sphere"):
+        return receiver.place
+    width, height = receiver.size
+    size = f"{width:g} mm wide" if width == height else f"{width:g} × {height:g} mm"
+    return f"{size} {receiver.place}"
 
 
 def _describe(surface: Surface) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 from lensforge.arguments import count_of, number_of, path_of, preset_of, source_of
 from lensforge.errors import InputError
@@ -11,6 +11,10 @@ from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
 from lensforge.other_conditions import unless_own
 from lensforge.records import Conditions
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Bool
 
 
 @overload
@@ -22,6 +26,7 @@ def compare(
     corners: Sequence[tuple[float, float]] | None = None,
     target_mm: float | None = None,
     gamma: float = 1.0,
+    lens: Lens | None = None,
 ) -> PhotoComparison: ...
 
 
@@ -44,6 +49,7 @@ def compare(
     corners: Sequence[tuple[float, float]] | None = None,
     target_mm: float | None = None,
     gamma: float = 1.0,
+    lens: Lens | None = None,
     points: Path | str | None = None,
     surface: Side | None = None,
     registration: Registration = "rigid",
@@ -51,14 +57,16 @@ def compare(
 ) -> PhotoComparison | SurfaceComparison:
     """Compare the machined part with the design: a photograph with its light, or measured points with its lens.
 
-    ``on``, ``off``: photographs with the LED on and off; ``corners``: pixels (column, row) of the target in them, from
-    the top left clockwise, found if None; ``target_mm``: side of the square that they span. ``points``: a file of
-    x, y, z (mm) on one ``surface``; ``registration``: motion that is fitted to bring them onto the design. Raises
-    :class:`InputError`; its message names the argument, and the command line's option has the same name.
+    ``on``, ``off``: photographs with the LED on and off of the first receiver, a plane; ``corners``: pixels (column,
+    row) of the target in them, from the top left clockwise, found if None; ``target_mm``: side of the square that they
+    span, by default they are the receiver's own. ``lens``: that of the light; in the region that its spec names,
+    uniformity is compared too. ``points``: a file of x, y, z (mm) on one ``surface``; ``registration``: motion that is
+    fitted to bring them onto the design. Raises :class:`InputError`; its message names the argument, and the command
+    line's option has the same name.
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
     if isinstance(measured, Light) and on is not None and points is None:
-        return _compare_photo(measured, on, off, corners, target_mm, gamma)
+        return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
     if isinstance(measured, Lens) and points is not None and on is None:
         return _compare_surface(measured, points, surface, registration, rays)
     raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
@@ -71,10 +79,12 @@ def _compare_photo(
     corners: Sequence[tuple[float, float]] | None,
     target_mm: float | None,
     gamma: float,
+    lens: Lens | None,
 ) -> PhotoComparison:
     import numpy as np
 
     from lensforge.measurement.photo import Shot, compare_photo
+    from lensforge.receivers.pixels import PixelGrid
 
     try:
         given = None if corners is None else np.array(corners, dtype=np.float64)
@@ -84,8 +94,27 @@ def _compare_photo(
         raise InputError(f"corners = {corners!r}: must be four pixels (column, row), clockwise from the top left")
     side, camera = number_of("target_mm", target_mm), number_of("gamma", gamma)
     shot = Shot(Path(on), None if off is None else Path(off), given, side, 1.0 if camera is None else camera)
-    found = compare_photo(shot, simulated=light.map, receiver_mm=light.receiver_mm, uniform_mm=light.uniform_mm)
+    first, (rows, columns) = light.first, light.map.shape
+    if first.kind != "plane":
+        raise InputError(
+            f"receivers: the first, {first.name!r}, is a {first.kind}, must be a plane for a photograph; give the spec "
+            "a plane as its first receiver, and evaluate again"
+        )
+    grid = PixelGrid(first.width, first.height, columns, rows)
+    found = compare_photo(shot, simulated=light.map, grid=grid, uniform=_uniform(light, lens))
     return found.model_copy(update={"inputs": {"lens": light.inputs["lens"], "evaluate": light.sha256}})
+
+
+def _uniform(light: Light, lens: Lens | None) -> "Bool[np.ndarray, 'h w'] | None":
+    """Region of uniform light in the map of ``light``, by the spec of its ``lens``; None without one."""
+    from lensforge.receivers.build import receivers_of
+    from lensforge.targets.region import uniform_region
+
+    if lens is None:
+        return None
+    if lens.sha256 != light.inputs["lens"]:
+        raise InputError("lens: the light is that of another lens; give the lens that was evaluated")
+    return uniform_region(lens.spec.all_receivers[0].targets, receivers_of(lens.spec, light.pixels)[0])
 
 
 def _compare_surface(

@@ -14,8 +14,8 @@ _ENTRY = b"PK\x01\x02"  # begins each entry of the directory
 _MOST_CHARACTERS = 120  # of another library's message
 
 
-def arrays_in(content: bytes, names: Collection[str], most_bytes: int) -> dict[str, np.ndarray]:
-    """The arrays ``names`` of the archive ``content``, of booleans, integers or floats; missing ones are left out.
+def arrays_in(content: bytes, names: Collection[str] | None, most_bytes: int) -> dict[str, np.ndarray]:
+    """The arrays ``names`` (None: all) of the archive ``content``, of booleans, integers or floats, if they are there.
 
     Together they have at most ``most_bytes`` when unpacked. Raises :class:`ValueError`, one line on what is wrong, for
     more than that, for another archive, another type of number, and a shape that is not that of the bytes.
@@ -23,7 +23,7 @@ def arrays_in(content: bytes, names: Collection[str], most_bytes: int) -> dict[s
     if content.count(_ENTRY) > _MOST_MEMBERS:
         raise ValueError(f"more than {_MOST_MEMBERS} arrays")
     with _damage_in_one_line(), ZipFile(io.BytesIO(content)) as archive:
-        wanted = {name: info for name, info in _members(archive) if name in names}
+        wanted = {name: info for name, info in _members(archive) if names is None or name in names}
         unpacked = sum(info.file_size for info in wanted.values())
         if unpacked > most_bytes:
             raise ValueError(f"{unpacked} bytes unpacked, at most {most_bytes} are read")

@@ -28,7 +28,8 @@ from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover

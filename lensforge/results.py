@@ -20,7 +20,8 @@ from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict, verdict_on
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 from lensforge.version import __version__
 
 LENS_FILE, REPORT_FILE = "lens.json", "report.html"

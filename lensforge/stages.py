@@ -35,7 +35,8 @@ from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.apart import stray_apart, verify_apart
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
 
@@ -163,6 +164,8 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     import torch
 
     from lensforge.evaluation.simulate import TracedLens, design_landings
+    from lensforge.screens import screens_of
+    from lensforge.verification.comparison import Expected
     from lensforge.verification.mitsuba_cast import RAYS as MITSUBA_RAYS
     from lensforge.verification.mitsuba_cast import installed as mitsuba_installed
 
@@ -176,20 +179,14 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     count, conditions = rays_of(rays, preset.verify_rays, source)
     with threads_of_torch(threads):
         bundle = source.sample(count, seeds.of_verification(lens.seed))
-        hits, flux, fates = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
+        landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
+        parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
         proof = verify_apart(
             part.stl,
             rays=bundle,
             refractive_index=lens.refractive_index,
-            distance_mm=spec.target.distance_mm,
-            receiver_mm=light.receiver_mm,
-            window_mm=light.window_mm,
-            pixels=light.pixels,
-            design_irradiance=light.map,
-            design_hits=hits,
-            design_flux=flux,
-            design_fates=fates,
-            filter_variance=spec.evaluate.filter_variance,
+            expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
+            names=[receiver.name for receiver in light.receivers],
             step=part.step,
             mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
             threads=torch.get_num_threads(),
@@ -202,7 +199,7 @@ def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
     """Follow rays through the part with reflections, base and absorption, which the sequential design leaves out."""
-    from lensforge.verification.image_plane import ImagePlane
+    from lensforge.screens import screens_of
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
@@ -214,9 +211,8 @@ def stray_light(
             rays=source.sample(count, seeds.of_verification(lens.seed)),
             refractive_index=lens.refractive_index,
             absorption_per_mm=spec.lens.absorption_per_mm,
-            distance_mm=spec.target.distance_mm,
-            receiver=ImagePlane(spec.target.receiver_mm, spec.evaluate.pixels, spec.evaluate.filter_variance),
-            window_mm=spec.evaluate.window_mm or spec.target.receiver_mm,
+            screens=screens_of(spec),
+            names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,
             inputs={"lens": lens.sha256, "export": part.sha256},
         )

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lensforge.criteria import Criterion
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
+from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
@@ -95,19 +96,26 @@ def _failed(criteria: Iterable[Criterion]) -> Iterator[_Reason]:
 
 def _light(lens: Lens, light: Light) -> Iterator[_Reason]:
     yield from _failed(light.criteria)
+    transmittance = normal_transmittance(lens.refractive_index) ** 2
+    for receiver in light.receivers:
+        yield from _on_receiver(receiver, transmittance, f" on {receiver.name}" if len(light.receivers) > 1 else "")
+
+
+def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iterator[_Reason]:
+    """Reasons against the light on one receiver; ``where``: which, where there are several."""
     nmse, share = light.nmse.value, light.share_in_target.value
     words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
-    yield from _above_bound("NMSE", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
-    possible = normal_transmittance(lens.refractive_index) ** 2 * _wanted_in_target(light)
+    yield from _above_bound(f"NMSE{where}", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
+    possible = transmittance * _wanted_in_target(light)
     words = (
         f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit into the pattern: a "
         "larger lens, a smaller source or a wider target"
     )
     missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
-    yield from _above_bound("share of the light in the target", missing, error, words)
+    yield from _above_bound(f"share of the light in the target{where}", missing, error, words)
 
 
-def _wanted_in_target(light: Light) -> float:
+def _wanted_in_target(light: ReceiverLight) -> float:
     """Share of the target's own light that counts as in the target: a picture may have much in its dark parts."""
     wanted = light.target_map
     total = float(wanted.sum())

@@ -18,8 +18,8 @@ except ImportError:  # not on Windows
     fcntl = None
 
 _PACKAGES = [
-    "surfaces", "optics", "sources", "tracing", "receivers", "evaluation", "far_field", "optimisation", "geometry",
-    "manufacturing", "verification", "measurement", "pictures",
+    "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",
+    "geometry", "manufacturing", "verification", "measurement", "pictures",
 ]  # fmt: skip
 # Kernels are compiled by numba and cannot be wrapped; they have a folder of their own.
 install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")

@@ -6,7 +6,8 @@ import torch
 
 from lensforge.optimisation.light_path import landed_through
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.receiver import Landings
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.exit_rays import ExitRays
@@ -47,13 +48,13 @@ class Landed:
         return self.exits.flux
 
 
-def plane_at(distance: float) -> PlaneReceiver:
-    return PlaneReceiver(distance, PixelGrid(2.0 * distance, 16))
+def plane_at(distance: float) -> Plane:
+    return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(2.0 * distance, 16))
 
 
 def by_kernels(tables: list[torch.Tensor], scene: Scene, rays: RayBundle, distance: float) -> Landed:
     """Through two tables, differentiable in them."""
-    landings, sin2_exit = landed_through(*tables, scene, rays, plane_at(distance))
+    (landings,), sin2_exit = landed_through(*tables, scene, rays, (plane_at(distance),))
     return Landed(trace_tables(*tables, scene, rays), landings, sin2_exit)
 
 

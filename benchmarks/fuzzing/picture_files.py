@@ -17,9 +17,11 @@ from fuzzing.tiff_files import changed_tiff, tiff_samples
 from lensforge.errors import InputError
 from lensforge.measurement.photograph import read_photograph
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.sources.luminance import LuminanceImage
 from lensforge.spec import ImageTarget
+from lensforge.targets.pattern import target_light
 
 _FILE = "picture"
 _BMP = Layout.of("2sIHHIIiiHHIIiiII", None, 24)
@@ -103,7 +105,8 @@ def _read(folder: Path) -> object:
 
 def _as_target(path: Path) -> np.ndarray:
     target = ImageTarget(file=path, width_mm=10.0, distance_mm=100.0, receiver_mm=1e4)
-    return target_irradiance(target, PixelGrid(1e4, 16))
+    plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(1e4, 16))
+    return target_light((target,), plane)
 
 
 def _as_photograph(path: Path) -> np.ndarray:

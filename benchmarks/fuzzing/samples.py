@@ -79,8 +79,8 @@ def add_samples(folder: Path) -> None:
     surface = np.stack([(k + 1.0) * ring for k in range(5)])
     picture = np.add.outer(np.arange(8.0), np.arange(8.0))
     Snapshot(
-        level=0, functions=9, step=4, nmse=0.5, efficiency=0.8, receiver_mm=200.0, irradiance=picture,
-        surface_mm=surface, slope=0.1 * surface[..., 0],
+        level=0, functions=9, step=4, nmse=0.5, efficiency=0.8, width=200.0, height=200.0, far_field=False,
+        irradiance=picture, surface_mm=surface, slope=0.1 * surface[..., 0],
     ).write(folder, SNAPSHOT)  # fmt: skip
     _make_base(folder / BASE_FILE)
 

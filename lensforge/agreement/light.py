@@ -1,14 +1,20 @@
 """Agreement of a simulated light with its own pictures: flux budget, metrics, and what noise may take off."""
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
+from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.lens import Lens
+from lensforge.spec import AnyReceiver
 from lensforge.spec.target import IN_TARGET
+
+if TYPE_CHECKING:
+    from lensforge.receivers.posed import PosedReceiver
 
 # NMSE of the picture less that of the light is the noise in the picture; in the shipped examples to 2 %. An estimate
 # from replicates scatters by its standard error. Anything beyond ten times both is no noise.
@@ -19,37 +25,63 @@ _PICTURES = "its pictures"
 
 def light_contradictions(light: Light, lens: Lens) -> Iterator[str]:
     """Contradictions of the record of a light."""
-    flux = light.flux
-    yield from _scene(light, lens)
-    yield from judged("criteria", light.criteria, light_criteria(flux))
-    missed = sum(light.missed_by_cause.model_dump().values())
-    yield from differing("flux.missed", flux.missed, missed, "its causes")
-    yield from differing("efficiency", light.efficiency.value, flux.detected, "its shares of flux")
-    yield from beyond("share_in_target", light.share_in_target.value, 0.0, flux.detected + flux.outside, "its flux")
-    yield from _share(light)
-    yield from _pictures(light)
-    yield from _noise(light)
+    from lensforge.receivers.build import receivers_of
+
+    yield from _settings(light, lens)
+    yield from judged("criteria", light.criteria, light_criteria(light.flux))
+    sections = lens.spec.all_receivers
+    yield from unlike("receivers", len(light.receivers), len(sections), "the spec has")
+    built = receivers_of(lens.spec, light.pixels)
+    for own, section, receiver in zip(light.receivers, sections, built, strict=False):
+        for words in _of_receiver(own, section, receiver):
+            yield words if len(sections) == 1 else f"receivers: {section.name}: {words}"
 
 
-def _scene(light: Light, lens: Lens) -> Iterator[str]:
+def _settings(light: Light, lens: Lens) -> Iterator[str]:
     """Settings of the spec that the record repeats, where it names no other conditions."""
-    spec, other = lens.spec, light.conditions
+    other = light.conditions
     pixels, seed = (None, None) if other is None else (other.pixels, other.seed)
     for name, wanted in (
-        ("pixels", pixels or spec.evaluate.pixels),
+        ("pixels", pixels or lens.spec.evaluate.pixels),
         ("seed", lens.seed if seed is None else seed),
-        ("receiver_mm", spec.target.receiver_mm),
-        ("window_mm", spec.evaluate.window_mm or spec.target.receiver_mm),
-        ("uniform_mm", spec.target.uniform_mm),
-        ("distance_mm", spec.target.distance_mm),
     ):
         yield from unlike(name, getattr(light, name), wanted, "spec and conditions have")
 
 
-def _share(light: Light) -> Iterator[str]:
+def _of_receiver(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver") -> Iterator[str]:
+    """Contradictions of the light on one receiver."""
+    flux = light.flux
+    yield from _place(light, section, receiver)
+    missed = sum(light.missed_by_cause.model_dump().values())
+    yield from differing("flux.missed", flux.missed, missed, "its causes")
+    yield from differing("efficiency", light.efficiency.value, flux.detected, "its shares of flux")
+    yield from beyond("share_in_target", light.share_in_target.value, 0.0, flux.detected + flux.outside, "its flux")
+    if any(image.shape != receiver.grid.shape for image in (light.map, light.raw_map, light.target_map)):
+        rows, columns = receiver.grid.shape
+        yield f"map: {light.map.shape[1]} x {light.map.shape[0]} pixels, but the spec has {columns} x {rows}"
+        return
+    yield from _share(light, receiver)
+    yield from _pictures(light, section, receiver)
+    yield from _noise(light)
+
+
+def _place(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver") -> Iterator[str]:
+    """Name, kind, place and size of the receiver, which the record repeats."""
+    for name in ("name", "kind", "place"):
+        yield from unlike(name, getattr(light, name), getattr(section, name), "the spec has")
+    for name in ("width", "height"):
+        yield from differing(name, getattr(light, name), getattr(receiver.grid, name), "the spec's lengths")
+    for name in ("width", "height", "radius"):
+        wanted = getattr(receiver.window, name)
+        known = wanted if np.isfinite(wanted) else None
+        yield from differing(f"window.{name}", getattr(light.window, name), known, "the spec's lengths")
+
+
+def _share(light: ReceiverLight, receiver: "PosedReceiver") -> Iterator[str]:
     """The share in the target to the efficiency, where the window is the whole receiver, is that of the pictures."""
-    total, wanted = float(light.raw_map.sum()), light.target_map
-    if light.window_mm != light.receiver_mm or not total > 0.0:  # the efficiency is that of the window
+    total, wanted, window = float(light.raw_map.sum()), light.target_map, receiver.window
+    whole = (window.width, window.height) == receiver.grid.size and not np.isfinite(window.radius)
+    if not whole or not total > 0.0:  # the efficiency is that of the window
         return
     border = IN_TARGET * wanted.max()
     most, least = (float(light.raw_map[wanted > border * (1.0 + side)].sum()) / total for side in (-_EDGE, _EDGE))
@@ -57,25 +89,28 @@ def _share(light: Light) -> Iterator[str]:
     yield from beyond("share_in_target", light.share_in_target.value, least * landed, most * landed, _PICTURES)
 
 
-def _pictures(light: Light) -> Iterator[str]:
+def _pictures(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver") -> Iterator[str]:
     """Metrics with noise are those of the picture, and the target is scaled to its flux."""
+    from lensforge.targets.region import uniform_region
+
     seen, raw = light.map, light.raw
     yield from differing("target_map", float(light.target_map.sum()), float(seen.sum()), _PICTURES)
     if not float(light.target_map.sum()) > 0.0 and float(seen.sum()) > 0.0:
         yield "target_map: dark"
         return
     yield from differing("raw.nmse", raw.nmse, nmse(seen, light.target_map), _PICTURES)
-    inside = np.abs(light.axis_mm) <= 0.5 * (light.uniform_mm or 0.0)
-    mask = inside[:, None] & inside[None, :]
-    judge = light.uniform_mm is not None and bool(mask.any()) and float(seen.sum()) > 0.0
-    yield from differing("raw.uniformity", raw.uniformity, uniformity(seen, mask) if judge else None, _PICTURES)
-    yield from differing("raw.rsd", raw.rsd, relative_deviation(seen, mask) if judge else None, _PICTURES)
+    mask = uniform_region(section.targets, receiver)
+    if mask is not None and not (mask.any() and float(seen.sum()) > 0.0):
+        mask = None
+    even, spread = (None, None) if mask is None else (uniformity(seen, mask), relative_deviation(seen, mask))
+    yield from differing("raw.uniformity", raw.uniformity, even, _PICTURES)
+    yield from differing("raw.rsd", raw.rsd, spread, _PICTURES)
     for name, metric, known in (("uniformity", light.uniformity, raw.uniformity), ("rsd", light.rsd, raw.rsd)):
         if (metric is None) != (known is None):
             yield f"{name}: {'missing' if metric is None else 'given'}, but not so in raw"
 
 
-def _noise(light: Light) -> Iterator[str]:
+def _noise(light: ReceiverLight) -> Iterator[str]:
     """The NMSE of the light is that of its picture, less noise."""
     error, noise = light.nmse.standard_error, light.nmse_of_noise
     if error is None or noise is None:

@@ -1,6 +1,6 @@
 """Agreement of ray casts with their own pictures and distances, and with the light that they were compared to."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import sqrt
 
 import numpy as np
@@ -16,24 +16,35 @@ from lensforge.verification.acceptance import (
     proof_criteria,
     stray_criteria,
 )
-from lensforge.verification.proof import Agreement, Proof, StrayLight
+from lensforge.verification.proof import Agreement, Proof, ReceiverProof
+from lensforge.verification.stray_result import StrayLight
 
 _QUANTILES, _P99 = 500, 495  # intervals of the gaps' distribution, and the index of its 99 %
 _ENOUGH = 2 * _QUANTILES  # rays for a root mean square by quantiles
 
 
-def proof_contradictions(proof: Proof, distance_mm: float, light: Light | None) -> Iterator[str]:
-    """Contradictions of the record of a verification; ``distance_mm``: to the receiver."""
-    flux = proof.flux
-    yield from judged("criteria", proof.criteria, proof_criteria(proof, distance_mm))
-    limit = DEVIATION_PER_DISTANCE * distance_mm
+def proof_contradictions(proof: Proof, distances_mm: Sequence[float], light: Light | None) -> Iterator[str]:
+    """Contradictions of the record of a verification; ``distances_mm``: to the spec's receivers."""
+    yield from judged("criteria", proof.criteria, proof_criteria(proof))
+    if len(proof.receivers) != len(distances_mm):
+        yield f"receivers: {len(proof.receivers)}, the spec has {len(distances_mm)}"
+        return
+    for receiver, distance_mm in zip(proof.receivers, distances_mm, strict=True):
+        lit = None if light is None else next((each for each in light.receivers if each.name == receiver.name), None)
+        if light is not None and lit is None:
+            yield f"receivers: {receiver.name}: not in evaluate.json"
+        yield from _on_receiver(receiver, distance_mm, None if lit is None else lit.map)
+
+
+def _on_receiver(proof: ReceiverProof, distance_mm: float, design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
+    flux, limit = proof.flux, DEVIATION_PER_DISTANCE * distance_mm
     yield from differing("deviation_limit_mm", proof.deviation_limit_mm, limit, "the spec's distances")
     yield from differing("flux", sum(flux.model_dump().values()), 1.0, "the laws of conservation")
     yield from differing("flux.missed", flux.missed, sum(proof.missed_by_cause.model_dump().values()), "its causes")
     yield from differing("efficiency", proof.efficiency, flux.detected, "its shares of flux")
     seen = relative_square(np.stack([proof.irradiance, proof.design_irradiance]))
     yield from differing("nmse_vs_design", proof.nmse_vs_design, seen, "its pictures")
-    if light is not None and not np.array_equal(proof.design_irradiance, light.map):
+    if design is not None and not np.array_equal(proof.design_irradiance, design):
         yield "design_irradiance: not the picture in evaluate.npz"
     yield from _gaps("deviation_mm", agreement_of(proof), proof.gaps_mesh_mm)
     if proof.brep is not None and proof.gaps_step_mm is not None:
@@ -71,11 +82,11 @@ def _gaps(name: str, stated: Agreement, gaps_mm: Float[np.ndarray, " q"]) -> Ite
 
 def stray_contradictions(stray: StrayLight) -> Iterator[str]:
     """Contradictions of the record of the stray light."""
-    flux = stray.flux
     yield from judged("criteria", stray.criteria, stray_criteria(stray))
-    yield from differing("balance_error", stray.balance_error, balance_error(flux), "its shares of flux")
-    yield from differing(
-        "efficiency", stray.efficiency, flux.detected_direct + flux.detected_stray, "its shares of flux"
-    )
-    by_cause = sum(stray.detected_stray_by_cause.model_dump().values())
-    yield from differing("flux.detected_stray", flux.detected_stray, by_cause, "its causes")
+    for receiver in stray.receivers:
+        flux = receiver.flux
+        yield from differing("balance_error", receiver.balance_error, balance_error(flux), "its shares of flux")
+        detected = flux.detected_direct + flux.detected_stray
+        yield from differing("efficiency", receiver.efficiency, detected, "its shares of flux")
+        by_cause = sum(receiver.detected_stray_by_cause.model_dump().values())
+        yield from differing("flux.detected_stray", flux.detected_stray, by_cause, "its causes")

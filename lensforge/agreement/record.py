@@ -25,7 +25,8 @@ from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
 from lensforge.tolerancing.sensitivity_table import Sensitivity
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 
 
 def contradiction(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
@@ -53,7 +54,7 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
         case Proof():
             light = found.get(Light.stage)
             own = light if isinstance(light, Light) else None
-            yield from proof_contradictions(result, lens.spec.target.distance_mm, own)
+            yield from proof_contradictions(result, _distances_mm(lens), own)
         case StrayLight():
             yield from stray_contradictions(result)
         case Photometry():
@@ -64,3 +65,10 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             yield from photo_contradictions(result)
         case SurfaceComparison():
             yield from surface_contradictions(result)
+
+
+def _distances_mm(lens: Lens) -> list[float]:
+    """Distances to the receivers, by which the limits of a verification scale."""
+    from lensforge.screens import screens_of
+
+    return [screen.distance_mm for screen in screens_of(lens.spec)]

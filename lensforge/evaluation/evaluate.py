@@ -1,26 +1,29 @@
 """Evaluation of a finished lens by the paper's protocol: rays in independent replicates, metrics, :class:`Light`."""
 
 import time
+from dataclasses import astuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.light import Flux, Light, MissedByCause, RawMetrics, TableErrors, light_criteria
+from lensforge.evaluation.light import Light, TableErrors, light_criteria
 from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.preset_error import measure_preset
-from lensforge.evaluation.simulate import MISSED_RECEIVER, Simulation, TracedLens, simulate
+from lensforge.evaluation.receiver_light import Flux, MissedByCause, RawMetrics, ReceiverLight, WindowSize
+from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import gaussian3
-from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.receiver import Receiver
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
-from lensforge.spec import Spec
-from lensforge.spec.target import IN_TARGET
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.targets.pattern import target_light
+from lensforge.targets.region import in_target, uniform_region
 
 
 def evaluate_lens(
@@ -52,54 +55,67 @@ def evaluate_traced(
     The luminous efficacy is left open: it is not one of the emitter.
     """
     started = time.perf_counter()
-    receiver = PlaneReceiver.of(spec.target, pixels or spec.evaluate.pixels)
-    grid = receiver.grid
-    window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-    simulation = simulate(traced, source, receiver, window_mm, rays, seed)
-    images = np.stack([gaussian3(image, spec.evaluate.filter_variance) for image in simulation.images])
-    target, mean, raw = target_irradiance(spec.target, grid), images.mean(axis=0), simulation.images.mean(axis=0)
-    area, uniform_mm = receiver.pixel_measure, spec.target.uniform_mm
-    mask = None if uniform_mm is None else _lit(grid.square_mask(uniform_mm), mean)
-    flux, missed = _flux_budget(simulation)
+    receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
+    simulation = simulate(traced, source, receivers, rays, seed)
+    found = zip(spec.all_receivers, receivers, simulation.received, strict=True)
+    lit = tuple(
+        receiver_light(section, receiver, received, simulation.emitted_w, spec.evaluate.filter_variance)
+        for section, receiver, received in found
+    )
     return Light(
-        nmse=nmse_without_noise(images, target),
-        efficiency=_share(simulation.window, simulation.emitted_w),
-        share_in_target=_share(_in_target(simulation.images, target), simulation.emitted_w),
-        uniformity=None if mask is None else uniformity_without_noise(images, mask),
-        rsd=None if mask is None else rsd_without_noise(images, mask),
-        raw=_raw(mean, target, mask),
-        nmse_of_noise=_noise(images),
-        flux=flux,
-        missed_by_cause=missed,
+        receivers=lit,
         rays=simulation.rays,
-        replicates=len(images),
-        pixels=grid.pixels,
+        replicates=len(simulation.received[0].images),
+        pixels=lit[0].pixels,
         filter=f"3x3 Gaussian, variance {spec.evaluate.filter_variance:g} pixel^2, hard bins",
-        receiver_mm=grid.side_mm,
-        window_mm=window_mm,
-        uniform_mm=uniform_mm,
-        distance_mm=spec.target.distance_mm,
         lumens_per_watt=None,
         table_nodes=traced.scene.grid.nodes,
         table_error_nm=TableErrors.model_validate(traced.table_error_nm),
         preset_error=None,
         seed=seed,
         seconds=time.perf_counter() - started,
-        criteria=light_criteria(flux),
-        map=mean / area,
-        raw_map=raw / area,
-        target_map=target * mean.sum() / area,
-        axis_mm=grid.axis_mm(),
+        criteria=light_criteria(lit[0].flux),
     )
 
 
-def _lit(mask: Bool[np.ndarray, "p p"], mean: Float[np.ndarray, "p p"]) -> Bool[np.ndarray, "p p"] | None:
-    """``mask``; None where no pixel lies in it, or no light falls anywhere."""
-    return mask if mask.any() and mean.sum() > 0.0 else None
+def receiver_light(
+    section: AnyReceiver, receiver: Receiver, received: ReceivedFlux, emitted_w: float, filter_variance: float
+) -> ReceiverLight:
+    """Metrics and maps of the light on one receiver."""
+    images = np.stack([gaussian3(image, filter_variance) for image in received.images])
+    target, mean, raw = target_light(section.targets, receiver), images.mean(axis=0), received.images.mean(axis=0)
+    mask, measure = _lit(uniform_region(section.targets, receiver), mean), receiver.pixel_measure
+    flux, missed = _flux_budget(received, emitted_w)
+    width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
+    return ReceiverLight(
+        name=section.name or section.kind,
+        kind=section.kind,
+        place=section.place,
+        width=receiver.grid.width,
+        height=receiver.grid.height,
+        window=WindowSize(width=width, height=height, radius=radius),
+        nmse=nmse_without_noise(images, target),
+        efficiency=_share(received.window, emitted_w),
+        share_in_target=_share(received.images[:, in_target(target)].sum(axis=1), emitted_w),
+        uniformity=None if mask is None else uniformity_without_noise(images, mask),
+        rsd=None if mask is None else rsd_without_noise(images, mask),
+        raw=_raw(mean, target, mask),
+        nmse_of_noise=_noise(images),
+        flux=flux,
+        missed_by_cause=missed,
+        map=mean / measure,
+        raw_map=raw / measure,
+        target_map=target * mean.sum() / measure,
+    )
+
+
+def _lit(mask: Bool[np.ndarray, "h w"] | None, mean: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"] | None:
+    """``mask``; None where there is none, no pixel lies in it, or no light falls anywhere."""
+    return mask if mask is not None and mask.any() and mean.sum() > 0.0 else None
 
 
 def _raw(
-    mean: Float[np.ndarray, "p p"], target: Float[np.ndarray, "p p"], mask: Bool[np.ndarray, "p p"] | None
+    mean: Float[np.ndarray, "h w"], target: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None
 ) -> RawMetrics:
     """Metrics of the mean image, with its noise."""
     return RawMetrics(
@@ -115,12 +131,6 @@ def _share(flux_w: Float[np.ndarray, " r"], emitted_w: float) -> Metric:
     return Metric(value=value / emitted_w, standard_error=None if error is None else error / emitted_w)
 
 
-def _in_target(images: Images, target: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " r"]:
-    """Flux (W) of each replicate where the target is above a tenth of its maximum."""
-    flux: Float[np.ndarray, " r"] = images[:, target > IN_TARGET * target.max()].sum(axis=1)
-    return flux
-
-
 def _noise(images: Images) -> float | None:
     """NMSE due to ray noise alone: variance of the mean image over its square."""
     mean = images.mean(axis=0)
@@ -129,10 +139,10 @@ def _noise(images: Images) -> float | None:
     return float(images.var(axis=0, ddof=1).sum() / len(images) / np.sum(mean**2))
 
 
-def _flux_budget(simulation: Simulation) -> tuple[Flux, MissedByCause]:
-    """The flux budget, and the flux that missed the receiver's plane by cause."""
-    share = simulation.by_fate.mean(axis=0) / simulation.emitted_w
-    detected = float(simulation.window.mean() / simulation.emitted_w)
+def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, MissedByCause]:
+    """The flux budget, and the flux that missed the receiver's surface by cause."""
+    share = received.by_fate.mean(axis=0) / emitted_w
+    detected = float(received.window.mean() / emitted_w)
     missed = MissedByCause(
         backward=float(share[Fate.BACKWARD]),
         outside_cavity=float(share[Fate.OUTSIDE_CAVITY]),

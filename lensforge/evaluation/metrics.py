@@ -20,19 +20,19 @@ def nmse(irradiance: Image, target: Image) -> float:
     return float(np.sum((irradiance - wanted) ** 2) / np.sum(wanted**2))
 
 
-def uniformity(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> float:
+def uniformity(irradiance: Image, mask: Bool[np.ndarray, "h w"]) -> float:
     """Least over mean irradiance inside ``mask``."""
     inside = irradiance[mask]
     return float(inside.min() / inside.mean()) if inside.mean() > 0.0 else 0.0
 
 
-def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "p p"]) -> float:
+def relative_deviation(irradiance: Image, mask: Bool[np.ndarray, "h w"]) -> float:
     """RSD: standard deviation over mean inside ``mask``."""
     inside = irradiance[mask]
     return float(inside.std() / inside.mean()) if inside.mean() > 0.0 else 0.0
 
 
-def relative_square(both: Float[np.ndarray, "2 p p"]) -> float:
+def relative_square(both: Float[np.ndarray, "2 h w"]) -> float:
     """NMSE between two pictures without scaling: mean square difference over that of the second; 0 where it is dark."""
     reference = float(np.sum(both[1] ** 2))
     return float(np.sum((both[0] - both[1]) ** 2)) / reference if reference > 0.0 else 0.0

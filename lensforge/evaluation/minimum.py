@@ -32,7 +32,7 @@ _REPLICATES = 16
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 
-def uniformity_without_noise(images: Float[np.ndarray, "r p p"], mask: Bool[np.ndarray, "p p"]) -> Metric:
+def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> Metric:
     """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased.
 
     The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the

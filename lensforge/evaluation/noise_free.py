@@ -19,7 +19,7 @@ from lensforge.records import Image, Metric
 
 _LEAST_REPLICATES = 4  # the fewest that tell effects from interactions
 
-Images = Float[np.ndarray, "r p p"]
+Images = Float[np.ndarray, "r h w"]
 
 
 def nmse_without_noise(images: Images, target: Image) -> Metric:
@@ -37,7 +37,7 @@ def nmse_without_noise(images: Images, target: Image) -> Metric:
     return Metric(value=value, standard_error=error)
 
 
-def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "p p"]) -> Metric:
+def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "h w"]) -> Metric:
     """RSD in ``mask`` of the light to which ``images`` are unbiased: the root of its squared relative deviation.
 
     That square is the mean over all pairs k != l of <E_k, E_l>, E_k the deviations from the mean in the mask, over that

@@ -11,9 +11,9 @@ from lensforge import seeds
 from lensforge.errors import remedy
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.receivers.pixels import bin_flux, flux_in_square
-from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.receiver import Receiver
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.pixels import bin_flux, flux_in
+from lensforge.receivers.receiver import Landings, Receiver
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
@@ -51,38 +51,51 @@ class TracedLens:
 
 
 @dataclass(frozen=True)
-class Simulation:
-    """Flux (W) of each replicate: per pixel (r, p, p), by fate (r, f), and in the window (r,).
+class ReceivedFlux:
+    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), and in the window (r,).
 
     The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
     ``MISSED_RECEIVER``.
     """
 
-    images: Float[np.ndarray, "r p p"]
+    images: Float[np.ndarray, "r h w"]
     by_fate: Float[np.ndarray, "r f"]
     window: Float[np.ndarray, " r"]
+
+    @staticmethod
+    def none_yet(receiver: Receiver, replicates: int) -> "ReceivedFlux":
+        """No flux."""
+        images = np.zeros((replicates, *receiver.grid.shape))
+        return ReceivedFlux(images, np.zeros((replicates, len(Fate) + 1)), np.zeros(replicates))
+
+    def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
+        """Count ``share`` of the flux of ``rays`` in ``replicate``."""
+        hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
+        self.images[replicate] += bin_flux(hits, flux, receiver.grid)
+        self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
+        self.window[replicate] += flux_in(hits, flux, receiver.window)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Light of ``rays`` rays on each receiver, of ``emitted_w`` from the source."""
+
+    received: tuple[ReceivedFlux, ...]
     emitted_w: float
     rays: int
 
 
-def simulate(
-    lens: TracedLens, source: Source, receiver: Receiver, window_mm: float, rays: int, seed: int
-) -> Simulation:
+def simulate(lens: TracedLens, source: Source, receivers: tuple[Receiver, ...], rays: int, seed: int) -> Simulation:
     """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
     replicates = min(REPLICATES, rays, source.ray_count or rays)
-    images = np.zeros((replicates, receiver.grid.pixels, receiver.grid.pixels))
-    by_fate = np.zeros((replicates, len(Fate) + 1))
-    window = np.zeros(replicates)
+    received = tuple(ReceivedFlux.none_yet(receiver, replicates) for receiver in receivers)
     traced = 0
     for replicate, share, bundle in _bundles(source, rays, replicates, seed):
         exit_rays = lens.trace(bundle)
-        landings = receiver.land(exit_rays)
-        hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
-        images[replicate] += bin_flux(hits, flux, receiver.grid)
-        by_fate[replicate] += share * flux_by_fate(exit_rays, landings.missed_receiver)
-        window[replicate] += flux_in_square(hits, flux, window_mm)
+        for receiver, own in zip(receivers, received, strict=True):
+            own.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
         traced += len(bundle)
-    return Simulation(images, by_fate, window, source.flux_w, traced)
+    return Simulation(received, source.flux_w, traced)
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
@@ -91,19 +104,28 @@ def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> F
     return np.bincount(fates, rays.flux.numpy(), minlength=len(Fate) + 1)
 
 
-def design_landings(
-    lens: TracedLens, spec: Spec, rays: RayBundle
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"], Shaped[np.ndarray, " n"]]:
-    """Hits (mm) of ``rays`` on the receiver of ``spec``, NaN where they do not land, their flux (W) there, their fates.
+@dataclass(frozen=True)
+class DesignLandings:
+    """Landings of the same rays on one receiver: hits, NaN where they do not land, their flux (W) there, their fates.
 
     Fates are the names of :class:`~lensforge.kernels.fates.Fate`, "landed" and "missed_receiver".
     """
-    exit_rays = lens.trace(rays)
-    landings = PlaneReceiver.of(spec.target, spec.evaluate.pixels).land(exit_rays)
+
+    hits: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    fates: Shaped[np.ndarray, " n"]
+
+
+def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[DesignLandings]:
+    """Landings of ``rays`` on each receiver of ``spec``."""
+    exit_rays, found = lens.trace(rays), []
     names = np.array(["landed", *(fate.name.lower() for fate in Fate if fate != Fate.LEFT_LENS), "missed_receiver"])
-    fates = torch.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates).numpy()
-    hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
-    return hits, landings.flux.numpy(), names[fates]
+    for receiver in receivers_of(spec, spec.evaluate.pixels):
+        landings = receiver.land(exit_rays)
+        fates = torch.where(landings.missed_receiver, MISSED_RECEIVER, exit_rays.fates).numpy()
+        hits = np.where(landings.landed.numpy()[:, None], landings.hits.numpy(), np.nan)
+        found.append(DesignLandings(hits, landings.flux.numpy(), names[fates]))
+    return found
 
 
 def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:

@@ -7,19 +7,17 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from lensforge.errors import InputError
+from lensforge.figures.chart import Chart
 from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.records import Image
 
 
-def plot_map(
-    image: Float[np.ndarray, "p p"], side_mm: float, unit: LightUnit = WATTS, axes: Axes | None = None
-) -> Axes:
-    """Light (W/m^2, [row y, column x]) on a square ``side_mm`` wide in false colour, with its scale in ``unit``."""
-    axes, half = new_axes(axes), 0.5 * side_mm
-    extent = (-half, half, -half, half)
-    shown = axes.imshow(unit.per_w_m2 * image, origin="lower", extent=extent, cmap="inferno", vmin=0.0)
+def plot_map(image: Float[np.ndarray, "h w"], chart: Chart, unit: LightUnit = WATTS, axes: Axes | None = None) -> Axes:
+    """Light (W/m^2 or W/sr, [row y, column x]) on a receiver in false colour, with its scale in ``unit``."""
+    axes = new_axes(axes)
+    shown = axes.imshow(unit.per_watt * image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0)
     axes.figure.colorbar(shown, ax=axes, label=unit.label)
-    axes.set(xlabel="x (mm)", ylabel="y (mm)")
+    chart.label(axes)
     return axes
 
 

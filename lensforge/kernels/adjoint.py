@@ -69,12 +69,12 @@ def hit_adjoint(
 @kernel
 def trace_adjoint(
     origins, directions, emitted, indices, inner, outer, scene, lengths, fates,
-    level, by_crossings, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
+    by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
-    Through a ray that left the lens: by its crossing of the plane ``z = level``, its direction (unless
-    ``by_directions`` is empty), its flux and sin^2; through one that the outer surface reflected totally: by sin^2.
+    Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
+    surface reflected totally: by sin^2.
     """
     fresnel, table_origin, inverse_step = scene
     for k in range(len(emitted)):
@@ -82,13 +82,12 @@ def trace_adjoint(
         left = fates[k] == Fate.LEFT_LENS
         if not left and not (fates[k] == Fate.TOTAL_REFLECTION and lengths[k, 1] > 0.0):
             continue
-        gx, gy, gw, gs, fx, fy, fz = 0.0, 0.0, 0.0, by_sin2[k], 0.0, 0.0, 0.0
+        ex, ey, ez, fx, fy, fz, gw, gs = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, by_sin2[k]
         if left:
-            gx, gy, gw = by_crossings[k, 0], by_crossings[k, 1], by_flux[k]
-            if len(by_directions) > 0:
-                fx, fy, fz = by_directions[k, 0], by_directions[k, 1], by_directions[k, 2]
-        crosses = gx != 0.0 or gy != 0.0
-        if not crosses and gw == 0.0 and gs == 0.0 and fx == 0.0 and fy == 0.0 and fz == 0.0:
+            ex, ey, ez, gw = by_points[k, 0], by_points[k, 1], by_points[k, 2], by_flux[k]
+            fx, fy, fz = by_directions[k, 0], by_directions[k, 1], by_directions[k, 2]
+        lands = ex != 0.0 or ey != 0.0 or ez != 0.0 or fx != 0.0 or fy != 0.0 or fz != 0.0
+        if not lands and gw == 0.0 and gs == 0.0:
             continue
         # the ray again, forward
         ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
@@ -110,12 +109,9 @@ def trace_adjoint(
         if left and fresnel:
             through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
         by_c2 += gw * emitted[k] * through1 * slope2
-        ex, ey, ez = 0.0, 0.0, 0.0
-        if crosses:
-            t3 = (level - sz) / cz
-            by_t3 = gx * cx + gy * cy
-            ex, ey, ez = gx, gy, -by_t3 / cz
-            fx, fy, fz = fx + gx * t3, fy + gy * t3, fz - by_t3 * t3 / cz
+        # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
+        along = ex * cx + ey * cy + ez * cz
+        ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
         by_c1 = gw * emitted[k] * through2 * slope1
         fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
         ex, ey, ez = hit_adjoint(

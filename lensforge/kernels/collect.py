@@ -6,7 +6,7 @@ outliers cannot outweigh the image, and counts the flux with which a ray left th
 """
 
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.landing import add_to_pixels, pixels_adjoint
+from lensforge.kernels.pixels import add_to_pixels, pixels_adjoint
 
 # Squared exit sine above which a ray counts as close to total reflection, and the unit of the excess.
 SAFE_SIN2 = 0.97
@@ -14,15 +14,20 @@ SIN2_SCALE = 0.1
 
 
 @inline
-def excess_outside(x, y, half):
-    """Distances of a hit from the receiver in x and in y, in its half widths."""
-    return max(abs(x) - half, 0.0) / half, max(abs(y) - half, 0.0) / half
+def excess_outside(x, y, size):
+    """Distances of a hit from the receiver in x and in y, in halves of its width and height."""
+    return max(abs(x) / (0.5 * size[0]) - 1.0, 0.0), max(abs(y) / (0.5 * size[1]) - 1.0, 0.0)
+
+
+@inline
+def in_window(x, y, window):
+    """True within ``window``: half its width, half its height, and its squared radius, which may be infinite."""
+    return abs(x) <= window[0] and abs(y) <= window[1] and x * x + y * y <= window[2]
 
 
 @kernel
-def collect(hits, flux, sin2_exit, landed, emitted, side, window, image, sums):
-    """Add all rays to ``image`` (pixels, pixels) and to ``sums``: in the window, outside, totally reflected."""
-    half = 0.5 * side
+def collect(hits, flux, sin2_exit, landed, emitted, size, window, image, sums):
+    """Add all rays to ``image`` (rows, columns) and to ``sums``: in the window, outside, totally reflected."""
     for k in range(len(emitted)):
         excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
         if excess > 0.0:
@@ -30,19 +35,18 @@ def collect(hits, flux, sin2_exit, landed, emitted, side, window, image, sums):
         if not landed[k]:
             continue
         x, y = hits[k, 0], hits[k, 1]
-        add_to_pixels(x, y, flux[k], side, image)
-        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+        add_to_pixels(x, y, flux[k], size, image)
+        if in_window(x, y, window):
             sums[0] += flux[k]
-        if abs(x) > half or abs(y) > half:
-            ex, ey = excess_outside(x, y, half)
+        ex, ey = excess_outside(x, y, size)
+        if ex > 0.0 or ey > 0.0:
             excess = ex * ex + ey * ey
             sums[1] += emitted[k] * excess / (1.0 + excess)
 
 
 @kernel
-def collect_adjoint(hits, flux, sin2_exit, landed, emitted, side, window, by_image, by_sums, by_hits, by_flux, by_sin2):
+def collect_adjoint(hits, flux, sin2_exit, landed, emitted, size, window, by_image, by_sums, by_hits, by_flux, by_sin2):
     """Fill the sensitivities to hits (n, 2), flux (n,) and squared exit sines (n,)."""
-    half = 0.5 * side
     for k in range(len(emitted)):
         by_hits[k, 0], by_hits[k, 1], by_flux[k], by_sin2[k] = 0.0, 0.0, 0.0, 0.0
         excess = (sin2_exit[k] - SAFE_SIN2) / SIN2_SCALE
@@ -51,13 +55,13 @@ def collect_adjoint(hits, flux, sin2_exit, landed, emitted, side, window, by_ima
         if not landed[k]:
             continue
         x, y = hits[k, 0], hits[k, 1]
-        by_x, by_y, by_w = pixels_adjoint(x, y, flux[k], side, by_image)
-        if abs(x) <= 0.5 * window and abs(y) <= 0.5 * window:
+        by_x, by_y, by_w = pixels_adjoint(x, y, flux[k], size, by_image)
+        if in_window(x, y, window):
             by_w += by_sums[0]
-        if abs(x) > half or abs(y) > half:
-            ex, ey = excess_outside(x, y, half)
+        ex, ey = excess_outside(x, y, size)
+        if ex > 0.0 or ey > 0.0:
             bounded = 1.0 + ex * ex + ey * ey
-            slope = 2.0 * by_sums[1] * emitted[k] / (half * bounded * bounded)
-            by_x += slope * ex if x > 0.0 else -slope * ex
-            by_y += slope * ey if y > 0.0 else -slope * ey
+            slope = 4.0 * by_sums[1] * emitted[k] / (bounded * bounded)
+            by_x += slope * ex / size[0] if x > 0.0 else -slope * ex / size[0]
+            by_y += slope * ey / size[1] if y > 0.0 else -slope * ey / size[1]
         by_hits[k, 0], by_hits[k, 1], by_flux[k] = by_x, by_y, by_w

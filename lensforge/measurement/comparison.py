@@ -7,15 +7,15 @@ from jaxtyping import Float
 
 from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
+from lensforge.figures.chart import Chart
 from lensforge.records import (
     Array,
     Count,
+    Flag,
     Image,
     Irradiance,
-    Line,
     NotNegative,
     Number,
-    PixelCentres,
     Positive,
     Record,
     Share,
@@ -34,6 +34,8 @@ COVERED_SHARE = 0.8  # of the surface must be measured: elsewhere the design is 
 _MOST_POINTS = 10_000_000  # on a surface; scanners measure a million
 
 Pixel = tuple[Number, Number]  # column, row
+Row = Annotated[Float[np.ndarray, " w"], Array("w")]  # of an image
+Column = Annotated[Float[np.ndarray, " h"], Array("h")]
 Side = Literal["inner", "outer"]
 AxisName = Literal["x", "y"]
 Registration = Literal["rigid", "shift", "none"]
@@ -60,7 +62,7 @@ class Similarity(Record):
 
 
 class Evenness(Record):
-    """Uniformity and RSD within the spec's uniform square; None where it has none."""
+    """Uniformity and RSD within the spec's region of uniform light; None where it has none."""
 
     uniformity: Number | None
     rsd: Number | None
@@ -69,8 +71,9 @@ class Evenness(Record):
 class PhotoComparison(StageResult):
     """A photograph of the part's light against the simulation, both scaled to a mean of 1.
 
-    ``measured``, ``simulated``: [row y, column x] on a receiver ``receiver_mm`` wide; ``section_*``: lines through its
-    centre. ``aligned``: after undoing ``displacement_mm``. ``clipped``: overexposed share of the target.
+    ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
+    through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
+    bound. ``aligned``: after undoing ``displacement_mm``. ``clipped``: overexposed share of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -81,8 +84,9 @@ class PhotoComparison(StageResult):
     off: Text | None
     corners: tuple[Pixel, Pixel, Pixel, Pixel]
     corners_located: Located | None
-    target_mm: Positive
-    receiver_mm: Positive
+    target_mm: tuple[Positive, Positive]
+    width_mm: Positive
+    height_mm: Positive
     gamma: Positive
     pixels: Count
     ssim: Number
@@ -95,18 +99,25 @@ class PhotoComparison(StageResult):
     criteria: tuple[Criterion, ...]
     measured: Image
     simulated: Image
-    axis_mm: PixelCentres
-    section_x_measured: Line
-    section_x_simulated: Line
-    section_y_measured: Line
-    section_y_simulated: Line
+    x_mm: Annotated[Float[np.ndarray, " w"], Array("w", centred=True)]
+    y_mm: Annotated[Float[np.ndarray, " h"], Array("h", centred=True)]
+    section_x_measured: Row
+    section_x_simulated: Row
+    section_y_measured: Column
+    section_y_simulated: Column
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the images, for figures."""
+        return Chart(self.width_mm, self.height_mm)
 
     def plot(self, axes: "Axes | None" = None, *, axis: AxisName = "x") -> "Axes":
         """Plot photograph and simulation along a central line. Raises :class:`InputError` for an unknown axis."""
         from lensforge.figures.plots import plot_curves, require_choice
 
         require_choice("axis", axis, get_args(AxisName))
-        curves = {name: (self.axis_mm, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
+        places = self.x_mm if axis == "x" else self.y_mm
+        curves = {name: (places, getattr(self, f"section_{axis}_{name}")) for name in ("measured", "simulated")}
         return plot_curves(curves, (f"{axis} (mm)", "irradiance over its mean"), axes)
 
 
@@ -147,7 +158,8 @@ class SurfaceComparison(SimulatedResult):
     """A measured surface against the design's, and the light of the lens with it.
 
     ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
-    NaN outside; irradiance (W/m^2) of the design and with the measured surface. ``nmse_between`` the two.
+    NaN outside. On the first receiver, ``width`` x ``height`` in the unit of its chart: irradiance (W/m^2), in the far
+    field intensity (W/sr), of the design and with the measured surface, [row y, column x]. ``nmse_between`` the two.
     """
 
     stage: ClassVar[str] = "compare_surface"
@@ -163,7 +175,10 @@ class SurfaceComparison(SimulatedResult):
     form_deviation_um: DeviationExtent
     residual_rms_um: NotNegative
     rays: Count
-    receiver_mm: Positive
+    receiver: Text
+    far_field: Flag
+    width: Positive
+    height: Positive
     design: LightMetrics
     measured: LightMetrics
     nmse_between: NotNegative
@@ -174,7 +189,11 @@ class SurfaceComparison(SimulatedResult):
     deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
     irradiance_design: Irradiance
     irradiance_measured: Irradiance
-    axis_mm: PixelCentres
+
+    @property
+    def light_chart(self) -> Chart:
+        """Size of the maps of light, for figures."""
+        return Chart(self.width, self.height, self.far_field)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot the form deviation over the chart of the surface."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lensforge.figures.light_unit import light_unit
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 
 if TYPE_CHECKING:
@@ -20,27 +21,28 @@ def photo_png(found: PhotoComparison) -> bytes:
     FigureCanvasAgg(figure)
     top, bottom = figure.subplots(2, 2)
     images = {"simulated": found.simulated, "measured": found.measured}
-    half, most = found.receiver_mm / 2.0, max(float(image.max()) for image in images.values())
+    chart, most = found.chart, max(float(image.max()) for image in images.values())
     for axes, (name, image) in zip(top, images.items(), strict=True):
-        extent = (-half, half, -half, half)
-        shown = axes.imshow(image, origin="lower", extent=extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
+        shown = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
+        axes.set(title=name)
+        chart.label(axes)
     figure.colorbar(shown, ax=top, label="irradiance (mean = 1)")
     sections = {
-        "x": {"simulated": found.section_x_simulated, "measured": found.section_x_measured},
-        "y": {"simulated": found.section_y_simulated, "measured": found.section_y_measured},
+        "x": (found.x_mm, {"simulated": found.section_x_simulated, "measured": found.section_x_measured}),
+        "y": (found.y_mm, {"simulated": found.section_y_simulated, "measured": found.section_y_measured}),
     }
-    for axes, (axis, lines) in zip(bottom, sections.items(), strict=True):
+    sides = found.width_mm, found.height_mm
+    for axes, (axis, (places, lines)), side in zip(bottom, sections.items(), sides, strict=True):
         for (name, line), style in zip(lines.items(), ("-", "--"), strict=True):
-            axes.plot(found.axis_mm, line, style, label=name)
-        axes.set(xlabel=f"{axis} (mm)", ylabel="irradiance (mean = 1)", xlim=(-half, half))
+            axes.plot(places, line, style, label=name)
+        axes.set(xlabel=f"{axis} (mm)", ylabel="irradiance (mean = 1)", xlim=(-side / 2.0, side / 2.0))
         axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
         axes.legend(frameon=False)
     return _png(figure)
 
 
 def surface_png(found: SurfaceComparison) -> bytes:
-    """Draw the form deviation over the chart (rim = unit circle) and both irradiances, as a PNG file."""
+    """Draw the form deviation over the chart (rim = unit circle) and the light before and after, as a PNG file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -53,15 +55,15 @@ def surface_png(found: SurfaceComparison) -> bytes:
     )
     form.set(title=f"form deviation, {found.surface} surface", xlabel="chart X", ylabel="chart Y")
     figure.colorbar(shown, ax=form, label="along the normal (µm)")
-    half, most = found.receiver_mm / 2.0, float(found.irradiance_design.max())
+    chart, most = found.light_chart, float(found.irradiance_design.max())
     for axes, image, title in (
         (before, found.irradiance_design, "as designed"),
         (after, found.irradiance_measured, "as measured"),
     ):
-        extent = (-half, half, -half, half)
-        light = axes.imshow(image, origin="lower", extent=extent, cmap="inferno", vmin=0.0, vmax=most)
-        axes.set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    figure.colorbar(light, ax=[before, after], label="irradiance (W/m²)")
+        light = axes.imshow(image, origin="lower", extent=chart.extent, cmap="inferno", vmin=0.0, vmax=most)
+        axes.set(title=title)
+        chart.label(axes)
+    figure.colorbar(light, ax=[before, after], label=light_unit(None, far_field=found.far_field).label)
     return _png(figure)
 
 

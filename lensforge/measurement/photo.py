@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.evaluation.metrics import relative_deviation, uniformity
 from lensforge.measurement.comparison import Evenness, Located, PhotoComparison, Pixel, photo_criteria
 from lensforge.measurement.corners import locate
-from lensforge.measurement.photograph import Photograph, lit_only, read_photograph, rectify, require_upright
+from lensforge.measurement.photograph import Photograph, Size, lit_only, read_photograph, rectify, require_upright
 from lensforge.measurement.similarity import displacement, moved_back, normalised, similarity
 from lensforge.receivers.pixels import PixelGrid
 
@@ -23,7 +23,7 @@ _LEAST_PIXELS = 11  # the window of SSIM
 class Shot:
     """Photographs: LED on, LED off, the target's corners (column, row), its side, the camera's gamma.
 
-    Corners of None are found in the photographs; a side of None is that of the design's receiver. Raises
+    Corners of None are found in the photographs; with a side of None they are those of the design's receiver. Raises
     :class:`InputError` for a side or a gamma that is not above 0 and finite.
     """
 
@@ -42,43 +42,45 @@ class Shot:
 def compare_photo(
     shot: Shot,
     *,
-    simulated: Float[np.ndarray, "p p"],
-    receiver_mm: float,
-    uniform_mm: float | None,
+    simulated: Float[np.ndarray, "h w"],
+    grid: PixelGrid,
+    uniform: Bool[np.ndarray, "h w"] | None,
     inputs: Mapping[str, str] | None = None,
 ) -> PhotoComparison:
-    """Compare ``shot`` with the ``simulated`` irradiance ([y, x], any unit) on a receiver ``receiver_mm`` wide.
+    """Compare ``shot`` with the ``simulated`` irradiance ([y, x], any unit) on a plane with the pixels ``grid`` (mm).
 
-    Both images are scaled to a mean of 1. ``inputs``: hashes of what was
-    simulated, by name. Raises :class:`InputError` for photographs or corners that cannot be used.
+    Both images are scaled to a mean of 1. ``uniform``: pixels whose uniformity is compared. ``inputs``: hashes of what
+    was simulated, by name. Raises :class:`InputError` for photographs or corners that cannot be used.
     """
-    grid, reference = PixelGrid(receiver_mm, len(simulated)), normalised(simulated)
+    reference = normalised(simulated)
     picture, located = _picture(shot, grid, reference)
     measured = picture.light
     moved = displacement(measured, reference)
     alike = similarity(measured, reference)
-    moved_mm = moved * grid.pitch_mm
+    moved_mm = moved * grid.pixel
     return PhotoComparison(
         inputs=dict(inputs or {}),
         on=shot.on.name,
         off=shot.off.name if shot.off else None,
         corners=_corners(picture.corners),
         corners_located=located,
-        target_mm=float(shot.target_mm or receiver_mm),
-        receiver_mm=receiver_mm,
+        target_mm=_target(shot, grid),
+        width_mm=grid.width,
+        height_mm=grid.height,
         gamma=shot.gamma,
-        pixels=grid.pixels,
+        pixels=max(grid.shape),
         ssim=alike.ssim,
         nmse=alike.nmse,
         displacement_mm=(float(moved_mm[0]), float(moved_mm[1])),
         aligned=similarity(moved_back(measured, moved), reference),
-        measured_evenness=_evenness(measured, grid, uniform_mm),
-        simulated_evenness=_evenness(reference, grid, uniform_mm),
+        measured_evenness=_evenness(measured, uniform),
+        simulated_evenness=_evenness(reference, uniform),
         clipped=picture.clipped,
         criteria=photo_criteria(picture.clipped),
         measured=measured,
         simulated=reference,
-        axis_mm=grid.axis_mm(),
+        x_mm=grid.x(),
+        y_mm=grid.y(),
         section_x_measured=section(measured, "x"),
         section_x_simulated=section(reference, "x"),
         section_y_measured=section(measured, "y"),
@@ -91,11 +93,16 @@ def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pi
     return first, second, third, fourth
 
 
-def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
+def _target(shot: Shot, grid: PixelGrid) -> Size:
+    """Width and height (mm) of the rectangle that the corners bound."""
+    return grid.size if shot.target_mm is None else (shot.target_mm, shot.target_mm)
+
+
+def section(image: Float[np.ndarray, "h w"], axis: Literal["x", "y"]) -> Float[np.ndarray, " p"]:
     """Line through the centre along ``axis``; the mean of the two middle lines where the number of lines is even."""
     lines = image if axis == "x" else image.T
-    middle = len(image) // 2
-    mean: Float[np.ndarray, " p"] = lines[middle - (len(image) % 2 == 0) : middle + 1].mean(axis=0)
+    middle = len(lines) // 2
+    mean: Float[np.ndarray, " p"] = lines[middle - (len(lines) % 2 == 0) : middle + 1].mean(axis=0)
     return mean
 
 
@@ -103,16 +110,16 @@ def section(image: Float[np.ndarray, "p p"], axis: Literal["x", "y"]) -> Float[n
 class _OnTarget:
     """The photograph on the receiver, scaled to a mean of 1; the share that the camera clipped; and its corners."""
 
-    light: Float[np.ndarray, "p p"]
+    light: Float[np.ndarray, "h w"]
     clipped: float
     corners: Float[np.ndarray, "4 2"]
 
 
-def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "p p"]) -> tuple[_OnTarget, Located | None]:
+def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "h w"]) -> tuple[_OnTarget, Located | None]:
     """The photograph on the receiver, and how its corners were found if they were not given."""
-    if grid.pixels < _LEAST_PIXELS:
+    if min(grid.shape) < _LEAST_PIXELS:
         raise InputError(
-            f"the simulation has {grid.pixels} x {grid.pixels} pixels, must be at least {_LEAST_PIXELS} x "
+            f"the simulation has {grid.columns} x {grid.rows} pixels, must be at least {_LEAST_PIXELS} x "
             f"{_LEAST_PIXELS} to be compared with a photograph; evaluate with more pixels"
         )
     on = read_photograph(shot.on, shot.gamma)
@@ -132,13 +139,13 @@ def _picture(shot: Shot, grid: PixelGrid, reference: Float[np.ndarray, "p p"]) -
 
 
 def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"], grid: PixelGrid) -> _OnTarget:
-    target_mm = shot.target_mm or grid.side_mm
+    target_mm = _target(shot, grid)
     image = rectify(picture.light, corners, target_mm, grid)
     unseen = float(np.isnan(image).mean())
     if unseen > 0.0:
         raise InputError(
-            f"corners: {unseen:.1%} of the receiver of {grid.side_mm:g} mm lies outside {shot.on}; "
-            f"are they those of a square of target_mm = {target_mm:g}?"
+            f"corners: {unseen:.1%} of the receiver of {grid.width:g} x {grid.height:g} mm lies outside {shot.on}; "
+            f"are they those of a target of {target_mm[0]:g} x {target_mm[1]:g} mm?"
         )
     if image.mean() <= 0.0:
         raise InputError(
@@ -148,13 +155,13 @@ def _on_target(picture: Photograph, shot: Shot, corners: Float[np.ndarray, "4 2"
     return _OnTarget(normalised(image), clipped, corners)
 
 
-def _border_share(reference: Float[np.ndarray, "p p"]) -> float:
+def _border_share(reference: Float[np.ndarray, "h w"]) -> float:
     """Mean of the simulation at its border over its peak."""
     border = np.concatenate([reference[0], reference[-1], reference[:, 0], reference[:, -1]])
     return float(border.mean() / reference.max())
 
 
-def _evenness(image: Float[np.ndarray, "p p"], grid: PixelGrid, uniform_mm: float | None) -> Evenness:
-    if uniform_mm is None or not (mask := grid.square_mask(uniform_mm)).any():
+def _evenness(image: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"] | None) -> Evenness:
+    if mask is None or not mask.any():
         return Evenness(uniformity=None, rsd=None)
     return Evenness(uniformity=uniformity(image, mask), rsd=relative_deviation(image, mask))

@@ -13,6 +13,7 @@ from lensforge.measurement.similarity import similarity
 from lensforge.pictures.reading import read_picture
 from lensforge.receivers.pixels import PixelGrid
 
+Size = tuple[float, float]  # width, height
 _MOST_SAMPLES = 16  # per side of a pixel of the result
 _ORDER = "top left, top right, bottom right, bottom left of the simulated picture (y upwards)"
 _CLEARLY = 0.5  # another orientation is reported only if its NMSE is at most half
@@ -69,27 +70,27 @@ def lit_only(on: Photograph, off: Photograph | None) -> Photograph:
 
 
 def rectify(
-    picture: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2"], target_mm: float, grid: PixelGrid
-) -> Float[np.ndarray, "p p"]:
+    picture: Float[np.ndarray, "i j"], corners: Float[np.ndarray, "4 2"], target_mm: Size, grid: PixelGrid
+) -> Float[np.ndarray, "h w"]:
     """Average ``picture`` over each pixel of ``grid``, indexed [y, x] with y upwards.
 
-    ``corners``: column and row in the picture, 0 at the centre of the first pixel, of the corners of the centred square
-    of ``target_mm``: top left, top right, bottom right, bottom left as the simulation shows them. A camera behind the
-    panel sees them mirrored; given in this order, they undo it. Light outside the picture is NaN.
-    Raises :class:`InputError` for corners that do not bound a square seen from one side.
+    ``corners``: column and row in the picture, 0 at the centre of the first pixel, of the corners of the centred
+    rectangle of width and height ``target_mm``: top left, top right, bottom right, bottom left as the simulation shows
+    them. A camera behind the panel sees them mirrored; given in this order, they undo it. Light outside the picture is
+    NaN. Raises :class:`InputError` for corners that do not bound a rectangle seen from one side.
     """
     transform = _homography(corners, target_mm)
     samples = _samples(corners, target_mm, grid)
-    fine = PixelGrid(grid.side_mm, grid.pixels * samples)
-    y, x = np.meshgrid(fine.axis_mm(), fine.axis_mm(), indexing="ij")
+    fine = grid.finer(samples)
+    x, y = np.meshgrid(fine.x(), fine.y())
     columns, rows = transform(np.stack([x.ravel(), y.ravel()], axis=1)).T
     values = map_coordinates(picture, [rows, columns], order=1, mode="constant", cval=np.nan)
-    blocks = values.reshape(grid.pixels, samples, grid.pixels, samples)
-    mean: Float[np.ndarray, "p p"] = blocks.mean(axis=(1, 3))
+    blocks = values.reshape(grid.rows, samples, grid.columns, samples)
+    mean: Float[np.ndarray, "h w"] = blocks.mean(axis=(1, 3))
     return mean
 
 
-def _homography(corners: Float[np.ndarray, "4 2"], target_mm: float) -> Any:
+def _homography(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Any:
     """Homography from mm on the target to column and row: a ``skimage.transform.ProjectiveTransform``."""
     from skimage.transform import ProjectiveTransform
 
@@ -98,15 +99,15 @@ def _homography(corners: Float[np.ndarray, "4 2"], target_mm: float) -> Any:
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     if not (np.isfinite(corners).all() and ((turns > 1.0).all() or (turns < -1.0).all())):
         raise InputError(f"corners {listed(corners)}: they bound no convex quadrilateral; the order is {_ORDER}")
-    half = target_mm / 2.0
-    square = np.array([[-half, half], [half, half], [half, -half], [-half, -half]])
-    return ProjectiveTransform.from_estimate(square, corners)
+    rectangle = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]]) * target_mm
+    return ProjectiveTransform.from_estimate(rectangle, corners)
 
 
-def _samples(corners: Float[np.ndarray, "4 2"], target_mm: float, grid: PixelGrid) -> int:
+def _samples(corners: Float[np.ndarray, "4 2"], target_mm: Size, grid: PixelGrid) -> int:
     """Samples along a side of a pixel: as many as the picture has pixels there, so that none is skipped."""
-    longest = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).max()
-    return int(np.clip(np.ceil(longest / target_mm * grid.pitch_mm), 2, _MOST_SAMPLES))
+    sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)  # top, right, bottom, left
+    longest = np.array([sides[::2].max(), sides[1::2].max()])
+    return int(np.clip(np.ceil((longest / target_mm * grid.pixel).max()), 2, _MOST_SAMPLES))
 
 
 def listed(corners: Float[np.ndarray, "4 2"]) -> str:
@@ -115,15 +116,19 @@ def listed(corners: Float[np.ndarray, "4 2"]) -> str:
 
 
 def require_upright(
-    measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"], corners: Float[np.ndarray, "4 2"]
+    measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"], corners: Float[np.ndarray, "4 2"]
 ) -> None:
     """Raise :class:`InputError` where ``measured`` is far more similar to ``simulated`` when rotated or mirrored.
 
     Both are normalised. Either the camera was rotated or stood behind the panel, or the lens itself is wrong. The
-    picture alone cannot tell, so the user decides, by giving the corners in that order or in the present one.
+    picture alone cannot tell, so the user decides, by giving the corners in that order or in the present one. Turns
+    that would lay a long side on a short one are left out.
     """
     upright = similarity(measured, simulated).nmse
-    other = {name: similarity(_turned(measured, order), simulated).nmse for name, order in _ORIENTATIONS.items()}
+    turned = {name: _turned(measured, order) for name, order in _ORIENTATIONS.items()}
+    other = {
+        name: similarity(image, simulated).nmse for name, image in turned.items() if image.shape == simulated.shape
+    }
     best = min(other, key=lambda name: other[name])
     if other[best] < _CLEARLY * upright:
         order = listed(corners[list(_ORIENTATIONS[best])])
@@ -133,7 +138,7 @@ def require_upright(
         )
 
 
-def _turned(image: Float[np.ndarray, "p p"], order: tuple[int, ...]) -> Float[np.ndarray, "p p"]:
+def _turned(image: Float[np.ndarray, "h w"], order: tuple[int, ...]) -> Float[np.ndarray, "i j"]:
     """``image`` ([y, x], y upwards) as rectified by its corners in another ``order``."""
     # Corner ``order[k]`` of the image moves to position k.
     place = np.array([[1, 0], [1, 1], [0, 1], [0, 0]])  # (y, x) of top left, top right, bottom right, bottom left

@@ -11,13 +11,13 @@ _SIGMA = 1.5  # pixels: the Gaussian window of Wang et al.
 _SUBPIXEL = 50
 
 
-def normalised(image: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+def normalised(image: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
     """Scale ``image`` to a mean of 1."""
-    scaled: Float[np.ndarray, "p p"] = image / image.mean()
+    scaled: Float[np.ndarray, "h w"] = image / image.mean()
     return scaled
 
 
-def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Similarity:
+def similarity(measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"]) -> Similarity:
     """Compare two normalised images of at least 11 x 11 pixels.
 
     SSIM as in Z. Wang et al., "Image quality assessment: from error visibility to structural similarity", IEEE Trans.
@@ -36,7 +36,7 @@ def similarity(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, 
     return Similarity(ssim=float(ssim), nmse=relative_square(np.stack([measured, simulated])))
 
 
-def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "2"]:
+def displacement(measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "2"]:
     """Displacement (pixels along x, y) of the pattern ``measured`` from ``simulated``, by cross-correlation."""
     from skimage.registration import phase_cross_correlation
 
@@ -46,7 +46,7 @@ def displacement(measured: Float[np.ndarray, "p p"], simulated: Float[np.ndarray
     return -np.asarray(back, dtype=np.float64)[::-1]
 
 
-def moved_back(image: Float[np.ndarray, "p p"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "p p"]:
+def moved_back(image: Float[np.ndarray, "h w"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "h w"]:
     """Undo a displacement of ``image`` (pixels along x, y); the edge is repeated outwards."""
-    moved: Float[np.ndarray, "p p"] = shift(image, -by[::-1], order=3, mode="nearest")
+    moved: Float[np.ndarray, "h w"] = shift(image, -by[::-1], order=3, mode="nearest")
     return moved

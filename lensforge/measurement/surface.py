@@ -86,7 +86,10 @@ def compare_surface(
         form_deviation_um=_extent(height[np.isfinite(height)]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
         rays=count,
-        receiver_mm=before.receiver_mm,
+        receiver=before.first.name,
+        far_field=before.first.kind == "far_field",
+        width=before.first.width,
+        height=before.first.height,
         design=LightMetrics.of(before),
         measured=LightMetrics.of(after),
         nmse_between=relative_square(np.stack([after.map, before.map])),
@@ -97,7 +100,6 @@ def compare_surface(
         deviation_um=height,
         irradiance_design=before.map,
         irradiance_measured=after.map,
-        axis_mm=before.axis_mm,
     )
 
 

@@ -1,4 +1,4 @@
-"""Étendue in air (mm^2 sr), which lenses conserve: what a ball of given radius can send into a part of a plane.
+"""Étendue in air (mm^2 sr), which lenses conserve: what a ball of given radius can send into a part of a receiver.
 
 Sources: Winston, Minano and Benitez, *Nonimaging Optics* (2005), chapter 2, for conservation; the projected solid angle
 of a sphere seen from a small area is ``pi (r/D)^2 cos(angle)``, Howell's catalogue of view factors, B-42.
@@ -10,26 +10,35 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 
-def cell_solid_angles(
-    x_mm: Float[np.ndarray, " m"], y_mm: Float[np.ndarray, " n"], distance_mm: float
-) -> Float[np.ndarray, "k l"]:
-    """Solid angles (sr), from the origin, of the cells between the edges ``y_mm``, ``x_mm`` in z = ``distance_mm``.
+def cell_solid_angles(corners: Float[np.ndarray, "m n 3"]) -> Float[np.ndarray, "k l"]:
+    """Solid angles (sr), from the origin, of the cells [row, column] between ``corners``: points or directions.
 
-    Exact, indexed [row y, column x]: the solid angle of a rectangle with one corner on the axis is
-    ``atan(x y / (d sqrt(x^2 + y^2 + d^2)))``. In units of the distance, so that a square does not overflow.
+    Each cell counts as two flat triangles, whose solid angle is exact (Van Oosterom and Strackee, IEEE Trans. Biomed.
+    Eng. 30 (1983) 125): exact on a plane, right to the square of a cell's angle elsewhere.
     """
-    x, y = x_mm[None, :] / distance_mm, y_mm[:, None] / distance_mm
-    corner = np.arctan2(x * y, np.sqrt(1.0 + x**2 + y**2))
-    cells: Float[np.ndarray, "k l"] = np.diff(np.diff(corner, axis=0), axis=1)
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    a, b, c, d = units[:-1, :-1], units[:-1, 1:], units[1:, 1:], units[1:, :-1]
+    cells: Float[np.ndarray, "k l"] = _triangles(a, b, c) + _triangles(a, c, d)
     return cells
 
 
-def etendue_from_ball(radius_mm: float, solid_angle_sr: float) -> float:
-    """Étendue (mm^2 sr) of all light from a ball about the origin to a part of a plane that lies outside the ball.
+def _triangles(
+    a: Float[np.ndarray, "k l 3"], b: Float[np.ndarray, "k l 3"], c: Float[np.ndarray, "k l 3"]
+) -> Float[np.ndarray, "k l"]:
+    """Solid angles of triangles of unit vectors; the volume from differences keeps the digits of small ones."""
+    volume = np.abs(np.sum(a * np.cross(b - a, c - a), axis=-1))
+    cosines = 1.0 + np.sum(a * b, axis=-1) + np.sum(b * c, axis=-1) + np.sum(c * a, axis=-1)
+    angles: Float[np.ndarray, "k l"] = 2.0 * np.arctan2(volume, cosines)
+    return angles
 
-    From a point of the plane at distance D, seen at the angle t from the plane's normal, the ball fills the projected
-    solid angle ``pi (r/D)^2 cos t``. Over an area dA that is ``pi r^2 dA cos t / D^2``, and ``dA cos t / D^2`` is the
-    solid angle of dA from the ball's centre: the integral is ``pi r^2`` times the solid angle of the part.
+
+def etendue_from_ball(radius_mm: float, solid_angle_sr: float) -> float:
+    """Étendue (mm^2 sr) of all light from a ball about the origin to a part of a surface that lies outside the ball.
+
+    From a point of the surface at distance D, seen at the angle t from its normal, the ball fills the projected solid
+    angle ``pi (r/D)^2 cos t``. Over an area dA that is ``pi r^2 dA cos t / D^2``, and ``dA cos t / D^2`` is the solid
+    angle of dA from the ball's centre: the integral is ``pi r^2`` times the solid angle of the part. In the far field
+    ``pi r^2`` is what the ball shows to each direction.
     """
     return pi * radius_mm**2 * solid_angle_sr
 
@@ -43,18 +52,11 @@ def largest_deviation_rad(refractive_index: float) -> float:
 
 
 def cone_around(
-    x_mm: Float[np.ndarray, " m"], y_mm: Float[np.ndarray, " n"], distance_mm: float, cells: Bool[np.ndarray, "k l"]
+    corners: Float[np.ndarray, "m n 3"], cells: Bool[np.ndarray, "k l"]
 ) -> tuple[Float[np.ndarray, " 3"], float]:
     """Axis (unit vector) and half angle (rad) of a cone from the origin that holds all chosen ``cells``."""
-    rows, columns = np.nonzero(cells)
-    corners = np.concatenate(
-        [
-            np.stack([x_mm[columns + right], y_mm[rows + up], np.full(len(rows), distance_mm)], axis=1)
-            for right in (0, 1)
-            for up in (0, 1)
-        ]
-    )
-    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
-    axis = corners.mean(axis=0)
+    units = corners / np.linalg.norm(corners, axis=-1, keepdims=True)
+    found = np.concatenate([units[:-1, :-1][cells], units[:-1, 1:][cells], units[1:, 1:][cells], units[1:, :-1][cells]])
+    axis = found.mean(axis=0)
     axis /= np.linalg.norm(axis)
-    return axis, float(np.arccos(np.clip(corners @ axis, -1.0, 1.0)).max())
+    return axis, float(np.arccos(np.clip(found @ axis, -1.0, 1.0)).max())

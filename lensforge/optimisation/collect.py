@@ -10,22 +10,22 @@ from torch import Tensor
 
 from lensforge.kernels.collect import SAFE_SIN2, SIN2_SCALE, collect, collect_adjoint
 from lensforge.kernels.jit import CHUNKS, in_chunks
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.pixels import PixelGrid, Window
 from lensforge.receivers.receiver import Landings
 
 
 @dataclass(frozen=True)
 class Collected:
-    """Sums over rays, all in W and differentiable in the landings and the exit sines.
+    """Sums over rays on one receiver, all in W and differentiable in the landings and the exit sines.
 
-    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the efficiency window.
+    ``image``: flux per pixel by the four-pixel splat. ``in_window``: flux in the receiver's window.
     ``outside_receiver``: flux off the receiver, each ray times ``e^2/(1+e^2)``, e its distance from it in half
-    widths. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient brings
-    totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the source,
-    as a constant.
+    widths and heights. ``total_reflection``: flux whose squared exit sine exceeds 0.97, likewise bounded: its gradient
+    brings totally reflected rays back and keeps others from it. The last two count the flux with which a ray left the
+    source, as a constant.
     """
 
-    image: Float[Tensor, "p p"]
+    image: Float[Tensor, "h w"]
     in_window: Float[Tensor, ""]
     outside_receiver: Float[Tensor, ""]
     total_reflection: Float[Tensor, ""]
@@ -35,16 +35,18 @@ class _Collect(torch.autograd.Function):
     @staticmethod
     def forward(
         ctx: Any, hits: Tensor, flux: Tensor, sin2_exit: Tensor, landed: Tensor, emitted: Tensor, grid: PixelGrid,
-        window_mm: float,
+        window: Window,
     ) -> Any:  # fmt: skip
-        images, sums = np.zeros((CHUNKS, grid.pixels, grid.pixels)), np.zeros((CHUNKS, 3))
+        images, sums = np.zeros((CHUNKS, *grid.shape)), np.zeros((CHUNKS, 3))
         rays = [tensor.detach().numpy() for tensor in (hits, flux, sin2_exit, landed, emitted)]
 
+        places = grid.size, window.packed()
+
         def work(chunk: int, part: slice) -> None:
-            collect(*(array[part] for array in rays), grid.side_mm, window_mm, images[chunk], sums[chunk])
+            collect(*(array[part] for array in rays), *places, images[chunk], sums[chunk])
 
         in_chunks(work, len(emitted))
-        ctx.rays, ctx.lengths_mm = rays, (grid.side_mm, window_mm)
+        ctx.rays, ctx.places = rays, places
         return torch.from_numpy(images.sum(axis=0)), torch.from_numpy(sums.sum(axis=0))
 
     @staticmethod
@@ -55,7 +57,7 @@ class _Collect(torch.autograd.Function):
 
         def work(_: int, part: slice) -> None:
             collect_adjoint(
-                *(array[part] for array in rays), *ctx.lengths_mm, pixels, sums,
+                *(array[part] for array in rays), *ctx.places, pixels, sums,
                 by_hits[part], by_flux[part], by_sin2[part],
             )  # fmt: skip
 
@@ -64,24 +66,25 @@ class _Collect(torch.autograd.Function):
 
 
 def collected(
-    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
 ) -> Collected:
-    """Collect rays that left the source with ``emitted`` (W); float64, CPU. The window is a centred square."""
+    """Collect rays that left the source with ``emitted`` (W); float64, CPU."""
     image, sums = _Collect.apply(  # type: ignore[no-untyped-call]  # as torch has it
-        landings.hits, landings.flux, sin2_exit, landings.landed, emitted, grid, window_mm
+        landings.hits, landings.flux, sin2_exit, landings.landed, emitted, grid, window
     )
     return Collected(image, sums[0], sums[1], sums[2])
 
 
 def collected_on_device(
-    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window_mm: float
+    landings: Landings, sin2_exit: Float[Tensor, " n"], emitted: Float[Tensor, " n"], grid: PixelGrid, window: Window
 ) -> Collected:
     """Collect rays that left the source with ``emitted`` (W); all tensors on one device."""
     landed = landings.landed
     hits, flux = landings.hits[landed], landings.flux[landed]
-    distance, half = hits.abs(), 0.5 * grid.side_mm
-    in_window = (distance <= 0.5 * window_mm).all(dim=1)
-    outside = ((distance - half).clamp(min=0.0) / half).square().sum(dim=1)
+    size, (half_width, half_height, square) = hits.new_tensor(grid.size), window.packed()
+    distance = hits.abs()
+    in_window = (distance[:, 0] <= half_width) & (distance[:, 1] <= half_height) & (hits.square().sum(dim=1) <= square)
+    outside = (distance / (0.5 * size) - 1.0).clamp(min=0.0).square().sum(dim=1)
     over = (sin2_exit - SAFE_SIN2).clamp(min=0.0) / SIN2_SCALE
     return Collected(
         image=_splat(hits, flux, grid),
@@ -96,17 +99,18 @@ def _bounded(excess: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     return excess / (1.0 + excess)
 
 
-def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "p p"]:
+def _splat(hits: Float[Tensor, "n 2"], flux: Float[Tensor, " n"], grid: PixelGrid) -> Float[Tensor, "h w"]:
     """Share each ray's flux among the four nearest pixels; a frame for the shares outside is cut off."""
-    pixels = grid.pixels
-    position = (hits / grid.side_mm + 0.5) * pixels - 0.5
+    size, pixels = hits.new_tensor(grid.size), hits.new_tensor([float(grid.columns), float(grid.rows)])
+    position = (hits / size + 0.5) * pixels - 0.5
     near = ((position > -1.0) & (position < pixels)).all(dim=1)
     position, flux = position[near], flux[near]
     first = torch.floor(position.detach())
     (right, up), (column, row) = (position - first).T, (first.to(torch.int64) + 1).T
     shares = torch.stack(((1.0 - up) * (1.0 - right), (1.0 - up) * right, up * (1.0 - right), up * right))
-    side = pixels + 2
-    corner = torch.tensor([0, 1, side, side + 1], device=flux.device)[:, None]
+    framed = grid.columns + 2
+    corner = torch.tensor([0, 1, framed, framed + 1], device=flux.device)[:, None]
     # adds in a fixed order, on a GPU too
-    image = flux.new_zeros(side * side).index_put((row * side + column + corner,), flux * shares, accumulate=True)
-    return image.reshape(side, side)[1:-1, 1:-1]
+    image = flux.new_zeros((grid.rows + 2) * framed)
+    image = image.index_put((row * framed + column + corner,), flux * shares, accumulate=True)
+    return image.reshape(grid.rows + 2, framed)[1:-1, 1:-1]

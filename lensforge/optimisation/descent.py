@@ -165,7 +165,7 @@ class Descent:
         if self._judged is None or self._judged[0] != key:
             light = even = None
             if self.held is not None:
-                problem, uniform = self.problems.of(stage.levels), self.problems.spec.target.uniform_mm is not None
+                problem, uniform = self.problems.of(stage.levels), self.problems.spec.has_uniform_region
                 light, even = self.held.judge(problem, state.weights, state.offsets, uniform)
             self._judged = key, Outcome(steps=state.step, seconds=self.clock.seconds(), light=light, even=even)
         return self._judged[1]

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.sources.bundle import Source
-from lensforge.spec import Spec
+from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec.receivers import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
 from lensforge.surfaces.srbf import level_sigma
 
 _CANDIDATES = (9, 25, 81, 289, 1089, 4225)  # about four times as many functions, of half the width, each time
@@ -48,19 +49,31 @@ def _limits(spec: Spec, source: Source) -> list[tuple[float, str]]:
     outline = source.outline()
     width_mm = float(np.ptp(outline[:, :2], axis=0).max()) if len(outline) else 0.0
     found.append((_OF_SOURCE * width_mm / radius_mm, f"a fifth of the angle of the source, {width_mm:.3g} mm wide"))
-    pixel_mm = spec.target.receiver_mm / spec.evaluate.pixels
+    pixel_rad = min(_pixel_rad(receiver, spec.evaluate.pixels) for receiver in spec.all_receivers)
     for face in ("inner", "outer"):
         limit_mm = getattr(spec.constraints, f"{face}_concave_radius_mm")
         ball_mm = spec.manufacture.cutter_radius_mm if limit_mm is None else limit_mm
         words = f"what a ball of {ball_mm:g} mm reaches in the {face} face moves the light by less than a pixel"
-        found.append((_width_of_ball(spec, ball_mm, pixel_mm), words))
+        found.append((_width_of_ball(spec, ball_mm, pixel_rad), words))
     return found
 
 
-def _width_of_ball(spec: Spec, ball_mm: float, pixel_mm: float) -> float:
+def _pixel_rad(receiver: AnyReceiver, pixels: int) -> float:
+    """Angle of a pixel as seen from the lens, where the receiver is nearest."""
+    pixel = max(receiver.size) / pixels
+    match receiver:
+        case FarFieldReceiver():
+            return pixel
+        case PlaneReceiver():
+            return pixel / receiver.distance_mm
+        case CylinderReceiver() | SphereReceiver():
+            return pixel / receiver.radius_mm
+
+
+def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     """Width (rad) of a function that, hollow as a ball of that radius, moves the light by one pixel.
 
     Its slope is width over twice the ball's radius, and light turns by ``n - 1`` times that.
     """
-    turn = (spec.lens.refractive_index - 1.0) * spec.target.distance_mm
-    return 2.0 * ball_mm * pixel_mm / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0
+    turn = spec.lens.refractive_index - 1.0
+    return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0

@@ -1,14 +1,14 @@
-"""Light of one gradient step: from two tables and fresh rays, through the lens, to the sums of the merit function.
+"""Light of one gradient step: from two tables and fresh rays, through the lens, to sums over each receiver.
 
 On the CPU the compiled kernels trace, and the whole path is one torch operation: the backward pass recomputes each
-exit ray from its path lengths, a few last bits away from the ray that landed, and lens and receiver have to be
-differentiated at the same one. On another device torch does all, in chunks of rays whose graph is built again in the
+exit ray from its path lengths. On another device torch does all, in chunks of rays whose graph is built again in the
 backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -19,6 +19,7 @@ from lensforge.receivers.receiver import Landings, Receiver
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.device_search import first_crossing
 from lensforge.tracing.device_table import DeviceTable, tables_on
+from lensforge.tracing.exit_rays import Sensitivities
 from lensforge.tracing.sequence import Crossing, TensorRays, trace_sequence
 from lensforge.tracing.tables import Scene, TracedBundle
 
@@ -52,28 +53,32 @@ class TableSurface:
 
 @dataclass(frozen=True)
 class LightPath:
-    """Path of the light through lens and receiver; the efficiency window is a centred square."""
+    """Path of the light through the lens and to the receivers, each of which sees every exit ray."""
 
     scene: Scene
-    receiver: Receiver
-    window_mm: float
+    receivers: tuple[Receiver, ...]
     device: torch.device | None = None
     chunk: int = _CHUNK
 
     def collect(
         self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
-    ) -> Collected:
+    ) -> tuple[Collected, ...]:
         """Trace ``rays`` through two tables on the CPU and collect them there; differentiable in the tables.
 
         The same rays give the same bits on the same device; on another one they agree to rounding.
         """
         if self.device is None:
-            landings, sin2_exit = landed_through(inner, outer, self.scene, rays, self.receiver)
-            return collected(landings, sin2_exit, torch.from_numpy(rays.flux), self.receiver.grid, self.window_mm)
+            landed, sin2_exit = landed_through(inner, outer, self.scene, rays, self.receivers)
+            emitted = torch.from_numpy(rays.flux)
+            return tuple(
+                collected(landings, sin2_exit, emitted, receiver.grid, receiver.window)
+                for receiver, landings in zip(self.receivers, landed, strict=True)
+            )
         tables = tables_on(self.device, inner, outer, self.scene)
         starts = range(0, len(rays), self.chunk)
         parts = [self._part(tables, rays.take(slice(start, start + self.chunk))) for start in starts]
-        return Collected(*(torch.stack(sums).sum(dim=0).cpu() for sums in zip(*parts, strict=True)))
+        sums = [torch.stack(each).sum(dim=0).cpu() for each in zip(*parts, strict=True)]
+        return tuple(Collected(*sums[first : first + 4]) for first in range(0, len(sums), 4))
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)
@@ -81,14 +86,12 @@ class LightPath:
 
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_sequence(inner, outer, on_device, self.scene.fresnel)
-            found = collected_on_device(
-                self.receiver.land_in_torch(exit_rays),
-                exit_rays.sin2_exit,
-                on_device.flux,
-                self.receiver.grid,
-                self.window_mm,
-            )
-            return found.image, found.in_window, found.outside_receiver, found.total_reflection
+            sums: list[Tensor] = []
+            for receiver in self.receivers:
+                landings, places = receiver.land_in_torch(exit_rays), (receiver.grid, receiver.window)
+                found = collected_on_device(landings, exit_rays.sin2_exit, on_device.flux, *places)
+                sums += (found.image, found.in_window, found.outside_receiver, found.total_reflection)
+            return tuple(sums)
 
         parts: tuple[Tensor, ...] = checkpoint(light, use_reentrant=False, preserve_rng_state=False)
         return parts
@@ -99,33 +102,39 @@ def landed_through(
     outer: Float[Tensor, "side side"],
     scene: Scene,
     rays: RayBundle,
-    receiver: Receiver,
-) -> tuple[Landings, Float[Tensor, " n"]]:
-    """Landings of ``rays``, and their ``sin2_exit``; differentiable in both tables, float64 on the CPU.
+    receivers: tuple[Receiver, ...],
+) -> tuple[list[Landings], Float[Tensor, " n"]]:
+    """Landings of ``rays`` on each receiver, and their ``sin2_exit``; differentiable in both tables, float64, CPU.
 
     Raises :class:`InputError` when a surface has a radius that is not positive.
     """
-    hits, flux, landed, missed_receiver, sin2_exit = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
-        inner, outer, scene, rays, receiver
+    sin2_exit, *fields = _Landing.apply(  # type: ignore[no-untyped-call]  # as torch has it
+        inner, outer, scene, rays, receivers
     )
-    return Landings(hits, flux, landed, missed_receiver), sin2_exit
+    return [Landings(*fields[first : first + 4]) for first in range(0, len(fields), 4)], sin2_exit
 
 
 class _Landing(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receiver: Receiver) -> Any:
+    def forward(
+        ctx: Any, inner: Tensor, outer: Tensor, scene: Scene, rays: RayBundle, receivers: tuple[Receiver, ...]
+    ) -> Any:
         traced = TracedBundle.of(inner, outer, scene, rays)
-        landings = receiver.land(traced.exits)
-        ctx.traced, ctx.receiver, ctx.missed_receiver = traced, receiver, landings.missed_receiver
-        ctx.mark_non_differentiable(landings.landed, landings.missed_receiver)
-        return landings.hits, landings.flux, landings.landed, landings.missed_receiver, traced.exits.sin2_exit
+        landed = [receiver.land(traced.exits) for receiver in receivers]
+        ctx.traced, ctx.receivers, ctx.missed = traced, receivers, [each.missed_receiver for each in landed]
+        ctx.mark_non_differentiable(*(flags for each in landed for flags in (each.landed, each.missed_receiver)))
+        fields = [field for each in landed for field in (each.hits, each.flux, each.landed, each.missed_receiver)]
+        return traced.exits.sin2_exit, *fields
 
     @staticmethod
-    def backward(ctx: Any, by_hits: Tensor, by_flux: Tensor, _: Any, __: Any, by_sin2: Tensor) -> Any:
-        if ctx.missed_receiver.any():  # their hit and flux are constants; those of rays lost in the lens never count
-            by_hits, by_flux = (
-                by_hits.masked_fill(ctx.missed_receiver[:, None], 0.0),
-                by_flux.masked_fill(ctx.missed_receiver, 0.0),
-            )
-        hits, flux, sin2 = (by.contiguous().numpy() for by in (by_hits, by_flux, by_sin2))
-        return *ctx.traced.gradients(ctx.receiver.sensitivities(hits), flux, sin2), None, None, None
+    def backward(ctx: Any, by_sin2: Tensor, *by_fields: Tensor) -> Any:
+        exits, total_flux = ctx.traced.exits, np.zeros(len(by_sin2))
+        total: Sensitivities | None = None
+        for k, (receiver, missed) in enumerate(zip(ctx.receivers, ctx.missed, strict=True)):
+            by_hits, by_flux = by_fields[4 * k : 4 * k + 2]
+            if missed.any():  # their hit and flux are constants; those of rays lost in the lens never count
+                by_hits, by_flux = by_hits.masked_fill(missed[:, None], 0.0), by_flux.masked_fill(missed, 0.0)
+            by = receiver.sensitivities(exits, by_hits.contiguous().numpy())
+            total = by if total is None else Sensitivities(*(a + b for a, b in zip(total, by, strict=True)))
+            total_flux = total_flux + by_flux.numpy()
+        return *ctx.traced.gradients(total, total_flux, by_sin2.contiguous().numpy()), None, None, None

@@ -87,7 +87,7 @@ def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) ->
     effort, settings = preset.effort.with_rays_of(source.ray_count), spec.optimise
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
-    uniform, images = spec.target.uniform_mm is not None, len(group(spec.lens.symmetry))
+    uniform, images = spec.has_uniform_region, len(group(spec.lens.symmetry))
     stages = AutomaticStages(levels, effort, settings.learning_rate, images)
     return AutomaticSchedule(stages, uniform, settings.seconds, first)
 

@@ -68,7 +68,7 @@ class Parametrisation:
         """Tables (mm) of both surfaces from the first ``k`` relative weights; differentiable."""
         free = ((self.maps.coefficients(weights) + offsets) * self.scale_mm).unbind(dim=-1)
         inner, outer = (
-            mirror_mean(free[i].T, self.basis.symmetry, x_axis=0) if fixed is None else fixed
+            mirror_mean(free[i].T, self.basis.symmetry) if fixed is None else fixed
             for i, fixed in enumerate(self._fixed_tables)
         )
         return inner.contiguous(), outer.contiguous()

@@ -13,15 +13,15 @@ import torch
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.possible import LargestShare, largest_share
-from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.spec import Spec
-from lensforge.spec.target import IN_TARGET
+from lensforge.spec import AnyReceiver, Spec
 from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.spline import grid_for, tabulate
 from lensforge.surfaces.surface import Surface
+from lensforge.targets.pattern import target_light
+from lensforge.targets.region import in_target
 from lensforge.tracing.tables import Scene, trace_tables
 
 _RAYS, _SEED = 2**14, 0
@@ -38,15 +38,16 @@ _LOST = {
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Shares of the source's flux: ``entering`` the starting lens, ``lost`` before it, ``possible`` in the target.
+    """Shares of the source's flux: ``entering`` the starting lens, ``lost`` before it, ``possible`` in the targets.
 
-    ``possible``: at most, by :func:`~lensforge.receivers.possible.largest_share`. ``mean_direction``: of the flux.
+    ``possible``: at most, in those of each receiver, by :func:`~lensforge.receivers.possible.largest_share`.
+    ``mean_direction``: of the flux.
     """
 
     spec: Spec
     entering: float
     lost: dict[Fate, float]
-    possible: LargestShare
+    possible: tuple[LargestShare, ...]
     mean_direction: tuple[float, float, float]
 
     @staticmethod
@@ -56,7 +57,7 @@ class SceneCheck:
         by_fate = _shares_by_fate(spec, rays, start)
         lost = {fate: by_fate.pop(fate) for fate in _LOST}
         x, y, z = (rays.flux @ rays.directions / rays.flux.sum()).tolist()
-        return SceneCheck(spec, sum(by_fate.values()), lost, _possible_share(spec, rays), (x, y, z))
+        return SceneCheck(spec, sum(by_fate.values()), lost, _possible_shares(spec, rays), (x, y, z))
 
     def require_light(self) -> None:
         """Raise :class:`InputError` where no light enters the lens, or none can reach the target."""
@@ -65,12 +66,13 @@ class SceneCheck:
                 f"source: {_percent(self.entering)} of the light enters the starting lens, at least "
                 f"{_percent(_LEAST_ENTERING)} must: {self._causes()}; try {', '.join(self._remedies())}"
             )
-        if self.possible.value < _LEAST_POSSIBLE:
-            raise InputError(
-                f"target: {self.possible} of the light can reach it {self._through()}, at least "
-                f"{_percent(_LEAST_POSSIBLE)} must; check the units of target.distance_mm, of the target's size and of "
-                "the source's, or raise constraints.max_radius_mm or lens.refractive_index"
-            )
+        for receiver, possible in zip(self.spec.all_receivers, self.possible, strict=True):
+            if possible.value < _LEAST_POSSIBLE:
+                raise InputError(
+                    f"{self._named(receiver)}: {possible} of the light can reach it {self._through(receiver)}, at "
+                    f"least {_percent(_LEAST_POSSIBLE)} must; check the units of {self._distance()}, of the target's "
+                    "size and of the source's, or raise constraints.max_radius_mm or lens.refractive_index"
+                )
 
     def warnings(self) -> tuple[str, ...]:
         """One line for each matter that no search can mend."""
@@ -82,11 +84,13 @@ class SceneCheck:
                 f"{_percent(self.entering)} of the light enters the starting lens: {self._causes()}; "
                 f"try {', '.join(self._remedies())}"
             )
-        if self.possible.value < _WARN_POSSIBLE:
-            yield (
-                f"{self.possible} of the light can reach the target {self._through()}; try a larger "
-                "constraints.max_radius_mm, a smaller source or a larger target"
-            )
+        for receiver, possible in zip(self.spec.all_receivers, self.possible, strict=True):
+            if possible.value < _WARN_POSSIBLE:
+                name = "the target" if self.spec.target is not None else f"the target on {receiver.name}"
+                yield (
+                    f"{possible} of the light can reach {name} {self._through(receiver)}; try a larger "
+                    "constraints.max_radius_mm, a smaller source or a larger target"
+                )
 
     def _causes(self) -> str:
         return ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
@@ -104,12 +108,17 @@ class SceneCheck:
                 cavity = "lens.inner_offset_mm" if self.spec.lens.fixed_inner is None else "lens.fixed_inner"
                 yield ", ".join([*places, f"or a larger {cavity}"])
 
-    def _through(self) -> str:
-        target, limits = self.spec.target, self.spec.constraints
-        return (
-            f"through a lens of constraints.max_radius_mm = {limits.max_radius_mm:g} at target.distance_mm = "
-            f"{target.distance_mm:g}"
-        )
+    def _named(self, receiver: AnyReceiver) -> str:
+        return "target" if self.spec.target is not None else f"receivers: target on {receiver.name}"
+
+    def _distance(self) -> str:
+        return "its distance" if self.spec.target is None else "target.distance_mm"
+
+    def _through(self, receiver: AnyReceiver) -> str:
+        largest = f"through a lens of constraints.max_radius_mm = {self.spec.constraints.max_radius_mm:g}"
+        if self.spec.target is not None and self.spec.target.distance_mm is not None:
+            return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
+        return f"{largest} {receiver.place}"
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
@@ -128,16 +137,12 @@ def _starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
     return fixed_inner or inner, fixed_outer or outer
 
 
-def _possible_share(spec: Spec, rays: RayBundle) -> LargestShare:
-    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
-    wanted = target_irradiance(spec.target, grid)
-    return largest_share(
-        rays,
-        wanted > IN_TARGET * wanted.max(),
-        grid,
-        spec.target.distance_mm,
-        spec.constraints.max_radius_mm,
-        spec.lens.refractive_index,
+def _possible_shares(spec: Spec, rays: RayBundle) -> tuple[LargestShare, ...]:
+    """The largest share in the targets of each receiver."""
+    largest_mm, index = spec.constraints.max_radius_mm, spec.lens.refractive_index
+    return tuple(
+        largest_share(rays, in_target(target_light(section.targets, receiver)), receiver, largest_mm, index)
+        for section, receiver in zip(spec.all_receivers, receivers_of(spec, spec.evaluate.pixels), strict=True)
     )
 
 

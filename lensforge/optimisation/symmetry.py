@@ -1,15 +1,21 @@
-"""Mirror symmetry that source and target share: a lens may have it, and no larger one."""
+"""Mirror symmetry that source, receivers and targets share: a lens may have it, and no larger one."""
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import InputError
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.posed import PosedReceiver
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
-from lensforge.surfaces.symmetry import NAMES, contains
+from lensforge.surfaces.symmetry import NAMES, contains, generators
+from lensforge.targets.pattern import target_light
+
+_SAME = 1e-9  # of a mirrored frame, and of a centre relative to its distance
+
+ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed permutations of the chart's coordinates
 
 
 def settled_symmetry(spec: Spec, source: Source) -> Spec:
@@ -19,29 +25,59 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """
     name = spec.lens.symmetry
     if name == "auto":
-        found = next(each for each in reversed(NAMES) if contains(source.symmetry, each) and _in_target(spec, each))
+        found = next(each for each in reversed(NAMES) if contains(source.symmetry, each) and _in_targets(spec, each))
         return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": found})})
     if not contains(source.symmetry, name):
         raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
-    if not _in_target(spec, name):
+    if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
 
 
-def _in_target(spec: Spec, name: str) -> bool:
-    wanted = torch.from_numpy(target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.optimise.pixels)))
-    return torch.allclose(mirror_mean(wanted, name), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max()))
+def _in_targets(spec: Spec, name: str) -> bool:
+    for section, receiver in zip(spec.all_receivers, receivers_of(spec, spec.optimise.pixels), strict=True):
+        mirrors = chart_mirrors(receiver, name)
+        if mirrors is None:
+            return False
+        wanted = torch.from_numpy(target_light(section.targets, receiver))
+        if not torch.allclose(mirrored_light(wanted, mirrors), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max())):
+            return False
+    return True
 
 
-def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str, x_axis: int = 1) -> Float[Tensor, "p p"]:
-    """Mean over the mirror images of values on a square grid about the axis, x along ``x_axis``.
+def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:
+    """Action of a mirror group's generators on a receiver's chart; None where its mirror image is another receiver."""
+    found, axes, centre = [], receiver.pose.axes, np.array(receiver.pose.centre_mm)
+    for mirror in generators(name):
+        moved = np.linalg.norm(mirror @ centre - centre)
+        action = axes @ mirror @ axes.T
+        signs = np.round(action[:2, :2])
+        swaps = signs[0, 0] == 0.0
+        whole = np.block([[signs, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]])
+        grid = receiver.grid
+        square = grid.rows == grid.columns and grid.width == grid.height and receiver.kind != "cylinder"
+        kept = np.allclose(action, whole, rtol=0.0, atol=_SAME) and moved <= _SAME * np.linalg.norm(centre)
+        if not kept or (swaps and not square):
+            return None
+        (a, b), (c, d) = signs.astype(int).tolist()
+        found.append(((a, b), (c, d)))
+    return tuple(found)
 
-    For an image (row y, column x) of a scene with this symmetry it is the same light with up to 8 times the rays.
-    """
+
+def mirrored_light(image: Float[Tensor, "h w"], mirrors: ChartMirrors) -> Float[Tensor, "h w"]:
+    """Mean over the mirror images of the light on a receiver: that of a scene with the symmetry, with more rays."""
+    for (a, b), (c, d) in mirrors:
+        turned = [axis for axis, sign in ((1, a + b), (0, c + d)) if sign < 0]
+        image = 0.5 * (image + (image if a else image.T).flip(turned))
+    return image
+
+
+def mirror_mean(grid: Float[Tensor, "p p"], symmetry: str) -> Float[Tensor, "p p"]:
+    """Mean over the mirror images of values on a square grid about the axis, first index x, second y."""
     if symmetry in ("mirror_x", "rectangle", "square"):
-        grid = 0.5 * (grid + grid.flip(x_axis))
+        grid = 0.5 * (grid + grid.flip(0))
     if symmetry in ("mirror_y", "rectangle", "square"):
-        grid = 0.5 * (grid + grid.flip(1 - x_axis))
+        grid = 0.5 * (grid + grid.flip(1))
     if symmetry == "square":
         grid = 0.5 * (grid + grid.T)
     return grid

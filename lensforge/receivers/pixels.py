@@ -1,69 +1,127 @@
-"""Pixels of a square image, and the flux of rays on them: hard bins, the paper's splat, the paper's filter."""
+"""Pixels of a rectangular image, and the flux of rays on them: hard bins, the paper's splat, the paper's filter."""
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import convolve1d
 
 from lensforge.kernels.jit import CHUNKS, in_chunks
-from lensforge.kernels.landing import splat
+from lensforge.kernels.pixels import splat
 
 
 @dataclass(frozen=True)
 class PixelGrid:
-    """``side_mm`` wide, ``pixels`` x ``pixels``. Images are indexed [row = y, column = x], y upwards."""
+    """``columns`` x ``rows`` pixels on ``width`` x ``height``, in the unit of the receiver's chart; centred.
 
-    side_mm: float
-    pixels: int
+    Images are indexed [row = y, column = x], y upwards.
+    """
+
+    width: float
+    height: float
+    columns: int
+    rows: int
+
+    @staticmethod
+    def square(side: float, pixels: int) -> "PixelGrid":
+        """A square grid."""
+        return PixelGrid(side, side, pixels, pixels)
+
+    @staticmethod
+    def of(width: float, height: float, pixels: int) -> "PixelGrid":
+        """Pixels as nearly square as they can be, ``pixels`` of them along the longer side."""
+        longer = max(width, height)
+        columns, rows = (max(1, round(pixels * side / longer)) for side in (width, height))
+        return PixelGrid(width, height, columns, rows)
 
     @property
-    def pitch_mm(self) -> float:
-        """Width of a pixel."""
-        return self.side_mm / self.pixels
+    def shape(self) -> tuple[int, int]:
+        """Shape of an image: rows, columns."""
+        return self.rows, self.columns
 
-    def axis_mm(self) -> Float[np.ndarray, " p"]:
-        """Coordinates of the pixel centres along either axis."""
-        return (np.arange(self.pixels) + 0.5) * self.pitch_mm - self.side_mm / 2.0
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height, as the kernels take them."""
+        return self.width, self.height
 
-    def rectangle_mask(self, width_mm: float, height_mm: float) -> Bool[np.ndarray, "p p"]:
-        """Pixels whose centres lie within a centred rectangle, ``width_mm`` along x."""
-        distance = np.abs(self.axis_mm())
-        mask: Bool[np.ndarray, "p p"] = (distance <= height_mm / 2.0)[:, None] & (distance <= width_mm / 2.0)[None, :]
-        return mask
+    @property
+    def pixel(self) -> tuple[float, float]:
+        """Width and height of a pixel."""
+        return self.width / self.columns, self.height / self.rows
 
-    def square_mask(self, side_mm: float) -> Bool[np.ndarray, "p p"]:
-        """Pixels whose centres lie within a centred square of ``side_mm``."""
-        return self.rectangle_mask(side_mm, side_mm)
+    def x(self) -> Float[np.ndarray, " w"]:
+        """Coordinates of the columns' centres."""
+        return _centres(self.width, self.columns)
+
+    def y(self) -> Float[np.ndarray, " h"]:
+        """Coordinates of the rows' centres."""
+        return _centres(self.height, self.rows)
+
+    def finer(self, times: int) -> "PixelGrid":
+        """A grid of ``times`` x ``times`` sub-pixels in every pixel."""
+        return PixelGrid(self.width, self.height, times * self.columns, times * self.rows)
+
+
+def _centres(length: float, count: int) -> Float[np.ndarray, " k"]:
+    centres: Float[np.ndarray, " k"] = (np.arange(count) + 0.5) * (length / count) - length / 2.0
+    return centres
+
+
+@dataclass(frozen=True)
+class Window:
+    """Part of a receiver in which flux counts as detected: a centred rectangle, a circle, or where both overlap."""
+
+    width: float = inf
+    height: float = inf
+    radius: float = inf
+
+    def packed(self) -> tuple[float, float, float]:
+        """Half the width, half the height, and the squared radius, as the kernels take them."""
+        return 0.5 * self.width, 0.5 * self.height, self.radius**2
+
+    def contains(self, hits: Float[np.ndarray, "*n 2"]) -> Bool[np.ndarray, "*n"]:
+        """True for hits in the window."""
+        x, y = hits[..., 0], hits[..., 1]
+        half_width, half_height, square = self.packed()
+        inside: Bool[np.ndarray, "*n"] = (
+            (np.abs(x) <= half_width) & (np.abs(y) <= half_height) & (x * x + y * y <= square)
+        )
+        return inside
+
+    def pixels(self, grid: PixelGrid) -> Bool[np.ndarray, "h w"]:
+        """Pixels of ``grid`` whose centres are in the window."""
+        x, y = np.meshgrid(grid.x(), grid.y())
+        return self.contains(np.stack([x, y], axis=-1))
 
 
 def bin_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
-) -> Float[np.ndarray, "p p"]:
+) -> Float[np.ndarray, "h w"]:
     """Flux (W) in each pixel [row y, column x]; rays outside the grid are left out, as they are in a camera."""
-    cell = np.floor((hits / grid.side_mm + 0.5) * grid.pixels)
-    inside = np.all((cell >= 0) & (cell < grid.pixels), axis=1) & (flux > 0.0)
+    cell = np.floor((hits / np.array(grid.size) + 0.5) * np.array([grid.columns, grid.rows]))
+    inside = np.all((cell >= 0) & (cell < [grid.columns, grid.rows]), axis=1) & (flux > 0.0)
     column, row = cell[inside].astype(np.int64).T
-    total = np.bincount(row * grid.pixels + column, flux[inside], minlength=grid.pixels**2)
-    return total.astype(np.float64).reshape(grid.pixels, grid.pixels)  # no ray inside: bincount gives integers
+    total = np.bincount(row * grid.columns + column, flux[inside], minlength=grid.rows * grid.columns)
+    return total.astype(np.float64).reshape(grid.shape)  # no ray inside: bincount gives integers
 
 
-def flux_in_square(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], side_mm: float) -> float:
-    """Flux (W) within a centred square of ``side_mm``."""
-    return float(flux[np.all(np.abs(hits) <= side_mm / 2.0, axis=1)].sum())
+def flux_in(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], window: Window) -> float:
+    """Flux (W) within ``window``."""
+    return float(flux[window.contains(hits)].sum())
 
 
 def splat_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
-) -> Float[np.ndarray, "p p"]:
+) -> Float[np.ndarray, "h w"]:
     """Flux (W) in each pixel by the splat of the paper's Fig. 3; ``optimisation.collect`` has the gradient."""
-    images = np.zeros((CHUNKS, grid.pixels, grid.pixels))
-    in_chunks(lambda chunk, part: splat(hits[part], flux[part], grid.side_mm, images[chunk]), len(flux))
-    image: Float[np.ndarray, "p p"] = images.sum(axis=0)
+    images = np.zeros((CHUNKS, *grid.shape))
+    in_chunks(lambda chunk, part: splat(hits[part], flux[part], grid.size, images[chunk]), len(flux))
+    image: Float[np.ndarray, "h w"] = images.sum(axis=0)
     return image
 
 
-def gaussian3(image: Float[np.ndarray, "p p"], variance: float) -> Float[np.ndarray, "p p"]:
+def gaussian3(image: Float[np.ndarray, "h w"], variance: float) -> Float[np.ndarray, "h w"]:
     """Convolve with the normalised 3 x 3 Gaussian; edge pixels are repeated outwards. Variance 0: unchanged."""
     if variance == 0.0:
         return image

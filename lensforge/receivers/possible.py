@@ -1,4 +1,4 @@
-"""Largest share of a source's light that any lens of a given size brings into a part of a plane receiver."""
+"""Largest share of a source's light that any lens of a given size brings into a part of a receiver."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball, largest_deviation_rad
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.posed import PosedReceiver
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.etendue import EtendueCurve
 
@@ -30,9 +30,8 @@ class LargestShare:
 
 def largest_share(
     rays: RayBundle,
-    pixels: Bool[np.ndarray, "p p"],
-    grid: PixelGrid,
-    distance_mm: float,
+    pixels: Bool[np.ndarray, "h w"],
+    receiver: PosedReceiver,
     max_radius_mm: float,
     refractive_index: float,
 ) -> LargestShare:
@@ -45,32 +44,22 @@ def largest_share(
     """
     if not pixels.any():
         return LargestShare(0.0, 0.0)
-    edges = _edges_mm(grid)
-    solid_angle = float(cell_solid_angles(edges, edges, distance_mm)[pixels].sum())
+    corners = receiver.corners()
+    solid_angle = float(cell_solid_angles(corners)[pixels].sum())
     held = EtendueCurve.of(rays).share_within(etendue_from_ball(max_radius_mm, solid_angle))
-    turned = _turned_share(rays, pixels, edges, distance_mm, max_radius_mm, refractive_index)
-    return LargestShare(held, turned)
-
-
-def _turned_share(
-    rays: RayBundle,
-    pixels: Bool[np.ndarray, "p p"],
-    edges_mm: Float[np.ndarray, " e"],
-    distance_mm: float,
-    max_radius_mm: float,
-    refractive_index: float,
-) -> float:
-    """Share of the flux whose direction two refractions can turn towards the pixels from some point of the ball."""
-    axis, half_rad = cone_around(edges_mm, edges_mm, distance_mm, pixels)
+    axis, half_rad = cone_around(corners, pixels)
     indices = rays.refractive_indices
     index = refractive_index if indices is None else float(indices.max())
-    # seen from within the ball, a point of the plane lies off its direction from the origin by this much at most
-    parallax_rad = float(np.arcsin(min(1.0, max_radius_mm / distance_mm)))
-    angles = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0))
-    within = angles <= half_rad + parallax_rad + largest_deviation_rad(index)
-    return float(rays.flux[within].sum() / rays.flux.sum())
+    within = half_rad + _parallax_rad(receiver, corners, max_radius_mm) + largest_deviation_rad(index)
+    turned = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) <= within
+    return LargestShare(held, float(rays.flux[turned].sum() / rays.flux.sum()))
 
 
-def _edges_mm(grid: PixelGrid) -> Float[np.ndarray, " e"]:
-    edges: Float[np.ndarray, " e"] = (np.arange(grid.pixels + 1) / grid.pixels - 0.5) * grid.side_mm
-    return edges
+def _parallax_rad(receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], max_radius_mm: float) -> float:
+    """Most by which a point of the receiver, seen from within the ball, lies off its direction from the origin."""
+    if receiver.kind == "far_field":
+        return 0.0
+    nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
+    if receiver.kind == "plane":  # between the corners it may be nearer
+        nearest_mm = abs(float(receiver.pose.axes[2] @ receiver.pose.centre_mm))
+    return float(np.arcsin(min(1.0, max_radius_mm / nearest_mm)))

@@ -1,22 +1,24 @@
 """Protocol of every receiver, which maps exit rays to hits without knowing the lens; landings, as arrays too."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.pixels import PixelGrid, Window
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
+
+ReceiverKind = Literal["plane", "far_field", "cylinder", "sphere"]
 
 
 @dataclass(frozen=True)
 class Landings:
     """Exit rays on a receiver, in their order.
 
-    ``hits``: coordinates on the pixel grid (mm), or off it; ``flux``: W; both 0 where a ray did not land. ``landed``:
-    rays that reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
+    ``hits``: coordinates on the receiver's chart; ``flux``: W; both 0 where a ray did not land. ``landed``: rays that
+    reach the surface in which the receiver lies. ``missed_receiver``: rays that left the lens and never do.
     """
 
     hits: Float[Tensor, "n 2"]
@@ -27,7 +29,16 @@ class Landings:
 
 @runtime_checkable
 class Receiver(Protocol):
-    """A pixel grid on some surface; its picture is the flux of each pixel over ``pixel_measure``."""
+    """A pixel grid on the chart of some surface, or of all directions; charts keep areas, so that pixels are alike."""
+
+    def __hash__(self) -> int:
+        """Hash of a receiver, which does not change."""
+        ...
+
+    @property
+    def kind(self) -> ReceiverKind:
+        """Kind of the receiver, as a spec names it."""
+        ...
 
     @property
     def grid(self) -> PixelGrid:
@@ -35,15 +46,20 @@ class Receiver(Protocol):
         ...
 
     @property
+    def window(self) -> Window:
+        """The part in which flux counts as detected."""
+        ...
+
+    @property
     def pixel_measure(self) -> float:
-        """Measure of a pixel, such as its area in m^2."""
+        """Measure of a pixel: its area in m^2, or its solid angle in sr."""
         ...
 
     def land(self, rays: ExitRays) -> Landings:
         """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
         ...
 
-    def sensitivities(self, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
         """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
         ...
 
@@ -51,10 +67,20 @@ class Receiver(Protocol):
         """``land`` in plain torch, on any device and in any precision; differentiable."""
         ...
 
+    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
+        ...
+
+    def target_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places on the chart as targets state them: mm, or degrees from the axis of a far field."""
+        ...
+
 
 @dataclass(frozen=True)
 class Hits:
-    """Hits (mm) and flux (W) of rays on a receiver; 0 for rays that did not land."""
+    """Hits and flux (W) of rays on a receiver; 0 for rays that did not land."""
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]

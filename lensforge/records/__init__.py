@@ -1,6 +1,6 @@
 """Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
 
-from lensforge.records.arrays import Array, Image, Irradiance, Line, PixelCentres
+from lensforge.records.arrays import Array, Image, Irradiance, Line, PixelCentres, SquareImage
 from lensforge.records.conditions import Conditions
 from lensforge.records.fields import (
     Count,
@@ -16,7 +16,7 @@ from lensforge.records.fields import (
     State,
     Text,
 )
-from lensforge.records.record import Record, Scalar
+from lensforge.records.record import Record, Scalar, stated
 from lensforge.records.result import Given, InFile, SimulatedResult, StageResult
 
 __all__ = [
@@ -41,7 +41,9 @@ __all__ = [
     "Sha256",
     "Share",
     "SimulatedResult",
+    "SquareImage",
     "StageResult",
     "State",
     "Text",
+    "stated",
 ]

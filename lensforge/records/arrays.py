@@ -108,10 +108,10 @@ def read_only(array: np.ndarray, gaps: bool = False) -> np.ndarray:
     return array
 
 
-# An image [row y, column x] with as many rows as columns, one of light, a line of the same number of pixels, and the
-# positions of their centres.
-Image = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
-Irradiance = Annotated[Float[np.ndarray, "p p"], Array("p", "p", least=0.0)]
+# An image [row y, column x], a square one, one of light; a line of a square one, and the positions of its pixels.
+Image = Annotated[Float[np.ndarray, "h w"], Array("h", "w")]
+SquareImage = Annotated[Float[np.ndarray, "p p"], Array("p", "p")]
+Irradiance = Annotated[Float[np.ndarray, "h w"], Array("h", "w", least=0.0)]
 Line = Annotated[Float[np.ndarray, " p"], Array("p")]
 PixelCentres = Annotated[Float[np.ndarray, " p"], Array("p", centred=True)]
 

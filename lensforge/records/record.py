@@ -1,10 +1,10 @@
 """The base class of all records: frozen, validated, compared bit for bit, with one flat row for a table."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, computed_field, model_validator
 from pydantic.fields import FieldInfo
 
 from lensforge.records.arrays import Array, bind
@@ -40,6 +40,21 @@ class Record(BaseModel):
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _computed_fields_agree(cls, content: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Compare fields that follow from others, which a file also states, with what follows."""
+        if not (isinstance(content, Mapping) and any(name in content for name in cls.model_computed_fields)):
+            return handler(content)
+        names = [name for name in cls.model_computed_fields if name in content]
+        record = handler({key: value for key, value in content.items() if key not in names})
+        for name in names:
+            found = getattr(record, name)
+            plain = found.model_dump(mode="json") if isinstance(found, Record) else found
+            if content[name] != plain:
+                raise ValueError(f"{name}: not what the fields say that it follows from")
+        return record
+
     @model_validator(mode="after")
     def _axes_agree(self) -> "Record":
         sizes: dict[str, int] = {}
@@ -71,6 +86,15 @@ class Record(BaseModel):
         return table_html({key: _shown(value) for key, value in self.row().items()})
 
 
+if TYPE_CHECKING:
+    stated = property
+else:
+
+    def stated(getter: Callable[[Any], Any]) -> Any:
+        """A property that follows from the fields, and that a file states too: it must be what follows from them."""
+        return computed_field(property(getter))
+
+
 def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
     """The annotation of class ``kind`` on a field, also where the field may be None."""
     found = [each for each in field.metadata if isinstance(each, kind)]
@@ -83,7 +107,8 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:
     items: Mapping[str, Any] | None = None
     if isinstance(value, Record):
-        items = {name: getattr(value, name) for name in type(value).model_fields}
+        names = (*type(value).model_fields, *type(value).model_computed_fields)
+        items = {name: getattr(value, name) for name in names}
     elif isinstance(value, Mapping):
         items = value
     if items is not None:

@@ -22,6 +22,7 @@ from lensforge.records.arrays import Array
 from lensforge.records.conditions import Conditions
 from lensforge.records.fields import Sha256, Text
 from lensforge.records.html import PLOT_KINDS, plot_file, plot_html
+from lensforge.records.nested import arrays_of, excluded_arrays, names_in, with_arrays
 from lensforge.records.record import Record, Scalar, marker
 from lensforge.records.stored import (
     CHECKSUM,
@@ -35,7 +36,7 @@ from lensforge.records.stored import (
 from lensforge.records.validation import its_type
 from lensforge.version import __version__
 
-SCHEMA_VERSION = 2  # 1: the records of version 0.1.0, which named no schema
+SCHEMA_VERSION = 3  # 1: the records of version 0.1.0, which named no schema; 2: of one receiver, a square on the axis
 _MOST_FILE_BYTES = 384 * MIB  # of a CAD file or a mesh: eight million triangles, several times those of a reference run
 _ARRAYS = "arrays_sha256"  # the key of the npz file's hash in the JSON
 _UNHASHED = ("seconds", "cast_seconds", "rate", "version")  # differ between runs with the same result
@@ -91,15 +92,17 @@ class StageResult(Record):
     def sha256(self) -> str:
         """Hash of all fields except computing times and the program's version."""
         digest = hashlib.sha256()
-        skipped = set()
+        skipped = excluded_arrays(type(self))
+        for name, array in arrays_of(self):
+            digest.update(name.encode() + array.tobytes())
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
             if marker(info, Given) is not None:
-                skipped.add(field)
-            elif marker(info, Array) is not None or marker(info, InFile) is not None:
-                skipped.add(field)
+                skipped[field] = True
+            elif marker(info, InFile) is not None:
+                skipped[field] = True
                 if value is not None:
-                    digest.update(field.encode() + (value if isinstance(value, bytes) else value.tobytes()))
+                    digest.update(field.encode() + value)
         hashed = _without_unhashed(self.model_dump(mode="json", exclude=skipped))
         digest.update(json.dumps(hashed, sort_keys=True).encode())
         return digest.hexdigest()
@@ -123,23 +126,20 @@ class StageResult(Record):
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
-        name, elsewhere, arrays, files = stem or self.stage, set(), {}, {}
+        name, elsewhere, files = stem or self.stage, excluded_arrays(type(self)), {}
+        arrays = dict(arrays_of(self))
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
             if marker(info, Given) is not None:
-                elsewhere.add(field)
-            elif marker(info, Array) is not None:
-                elsewhere.add(field)
-                if value is not None:
-                    arrays[field] = value
+                elsewhere[field] = True
             elif (own := marker(info, InFile)) is not None:
-                elsewhere.add(field)
+                elsewhere[field] = True
                 if value is not None:
                     files[own.beside(self.stage, name)] = value
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
-            np.savez_compressed(archive, **arrays)
+            np.savez_compressed(archive, **arrays)  # type: ignore[arg-type]  # its flag has another type
             files[f"{name}.npz"] = archive.getvalue()
             head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
         content = with_checksum({**head, **self.model_dump(mode="json", exclude=elsewhere)})
@@ -202,9 +202,13 @@ class StageResult(Record):
                 raise InputError(f"{path}: {field}: does not belong in the JSON file; {cls.again()}")
         content |= given
         fields = type_fields(cls)
-        arrays = [field for field, info in fields.items() if marker(info, Array) is not None]
-        if arrays:
-            content |= read_arrays(folder / f"{name}.npz", arrays, content.pop(_ARRAYS, None), cls.again())
+        if excluded_arrays(cls):
+            sha256, names = content.pop(_ARRAYS, None), names_in(cls, content)
+            arrays = read_arrays(folder / f"{name}.npz", names, sha256, cls.again())
+            try:
+                content = with_arrays(cls, content, arrays)
+            except ValueError as error:
+                raise InputError(f"{path}: {error}; {cls.again()}") from None
         for field, info in fields.items():
             if (own := marker(info, InFile)) is not None:
                 file = folder / own.beside(cls.stage, name)

@@ -6,16 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import WATTS
+from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.figures.light_unit import light_unit
 from lensforge.geometry.part import Part
 from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.optimisation.design import Design
 from lensforge.records import Metric
 from lensforge.report.headline import criteria_state
-from lensforge.report.numerals import number, percent, unit_of_light
+from lensforge.report.numerals import number, percent
+from lensforge.report.shown_receivers import shown_receivers
 from lensforge.results import Results
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 
 
 @dataclass(frozen=True)
@@ -51,29 +54,38 @@ def _state(results: Results, *names: str) -> str:
 
 
 def _light_cards(results: Results) -> Iterator[Card]:
+    """Cards of the light on the first receiver; among several with its name."""
+    for shown in shown_receivers(results)[:1]:
+        light, of_receiver = shown.light, f"on {shown.light.name}: " if shown.several else ""
+        note = _light_note(light.nmse, light.raw.nmse, "error of the pattern, 0 is perfect")
+        yield Card("NMSE", number(light.nmse.value, 3), "", f"{of_receiver}{note}")
+        error = light.efficiency.standard_error
+        spread = f"± {percent(error, 3)}; " if error else ""
+        note = f"{spread}of the emitted flux {shown.window}"
+        yield Card("Efficiency", percent(light.efficiency.value), "", f"{of_receiver}{note}")
+        if light.uniformity is not None:
+            quantity = light_unit(None, far_field=light.chart.far_field).quantity
+            note = _light_note(light.uniformity, light.raw.uniformity, f"least over mean {quantity} in the mask")
+            yield Card("Uniformity", number(light.uniformity.value, 3), "", f"{of_receiver}{note}")
+        if light.rsd is not None:
+            note = _light_note(light.rsd, light.raw.rsd, "standard deviation over mean in the mask")
+            yield Card("RSD", number(light.rsd.value, 3), "", f"{of_receiver}{note}")
+        yield from _table_cards(results, light)
+
+
+def _table_cards(results: Results, first: ReceiverLight) -> Iterator[Card]:
+    """Error of the accuracy preset, where it has been measured."""
     light = results.find(Light)
-    if light is None:
+    if light is None or light.preset_error is None:
         return
-    note = _light_note(light.nmse, light.raw.nmse, "error of the pattern, 0 is perfect")
-    yield Card("NMSE", number(light.nmse.value, 3), "", note)
-    window = f"of the emitted flux within {light.window_mm:g} × {light.window_mm:g} mm"
-    error = light.efficiency.standard_error
-    spread = f"± {percent(error, 3)}; " if error else ""
-    yield Card("Efficiency", percent(light.efficiency.value), "", f"{spread}{window}")
-    if light.uniformity is not None:
-        note = _light_note(light.uniformity, light.raw.uniformity, "least over mean irradiance in the mask")
-        yield Card("Uniformity", number(light.uniformity.value, 3), "", note)
-    if light.rsd is not None:
-        note = _light_note(light.rsd, light.raw.rsd, "standard deviation over mean in the mask")
-        yield Card("RSD", number(light.rsd.value, 3), "", note)
-    if light.preset_error is not None:
-        left = light.preset_error.evaluation
-        noise = "" if light.nmse_of_noise is None else f"; ray noise {number(light.nmse_of_noise, 2)}"
-        note = (
-            f"{_error(left.irradiance_nmse)}NMSE that the tables of --accuracy {results.lens.accuracy} add "
-            f"to the light of the exact surfaces; hits {number(left.hit_mm.value, 2)} mm off (rms){noise}"
-        )
-        yield Card("Simulation error", number(left.irradiance_nmse.value, 2), "", note)
+    left = light.preset_error.evaluation
+    noise = "" if first.nmse_of_noise is None else f"; ray noise {number(first.nmse_of_noise, 2)}"
+    off = first.chart.labelled(left.hit_mm.value)
+    note = (
+        f"{_error(left.irradiance_nmse)}NMSE that the tables of --accuracy {results.lens.accuracy} add "
+        f"to the light of the exact surfaces; hits {number(off, 2)} {first.chart.unit} off (rms){noise}"
+    )
+    yield Card("Simulation error", number(left.irradiance_nmse.value, 2), "", note)
 
 
 def _light_note(metric: Metric, raw: float | None, meaning: str) -> str:
@@ -88,19 +100,19 @@ def _error(metric: Metric) -> str:
 
 
 def _level_cards(results: Results) -> Iterator[Card]:
-    """Mean level of light in the mask, or its peak where the spec names no mask."""
-    light = results.find(Light)
-    if light is None:
-        return
-    unit = unit_of_light(results)
-    inside = np.abs(light.axis_mm) <= 0.5 * (light.uniform_mm or 0.0)
-    if light.uniform_mm is None or not inside.any():  # a mask may be smaller than a pixel
-        label, watts, where = f"Peak {unit.quantity}", float(light.map.max()), "on the receiver"
-    else:
-        label, watts = f"Mean {unit.quantity}", float(np.mean(light.map[np.ix_(inside, inside)]))
-        where = f"in the mask of {light.uniform_mm:g} mm"
-    note = where if unit == WATTS else f"{where}; {number(watts, 3)} {WATTS.symbol}"
-    yield Card(label, number(unit.per_w_m2 * watts, 3), unit.symbol, note)
+    """Mean level of light in the first receiver's mask, or its peak where there is no mask."""
+    for shown in shown_receivers(results)[:1]:
+        light, unit = shown.light, shown.unit
+        inside = shown.mask(light.pixels)
+        if inside is None or inside.shape != light.map.shape or not inside.any():  # smaller than a pixel
+            label, watts = f"Peak {unit.quantity}", float(light.map.max())
+            where = shown.place if light.kind == "far_field" or shown.several else "on the receiver"
+        else:
+            label, watts = f"Mean {unit.quantity}", float(np.mean(light.map[inside]))
+            where = f"in the mask {shown.mask_words}" + (f" on {light.name}" if shown.several else "")
+        plain = light_unit(None, far_field=light.chart.far_field)
+        note = where if unit == plain else f"{where}; {number(watts, 3)} {plain.symbol}"
+        yield Card(label, number(unit.per_watt * watts, 3), unit.symbol, note)
 
 
 def _size_cards(results: Results) -> Iterator[Card]:

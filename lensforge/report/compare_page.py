@@ -9,9 +9,10 @@ from lensforge.evaluation.light import Light
 from lensforge.records import Metric
 from lensforge.report.cards import cards
 from lensforge.report.compare_pictures import ComparedPictures
-from lensforge.report.headline import headline, task
+from lensforge.report.headline import headline
 from lensforge.report.page import template
 from lensforge.report.tables import rows
+from lensforge.report.task import task
 from lensforge.results import Results
 from lensforge.version import __version__
 

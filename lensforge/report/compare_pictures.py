@@ -1,6 +1,7 @@
 """Pictures of several designs on one scale, so that colours, sizes and curves can be compared by eye."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -8,14 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lensforge.evaluation.light import Light
-from lensforge.figures.light_unit import WATTS, LightUnit, light_unit
+from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.figures.chart import Chart
+from lensforge.figures.light_unit import LightUnit, light_unit
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.report.figure_style import BLUE, GREEN, GREY, INK, NARROW, ORANGE, RED, WIDE, in_report_style, new_figure
-from lensforge.report.irradiance_figures import along, encircled_share, irradiance_map
+from lensforge.report.irradiance_figures import irradiance_map
+from lensforge.report.line_figures import along, encircled_share, label_positions, label_radii
 from lensforge.report.measured import RELATIVE
 from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture, source_outline
 from lensforge.report.section_figures import lens_section, reach_mm
+from lensforge.report.shown_receivers import capitalised, shown_receivers
 from lensforge.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
@@ -24,56 +29,98 @@ _APART = 5.0  # ratio of peaks or of receivers above which there is no common sc
 _DARK = "#000004"  # the darkest of the map's colours, outside the receiver
 
 
+@dataclass(frozen=True)
+class _Lit:
+    """The light of one design on its first receiver."""
+
+    name: str
+    light: ReceiverLight
+    unit: LightUnit
+    colour: str
+    dashes: str | tuple[float, tuple[float, ...]]
+    caption: str
+
+    @property
+    def chart(self) -> Chart:
+        return self.light.chart
+
+    @property
+    def peak(self) -> float:
+        """Peak in its unit."""
+        return self.unit.per_watt * float(self.light.map.max())
+
+
 class ComparedPictures:
-    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated."""
+    """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated.
+
+    Light is that on each design's first receiver.
+    """
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
         self._designs = list(zip(names, designs, strict=True))
         found = ((name, design, design.find(Light)) for name, design in self._designs)
-        self._lit = [(name, design.spec, light) for name, design, light in found if light is not None]
-
-    @cached_property
-    def _units(self) -> list[LightUnit]:
-        """Unit of each simulated design: lux only where the luminous efficacy of all is known."""
-        units = [light_unit(light.lumens_per_watt) for _, _, light in self._lit]
-        return units if WATTS not in units else [WATTS] * len(units)
+        lights = [(name, design, light) for name, design, light in found if light is not None]
+        lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
+        self._lit = [
+            _Lit(
+                name,
+                light.first,
+                light_unit(light.lumens_per_watt if lumens_known else None, far_field=light.first.chart.far_field),
+                _COLOURS[index % len(_COLOURS)],
+                _DASHES[index % len(_DASHES)],
+                _caption(design),
+            )
+            for index, (name, design, light) in enumerate(lights)
+        ]
 
     @cached_property
     def one_scale(self) -> bool:
-        """True where the maps of all designs are legible with the same colours and millimetres."""
-        sides = [light.receiver_mm for _, _, light in self._lit]
-        return _spread(self._peaks) <= _APART and _spread(sides) <= _APART
+        """True where the maps of all designs are legible with the same colours and lengths."""
+        if len({lit.light.kind for lit in self._lit}) > 1:
+            return False
+        sides = [max(lit.chart.width, lit.chart.height) for lit in self._lit]
+        return _spread([lit.peak for lit in self._lit]) <= _APART and _spread(sides) <= _APART
 
     @cached_property
-    def _peaks(self) -> list[float]:
-        """Peak of each simulated design in its unit."""
-        lit = zip(self._lit, self._units, strict=True)
-        return [unit.per_w_m2 * float(light.map.max()) for (_, _, light), unit in lit]
+    def lengths(self) -> str:
+        """Name on the page of the lengths that maps on one scale share."""
+        return "angles" if self._lit and self._lit[0].chart.far_field else "millimetres"
 
     @cached_property
     def maps(self) -> list[PagePicture]:
-        """Irradiance maps, all with the same colours and millimetres where that is legible."""
-        lit = list(zip(self._lit, self._units, self._peaks, strict=True))
-        widest = max((light.receiver_mm for _, _, light in self._lit), default=0.0)
-        pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
-        for index, ((name, _, light), unit, peak) in enumerate(lit):
-            top = (max(self._peaks) if self.one_scale else peak) or 1.0
-            half = 0.5 * (widest if self.one_scale else light.receiver_mm)
-            figure = irradiance_map(light.map, light.receiver_mm, top / unit.per_w_m2, unit=unit, width=width)
-            figure.axes[0].axhspan(-half, half, color=_DARK, linewidth=0, zorder=-1.0)
-            figure.axes[0].set(xlim=(-half, half), ylim=(-half, half))
-            pictures.append(picture(f"map{index}", figure, name, f"At {light.distance_mm:g} mm."))
-        return pictures
+        """Maps of light, all with the same colours and lengths where that is legible."""
+        return [picture(f"map{index}", self._map(lit), lit.name, lit.caption) for index, lit in enumerate(self._lit)]
+
+    def _map(self, lit: _Lit) -> Figure:
+        shown = self._lit if self.one_scale else [lit]
+        frame = Chart(
+            max(each.chart.width for each in shown), max(each.chart.height for each in shown), lit.chart.far_field
+        )
+        top = max(each.peak for each in shown) or 1.0
+        width = WIDE if len(self._designs) == 2 else NARROW
+        figure = irradiance_map(
+            lit.light.map, lit.chart, top / lit.unit.per_watt, unit=lit.unit, width=width, frame=frame
+        )
+        figure.axes[0].set_facecolor(_DARK)
+        return figure
 
     @cached_property
     def curves(self) -> list[PagePicture]:
-        """Lines across the receivers and encircled energy, all designs in one picture."""
-        if not self._lit:
-            return []
+        """Lines across the receivers and encircled energy: all designs whose places have one unit in one picture."""
+        groups = [[lit for lit in self._lit if lit.chart.far_field == far_field] for far_field in (False, True)]
+        found: list[PagePicture] = []
+        for lit in groups:
+            if lit:
+                where = ("in the far field" if lit[0].chart.far_field else "at a distance") if all(groups) else ""
+                found += self._curves(lit, "-far" if found else "", f", {where}" if where else "")
+        return found
+
+    def _curves(self, lit: Sequence[_Lit], end: str, where: str) -> list[PagePicture]:
+        share = "Share of each receiver's flux."
         return [
-            picture("across", self._lines((1.0, 0.0)), "Along y = 0"),
-            picture("up", self._lines((0.0, 1.0)), "Along x = 0"),
-            picture("circles", self._circles(), "Encircled energy", "Share of each receiver's flux."),
+            picture(f"across{end}", _lines(lit, (1.0, 0.0)), f"Along y = 0{where}"),
+            picture(f"up{end}", _lines(lit, (0.0, 1.0)), f"Along x = 0{where}"),
+            picture(f"circles{end}", _circles(lit), f"Encircled energy{where}", share),
         ]
 
     @cached_property
@@ -84,7 +131,7 @@ class ComparedPictures:
         top = float(max((photo.measured.max() for _, photo in taken), default=1.0)) or 1.0
         pictures, width = [], WIDE if len(self._designs) == 2 else NARROW
         for index, (name, photo) in enumerate(taken):
-            figure = irradiance_map(photo.measured, photo.receiver_mm, top, unit=RELATIVE, width=width)
+            figure = irradiance_map(photo.measured, photo.chart, top, unit=RELATIVE, width=width)
             alike = f"SSIM to the simulation {number(photo.ssim, 3)}, NMSE {number(photo.nmse, 3)}."
             pictures.append(picture(f"photo{index}", figure, name, alike))
         return pictures
@@ -98,33 +145,51 @@ class ComparedPictures:
             for index, (name, design) in enumerate(self._designs)
         ]
 
-    @in_report_style
-    def _lines(self, direction: tuple[float, float]) -> Figure:
-        figure, axes = new_figure(NARROW, 2.6)
-        for (_, _, light), unit, colour in zip(self._lit, self._units, _COLOURS, strict=False):
-            half = 0.5 * light.receiver_mm
-            end = half * np.array(direction)
-            values = unit.per_w_m2 * along(light.map, -end, end, light.receiver_mm)
-            axes.plot(np.linspace(-half, half, len(values)), values, color=colour)
-        axes.set(xlabel="position on the line (mm)", ylabel=self._units[0].label)
-        axes.set_ylim(bottom=0.0)
-        return self._named(figure, axes)
 
-    @in_report_style
-    def _circles(self) -> Figure:
-        figure, axes = new_figure(NARROW, 2.6)
-        for (_, _, light), colour in zip(self._lit, _COLOURS, strict=False):
-            axes.plot(*encircled_share(light.raw_map, light.receiver_mm), color=colour)
-        axes.set(xlabel="radius around the axis (mm)", ylabel="share of the receiver's flux", ylim=(0.0, 1.02))
-        axes.set_xlim(left=0.0)
-        return self._named(figure, axes)
+def _caption(design: Results) -> str:
+    """Place of the first receiver; its name where there are several."""
+    shown = shown_receivers(design)
+    count = f", the first of {len(shown)} receivers" if len(shown) > 1 else ""
+    return f"{capitalised(shown[0].place)}{count}."
 
-    def _named(self, figure: Figure, axes: Axes) -> Figure:
-        axes.grid(True)
-        for index, (line, (name, _, _)) in enumerate(zip(axes.lines, self._lit, strict=True)):
-            line.set(label=name, linestyle=_DASHES[index % len(_DASHES)])
-        figure.legend(loc="outside upper left", ncols=min(2, len(self._lit)), handlelength=1.3)
-        return figure
+
+@in_report_style
+def _lines(lit: Sequence[_Lit], direction: tuple[float, float]) -> Figure:
+    figure, axes = new_figure(NARROW, 2.6)
+    across, up = direction
+    reaches = []
+    for each in lit:
+        half = 0.5 * (across * each.chart.width + up * each.chart.height)
+        end = half * np.array(direction)
+        values = each.unit.per_watt * along(each.light.map, -end, end, each.chart)
+        axes.plot(np.linspace(-half, half, len(values)), values, color=each.colour)
+        reaches.append(half)
+    label_positions(axes, lit[0].chart, max(reaches))
+    axes.set(ylabel=lit[0].unit.label)
+    axes.set_ylim(bottom=0.0)
+    return _named(figure, axes, lit)
+
+
+@in_report_style
+def _circles(lit: Sequence[_Lit]) -> Figure:
+    figure, axes = new_figure(NARROW, 2.6)
+    reaches = []
+    for each in lit:
+        radius, share = encircled_share(each.light.raw_map, each.chart)
+        axes.plot(radius, share, color=each.colour)
+        reaches.append(float(radius[-1]))
+    right = axes.get_xlim()[1]
+    label_radii(axes, lit[0].chart, max(reaches))
+    axes.set(ylabel="share of the receiver's flux", xlim=(0.0, right), ylim=(0.0, 1.02))
+    return _named(figure, axes, lit)
+
+
+def _named(figure: Figure, axes: Axes, lit: Sequence[_Lit]) -> Figure:
+    axes.grid(True)
+    for line, each in zip(axes.lines, lit, strict=True):
+        line.set(label=each.name, linestyle=each.dashes)
+    figure.legend(loc="outside upper left", ncols=min(2, len(lit)), handlelength=1.3)
+    return figure
 
 
 def _spread(values: Sequence[float]) -> float:

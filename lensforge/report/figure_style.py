@@ -21,6 +21,7 @@ INK = "#0b0b0d"
 # Mid tones, distinct to colour-blind readers, that stand out on white and on black.
 BLUE, ORANGE, GREEN, RED, GREY = "#2f7fd1", "#e07a2f", "#2f9e6e", "#d6453d", "#8b929c"
 
+_FLATTEST, _TALLEST = 0.5, 1.4  # height over width of the axes of a map: between them its scale can be read
 NARROW, WIDE = 3.7, 4.8  # inches: three or two figures side by side in the page
 _EXPECTED_FONT = "DejaVu Sans"  # comes with matplotlib, so every machine lays out the same
 
@@ -81,14 +82,19 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def new_map(
-    width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88
+    width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
 ) -> tuple[Figure, Axes, Axes]:
-    """A figure with square axes and a colour bar of their height, at fixed positions so that neighbours line up."""
+    """A figure with axes and a colour bar of their height, at fixed positions so that neighbours line up.
+
+    ``tall``: height over width of the map; a map that is far from a square lies at the right of its axes.
+    """
     side, top = width - left - right, 0.1
-    height = bottom + side + top
+    box = side * min(max(tall, _FLATTEST), _TALLEST)
+    height = bottom + box + top
     figure = Figure(figsize=(width, height))
-    axes = figure.add_axes((left / width, bottom / height, side / width, side / height))
-    bar = figure.add_axes(((left + side + 0.1) / width, bottom / height, 0.1 / width, side / height))
+    axes = figure.add_axes((left / width, bottom / height, side / width, box / height))
+    axes.set_anchor("E")
+    bar = figure.add_axes(((left + side + 0.1) / width, bottom / height, 0.1 / width, box / height))
     return figure, axes, bar
 
 

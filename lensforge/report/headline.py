@@ -1,4 +1,4 @@
-"""The top of a page: the task in words, the verdict on light, files and cutting, warnings, criteria with remedies."""
+"""The top of a page: the verdict on light, files and cutting, warnings, criteria with remedies."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -9,8 +9,6 @@ from lensforge.optimisation.design import Design
 from lensforge.records import State
 from lensforge.report.numerals import number
 from lensforge.results import Results
-from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget
-from lensforge.spec.target import ArrayTarget
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -98,26 +96,6 @@ def _in_words(states: Mapping[str, State]) -> str:
         if names:
             sentences.append(f"{subject.capitalize()} {one if names in (['light'], ['cutting']) else several}.")
     return " ".join(sentences)
-
-
-def task(spec: Spec) -> str:
-    """Source, lens and target in one line."""
-    lens = spec.lens
-    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}"
-    return f"{spec.source.title} · {body} · {_target(spec)} at {spec.target.distance_mm:g} mm"
-
-
-def _target(spec: Spec) -> str:
-    target = spec.target
-    if isinstance(target, FlatTopTarget):
-        return f"square flat top, {2.0 * target.half_width_mm:g} mm wide"
-    if isinstance(target, CrossTarget):
-        return f"cross, {target.length_mm:g} mm long"
-    if isinstance(target, TextTarget):
-        return f"“{target.text}”, {target.width_mm:g} mm wide"
-    if isinstance(target, ArrayTarget):
-        return f"given pattern, {target.width_mm:g} mm wide"
-    return f"{target.file.name}, {target.width_mm:g} mm wide"
 
 
 def _on_criteria(results: Results) -> str:

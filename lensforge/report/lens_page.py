@@ -15,16 +15,18 @@ from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.report import headline, pictures, proof
 from lensforge.report.cards import cards
-from lensforge.report.headline import task
+from lensforge.report.light_pictures import first_picture, receiver_pictures
 from lensforge.report.measured import measured
 from lensforge.report.numerals import size
 from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
 from lensforge.report.page import template
+from lensforge.report.receiver_table import receiver_rows
 from lensforge.report.referees import gap_pictures, referee_rows
 from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.stray_light import stray_pictures, stray_sentence
 from lensforge.report.tables import Row, plain, rows
+from lensforge.report.task import task
 from lensforge.results import REPORT_FILE, Results
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.proof import Proof
@@ -79,7 +81,8 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "proof": results.find(Proof),
         "step_facts": proof.step_facts(results),
         "cast_facts": proof.cast_facts(results),
-        "first": pictures.first_picture(results),
+        "first": first_picture(results),
+        "receivers": receiver_rows(results),
         "pictures": _pictures(results, taken),
         "referees": referee_rows(results),
         "stray_sentence": stray_sentence(results),
@@ -98,9 +101,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
 
 def _pictures(results: Results, taken: Sequence[Snapshot]) -> dict[str, object]:
     return {
-        "irradiance": pictures.irradiance_pictures(results),
-        "lines": pictures.line_pictures(results),
-        "flux": pictures.flux_pictures(results),
+        "light": receiver_pictures(results),
         "history": pictures.history_pictures(results),
         "snapshots": pictures.snapshot_pictures(results, taken),
         "sections": pictures.section_pictures(results),
@@ -142,11 +143,19 @@ def _files(folder: Path) -> list[FileRow]:
 
 
 def _spec_tables(results: Results) -> dict[str, list[Row]]:
-    """Rows of each section of the spec by name; those of its top-level entries under ``""``."""
-    content = results.spec.model_dump()
-    top = {key: value for key, value in content.items() if not isinstance(value, dict)}
-    sections = {key: rows(value) for key, value in content.items() if isinstance(value, dict)}
-    return {"": rows(top), **sections}
+    """Rows of each section of the spec by name; those of its top-level entries under ``""``.
+
+    Of target and receivers what is given: a target may have many lengths in either of two units.
+    """
+    spec, tables = results.spec, {}
+    content = {key: value for key, value in spec.model_dump().items() if value is not None and key != "receivers"}
+    tables[""] = rows({key: value for key, value in content.items() if not isinstance(value, dict)})
+    for key, value in content.items():
+        if isinstance(value, dict):
+            tables[key] = rows(value if key != "target" else {k: v for k, v in value.items() if v is not None})
+    for receiver in spec.all_receivers if spec.receivers else ():
+        tables[f"receivers.{receiver.name}"] = rows(receiver.model_dump(exclude_none=True))
+    return tables
 
 
 def _number_tables(results: Results) -> dict[str, list[Row]]:

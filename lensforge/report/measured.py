@@ -7,10 +7,11 @@ import numpy as np
 from lensforge.figures.light_unit import LightUnit
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.records import Metric
-from lensforge.report import irradiance_figures, surface_figures
+from lensforge.report import irradiance_figures, line_figures, surface_figures
 from lensforge.report.numerals import NOTHING, number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
+from lensforge.report.shown_receivers import top_of
 from lensforge.results import Results
 
 # A photograph has no unit of light: both pictures are scaled to a mean of 1.
@@ -66,13 +67,12 @@ def _corners(photo: PhotoComparison) -> str:
 
 def photo_pictures(photo: PhotoComparison) -> list[PagePicture]:
     """Simulation, photograph and their difference on one scale."""
-    side = photo.receiver_mm
-    top = float(max(photo.measured.max(), photo.simulated.max())) or 1.0
+    chart, top = photo.chart, top_of([photo.measured, photo.simulated])
     draw = irradiance_figures.irradiance_map
-    difference = irradiance_figures.difference_map(photo.measured - photo.simulated, side, RELATIVE)
+    difference = irradiance_figures.difference_map(photo.measured - photo.simulated, chart, RELATIVE)
     return [
-        picture("photo-simulated", draw(photo.simulated, side, top, unit=RELATIVE), "Simulated"),
-        picture("photo-measured", draw(photo.measured, side, top, unit=RELATIVE), "Photographed", "Rectified."),
+        picture("photo-simulated", draw(photo.simulated, chart, top, unit=RELATIVE), "Simulated"),
+        picture("photo-measured", draw(photo.measured, chart, top, unit=RELATIVE), "Photographed", "Rectified."),
         picture("photo-difference", difference, "Photographed minus simulated", "Red: brighter than simulated."),
     ]
 
@@ -81,12 +81,12 @@ def _photo_lines(photo: PhotoComparison) -> list[PagePicture]:
     return [
         picture(
             f"photo-line{index}",
-            irradiance_figures.line_comparison(
-                line, photo.simulated, photo.measured, photo.receiver_mm, RELATIVE, ("simulated", "photographed")
+            line_figures.line_comparison(
+                line, photo.simulated, photo.measured, photo.chart, RELATIVE, ("simulated", "photographed")
             ),
             f"Along {name}",
         )
-        for index, (name, line) in enumerate(irradiance_figures.profile_lines(photo.simulated, photo.receiver_mm))
+        for index, (name, line) in enumerate(line_figures.profile_lines(photo.simulated, photo.chart))
     ]
 
 
@@ -118,11 +118,10 @@ def _value(metric: Metric | None) -> str:
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:
     """The form deviation, the light with the measured surface, and its change."""
-    side, width, unit = surface.surface, surface.receiver_mm, unit_of_light(results)
+    side, chart, unit = surface.surface, surface.light_chart, unit_of_light(results, far_field=surface.far_field)
     before, after = surface.irradiance_design, surface.irradiance_measured
-    top = float(max(before.max(), after.max())) or 1.0
-    lit = irradiance_figures.irradiance_map(after, width, top, unit=unit)
-    change = irradiance_figures.difference_map(after - before, width, unit)
+    lit = irradiance_figures.irradiance_map(after, chart, top_of([before, after]), unit=unit)
+    change = irradiance_figures.difference_map(after - before, chart, unit)
     outward = "Red: too much material." if side == "outer" else "Red: too little material."
     rays = f"Simulated with the measured {side} surface, {number(surface.rays)} rays."
     same = "The same rays through both. Red: brighter than designed."

@@ -4,7 +4,8 @@ from html import escape
 
 from lensforge.report.cards import cards
 from lensforge.report.headline import headline
-from lensforge.report.pictures import first_picture, section_pictures
+from lensforge.report.light_pictures import first_picture
+from lensforge.report.pictures import section_pictures
 from lensforge.results import Results
 
 _MARKS = {"pass": "✓", "fail": "✗", "open": "ask the shop", "": ""}

@@ -108,12 +108,17 @@ def unit_of(names: Sequence[str]) -> str:
     return DIMENSIONLESS
 
 
-def unit_of_light(results: Results) -> LightUnit:
-    """Lux where the luminous efficacy of the source is known, else W/m^2."""
+def unit_of_light(results: Results, *, far_field: bool | None = None) -> LightUnit:
+    """Lux or candela where the luminous efficacy of the source is known, else W/m^2 or W/sr.
+
+    ``far_field``: by default as the first receiver is.
+    """
     light, design = results.find(Light), results.find(Design)
+    if far_field is None:
+        far_field = results.spec.all_receivers[0].kind == "far_field"
     if light is not None:
-        return light_unit(light.lumens_per_watt)
-    return light_unit(None if design is None else design.source.lumens_per_watt)
+        return light_unit(light.lumens_per_watt, far_field=far_field)
+    return light_unit(None if design is None else design.source.lumens_per_watt, far_field=far_field)
 
 
 def _grouped(digits: str) -> str:

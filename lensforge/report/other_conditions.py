@@ -1,23 +1,25 @@
 """Section on results under other conditions than the lens's own, such as another source, beside its own light."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
-from lensforge.figures.light_unit import LightUnit, light_unit
 from lensforge.measurement.comparison import SurfaceComparison
 from lensforge.records import SimulatedResult, State
 from lensforge.report import irradiance_figures
 from lensforge.report.headline import SHOWN, Shown
+from lensforge.report.light_pictures import pixels_of
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.shown_receivers import ShownReceiver, receivers_in, top_of
 from lensforge.results import Results
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import verdict_on
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
 
 OWN = "the lens’s own"
 
@@ -53,11 +55,14 @@ class ResultRow:
 
 
 def light_rows(results: Results) -> list[LightRow]:
-    """The lens's own light, and a row for each light under other conditions; none where there is no other."""
-    others = _lights(results)
-    own = results.find(Light)
-    rows = [] if own is None or not others else [_light_row(results, OWN, own)]
-    return [*rows, *(_light_row(results, name, light) for name, light in others.items())]
+    """The lens's own light, and each light under other conditions, by receiver; none where there is no other."""
+    return [row for name, light in _compared(results).items() for row in _light_rows(results, name, light)]
+
+
+def _compared(results: Results) -> dict[str, Light]:
+    """The lens's own light before every other; none where there is no other."""
+    others, own = _lights(results), results.find(Light)
+    return others if own is None or not others else {OWN: own, **others}
 
 
 def _lights(results: Results) -> dict[str, Light]:
@@ -69,48 +74,59 @@ def _name(result: SimulatedResult) -> str:
     return OWN if result.conditions is None else result.conditions.name
 
 
-def _light_row(results: Results, name: str, light: Light) -> LightRow:
+def _light_rows(results: Results, name: str, light: Light) -> Iterator[LightRow]:
+    """A row for each receiver; the notes on the light stand in the first."""
     judged = verdict_on(results.lens, None, light, None, None, None)
     conditions, source = light.conditions, results.spec.source.title
     notes: tuple[str, ...] = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
         notes = (*judged.reasons.light, *(f"warning: {words}" for words in conditions.warnings))
         source = conditions.source or source
-    return LightRow(
-        name=name,
-        source=source,
-        rays=number(light.rays),
-        pixels=f"{light.pixels} × {light.pixels}",
-        nmse=number_with_error(light.nmse, 3),
-        efficiency=percent(light.efficiency.value),
-        uniformity=number_with_error(light.uniformity, 3),
-        in_target=percent(light.share_in_target.value),
-        state=judged.light,
-        shown=SHOWN[judged.light],
-        notes=notes,
-    )
+    for shown in receivers_in(light, results.spec):
+        yield LightRow(
+            name=_on(name, shown),
+            source=source,
+            rays=number(light.rays),
+            pixels=pixels_of(shown.light),
+            nmse=number_with_error(shown.light.nmse, 3),
+            efficiency=percent(shown.light.efficiency.value),
+            uniformity=number_with_error(shown.light.uniformity, 3),
+            in_target=percent(shown.light.share_in_target.value),
+            state=judged.light,
+            shown=SHOWN[judged.light],
+            notes=() if shown.index else notes,
+        )
+
+
+def _on(name: str, shown: ShownReceiver) -> str:
+    """Name of the light on one receiver."""
+    return f"{name}, {shown.light.name}" if shown.several else name
 
 
 def light_pictures(results: Results) -> list[PagePicture]:
-    """The lens's own light and every other, on one scale where they have one unit."""
-    others, own = _lights(results), results.find(Light)
-    lights = others if own is None or not others else {OWN: own, **others}
-    units = {name: light_unit(light.lumens_per_watt) for name, light in lights.items()}
-    same = len(set(units.values())) == 1
-    top = max((float(light.map.max()) for light in lights.values()), default=0.0)
+    """The lens's own light and every other, those in one unit on a receiver of one name on one scale."""
+    lights = _compared(results)
+    entries = [
+        (index, name, light, shown)
+        for index, (name, light) in enumerate(lights.items())
+        for shown in receivers_in(light, results.spec)
+    ]
     return [
         picture(
-            f"other-{index}",
-            _map(light, top if same else float(light.map.max()), units[name]),
-            name,
+            shown.picture_name(f"other-{index}"),
+            _map(shown, [each for _, _, _, each in entries]),
+            _on(name, shown),
             "" if light.conditions is None else str(light.conditions),
         )
-        for index, (name, light) in enumerate(lights.items())
+        for index, name, light, shown in entries
     ]
 
 
-def _map(light: Light, top: float, unit: LightUnit) -> Figure:
-    return irradiance_figures.irradiance_map(light.map, light.receiver_mm, top or 1.0, unit=unit)
+def _map(shown: ShownReceiver, others: Sequence[ShownReceiver]) -> Figure:
+    alike = [each for each in others if each.light.name == shown.light.name]
+    one_unit = len({each.unit for each in alike}) == 1
+    top = top_of(each.light.map for each in (alike if one_unit else [shown]))
+    return irradiance_figures.irradiance_map(shown.light.map, shown.light.chart, top, unit=shown.unit)
 
 
 def result_rows(results: Results) -> list[ResultRow]:

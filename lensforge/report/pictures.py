@@ -1,4 +1,4 @@
-"""Pictures of light, lens, faces and search with their titles and captions, as the page shows them."""
+"""Pictures of lens, faces and search with their titles and captions, as the page shows them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from lensforge.evaluation.light import Light
 from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.optimisation.design import Design
-from lensforge.report import flux_figures, irradiance_figures, search_figures, section_figures, surface_figures
+from lensforge.report import search_figures, section_figures, surface_figures
 from lensforge.report.figure_style import to_svg
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.snapshots import Snapshot
@@ -18,8 +17,6 @@ from lensforge.report.surface_figures import ChartMap
 from lensforge.results import Results
 from lensforge.sources.build import build_source
 from lensforge.spec.source import SquareSource
-
-_FIRST = 4.6  # inches: half of the page
 
 
 @dataclass(frozen=True)
@@ -34,70 +31,6 @@ class PagePicture:
 def picture(name: str, figure: Figure, title: str, caption: str = "") -> PagePicture:
     """``figure`` for a page; ``name`` must be unique on the page."""
     return PagePicture(to_svg(figure, name, title), title, caption)
-
-
-def first_picture(results: Results) -> PagePicture | None:
-    """The light, for the top of the page."""
-    light = results.find(Light)
-    if light is None:
-        return None
-    unit, top = unit_of_light(results), float(light.map.max()) or 1.0
-    figure = irradiance_figures.irradiance_map(light.map, light.receiver_mm, top, unit=unit, width=_FIRST)
-    return picture("first", figure, "The light", f"Simulated {unit.quantity} at {light.distance_mm:g} mm.")
-
-
-def irradiance_pictures(results: Results) -> list[PagePicture]:
-    """Target, simulated irradiance and their difference."""
-    light = results.find(Light)
-    if light is None:
-        return []
-    side, target, reached, unit = light.receiver_mm, light.target_map, light.map, unit_of_light(results)
-    top = float(max(target.max(), reached.max())) or 1.0
-    draw, mask = irradiance_figures.irradiance_map, light.uniform_mm
-    dashed = f" Dashed: the mask of {mask:g} mm." if mask else ""
-    simulated = f"{number(light.rays)} rays, {light.pixels} × {light.pixels} pixels. {_typeset(light.filter)}."
-    if len(reached) > irradiance_figures.MOST_DRAWN:
-        simulated += f" Drawn as means on {irradiance_figures.MOST_DRAWN} pixels per side."
-    wanted_map = draw(target, side, top, target, unit=unit)
-    reached_map = draw(reached, side, top, target, mask, unit)
-    difference = irradiance_figures.difference_map(reached - target, side, unit)
-    return [
-        picture("target", wanted_map, "Target", "Scaled to the simulated flux. Line: half peak."),
-        picture("simulated", reached_map, "Simulated", f"{simulated} Line: the target's.{dashed}"),
-        picture("difference", difference, "Simulated minus target", "Red: too bright. Blue: too dark."),
-    ]
-
-
-def _typeset(text: str) -> str:
-    return text.replace("pixel^2", "pixel²").replace("3x3", "3 × 3")
-
-
-def line_pictures(results: Results) -> list[PagePicture]:
-    """Cross-sections of target and simulation."""
-    light = results.find(Light)
-    if light is None:
-        return []
-    side, draw, unit = light.receiver_mm, irradiance_figures.line_comparison, unit_of_light(results)
-    return [
-        picture(f"line{index}", draw(line, light.target_map, light.map, side, unit), f"Along {name}")
-        for index, (name, line) in enumerate(irradiance_figures.profile_lines(light.target_map, side))
-    ]
-
-
-def flux_pictures(results: Results) -> list[PagePicture]:
-    """Isolines, encircled energy, and the flux budget."""
-    light = results.find(Light)
-    if light is None:
-        return []
-    level, side = float(light.target_map.max()) or 1.0, light.receiver_mm
-    lines = irradiance_figures.isolines(light.map, side, level, unit_of_light(results))
-    encircled = irradiance_figures.encircled_energy(light.target_map, light.raw_map, side)
-    budget = flux_figures.flux_budget(light.flux, light.missed_by_cause)
-    return [
-        picture("isolines", lines, "Isolines", "Of the simulation, in per cent of the target's peak."),
-        picture("encircled", encircled, "Encircled energy", "Around the axis, out to the corners."),
-        picture("flux", budget, "Flux budget", f"Window: {light.window_mm:g} × {light.window_mm:g} mm."),
-    ]
 
 
 def history_pictures(results: Results) -> list[PagePicture]:
@@ -126,7 +59,7 @@ def snapshot_pictures(results: Results, taken: Sequence[Snapshot]) -> list[PageP
         picture(
             f"level{each.level}",
             search_figures.snapshot_figure(
-                each.surface_mm, each.slope, each.irradiance, each.receiver_mm, unit, steepest=steepest, top=top
+                each.surface_mm, each.slope, each.irradiance, each.chart, unit, steepest=steepest, top=top
             ),
             f"Level {each.level}: {each.functions} functions",
             f"After step {each.step}: NMSE {number(each.nmse, 3)}, efficiency {percent(each.efficiency)}.",

@@ -1,12 +1,14 @@
 """Section on verification: the STEP as read back, rays through the exported part, its light against the design's."""
 
 from lensforge.evaluation.light import Light
+from lensforge.figures.light_unit import light_unit
 from lensforge.geometry.part import Part
 from lensforge.report import irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.shown_receivers import numbered, suffix, top_of
 from lensforge.results import Results
-from lensforge.verification.proof import Proof
+from lensforge.verification.proof import Proof, ReceiverProof
 
 Facts = list[tuple[str, str]]
 
@@ -25,38 +27,55 @@ def step_facts(results: Results) -> Facts:
     ]
 
 
-def cast_facts(results: Results) -> Facts:
-    """The exported mesh against the design: ray by ray, and against the converged irradiance."""
+def cast_facts(results: Results) -> dict[str, Facts]:
+    """The exported mesh against the design, by title: ray by ray, and against the converged light on each receiver."""
     record, light = results.find(Proof), results.find(Light)
     if record is None:
-        return []
-    deviation = record.deviation_mm
-    efficiency = percent(record.efficiency, 2)
-    if light is not None:
-        efficiency += f"; the design has {percent(light.efficiency.value, 2)}"
+        return {}
+    designed = {} if light is None else {each.name: each.efficiency.value for each in light.receivers}
+    return {
+        f"Rays through the exported mesh{suffix(record.receivers, index)}": [
+            ("Rays", number(record.rays)),
+            *_receiver_facts(receiver, designed.get(receiver.name)),
+        ]
+        for index, receiver in enumerate(record.receivers)
+    }
+
+
+def _receiver_facts(receiver: ReceiverProof, designed: float | None) -> Facts:
+    """Facts on one receiver; ``designed``: efficiency of the design's light there."""
+    deviation, quantity = receiver.deviation_mm, light_unit(None, far_field=receiver.far_field).quantity
+    largest = "largest, at 1 m" if receiver.far_field else "largest"
+    efficiency = percent(receiver.efficiency, 2)
+    if designed is not None:
+        efficiency += f"; the design has {percent(designed, 2)}"
     return [
-        ("Rays", number(record.rays)),
-        ("Landing, part against design", f"{number(deviation.rms, 3)} mm rms, {number(deviation.max, 3)} mm largest"),
-        ("NMSE against the design's irradiance", number(record.nmse_vs_design, 3)),
-        ("NMSE of the ray noise alone", number(record.noise_floor_nmse, 3)),
-        ("NMSE against the design with the same rays", number(record.nmse_same_rays, 3)),
+        ("Landing, part against design", f"{number(deviation.rms, 3)} mm rms, {number(deviation.max, 3)} mm {largest}"),
+        (f"NMSE against the design's {quantity}", number(receiver.nmse_vs_design, 3)),
+        ("NMSE of the ray noise alone", number(receiver.noise_floor_nmse, 3)),
+        ("NMSE against the design with the same rays", number(receiver.nmse_same_rays, 3)),
         ("Efficiency", efficiency),
     ]
 
 
-def verification_pictures(results: Results) -> list[PagePicture]:
-    """Irradiance of the design, of the part, and their difference."""
+def verification_pictures(results: Results) -> list[list[PagePicture]]:
+    """Light of the design, of the part, and their difference, for each receiver."""
     proof = results.find(Proof)
     if proof is None:
         return []
-    side, unit = results.spec.target.receiver_mm, unit_of_light(results)
-    design, part = proof.design_irradiance, proof.irradiance
-    top = float(max(design.max(), part.max())) or 1.0
+    return [_receiver_pictures(results, proof, index) for index in range(len(proof.receivers))]
+
+
+def _receiver_pictures(results: Results, proof: Proof, index: int) -> list[PagePicture]:
+    receiver, on = proof.receivers[index], suffix(proof.receivers, index)
+    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+    design, part = receiver.design_irradiance, receiver.irradiance
+    top = top_of([design, part])
     rays = f"{number(proof.rays)} rays cast through the exported mesh."
     noise = "Where the two agree, only the noise of the rays is left."
-    draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, side, unit)
+    draw, difference = irradiance_figures.irradiance_map, irradiance_figures.difference_map(part - design, chart, unit)
     return [
-        picture("design", draw(design, side, top, unit=unit), "Design"),
-        picture("part", draw(part, side, top, unit=unit), "Exported part", rays),
-        picture("part-minus-design", difference, "Part minus design", noise),
+        picture(numbered("design", index), draw(design, chart, top, unit=unit), f"Design{on}"),
+        picture(numbered("part", index), draw(part, chart, top, unit=unit), f"Exported part{on}", rays),
+        picture(numbered("part-minus-design", index), difference, f"Part minus design{on}", noise),
     ]

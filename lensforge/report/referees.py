@@ -12,8 +12,9 @@ from lensforge.report.figure_style import BLUE, GREEN, INK, ORANGE, WIDE, in_rep
 from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.shown_receivers import numbered, suffix
 from lensforge.results import Results
-from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof
+from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
 
 _COLOURS = (BLUE, GREEN, ORANGE)
 _LEAST_MM = 1e-5  # 10 nm: smaller distances have no optical meaning
@@ -34,30 +35,39 @@ class RefereeRow:
 
 
 def referee_rows(results: Results) -> list[RefereeRow]:
-    """A row for every referee that has run; none where the part has not been verified."""
+    """A row for every referee that has run, on each receiver; none where the part has not been verified."""
     proof = results.find(Proof)
-    return [] if proof is None else list(_rows(proof))
+    if proof is None:
+        return []
+    rows = [row for index in range(len(proof.receivers)) for row in _rows(proof, index)]
+    return [rows[0], _plain(proof, proof.plain_cast), *rows[1:]]
 
 
-def _rows(proof: Proof) -> Iterator[RefereeRow]:
-    gap = proof.deviation_mm
+def _rows(proof: Proof, index: int) -> Iterator[RefereeRow]:
+    receiver = proof.receivers[index]
+    gap = receiver.deviation_mm
     rms, p99, largest = (number(value, 2) for value in (gap.rms, gap.p99, gap.max))
-    floor = f"NMSE {number(proof.nmse_vs_design, 2)}, ray noise alone {number(proof.noise_floor_nmse, 2)}"
+    floor = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     yield RefereeRow(
-        "Grid of trimesh\u2019s triangles, normals fitted to the vertices",
+        f"Grid of trimesh\u2019s triangles, normals fitted to the vertices{suffix(proof.receivers, index)}",
         "lens.stl",
         number(proof.rays),
         rms,
         p99,
         largest,
         floor,
-        criteria_state(proof.criteria, "deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation"),
+        _state(proof, index, "deviation_rms", "nmse_same_rays", "nmse_vs_design", "flux_deviation"),
     )
-    yield _plain(proof, proof.plain_cast)
-    if proof.brep is not None:
-        yield _brep(proof, proof.brep)
-    if proof.mitsuba is not None:
-        yield _mitsuba(proof, proof.mitsuba)
+    if receiver.brep is not None:
+        yield _brep(proof, receiver.brep, index)
+    if receiver.mitsuba is not None:
+        yield _mitsuba(proof, receiver.mitsuba, index)
+
+
+def _state(proof: Proof, index: int, *names: str) -> str:
+    """State of the criteria of one receiver; those of all but the first carry its name."""
+    start = f"{proof.receivers[index].name}: " if index else ""
+    return criteria_state(proof.criteria, *(f"{start}{name}" for name in names))
 
 
 def _plain(proof: Proof, plain: PlainCast) -> RefereeRow:
@@ -66,21 +76,20 @@ def _plain(proof: Proof, plain: PlainCast) -> RefereeRow:
     return RefereeRow("trimesh\u2019s own plain cast", "lens.stl", number(plain.rays), "", "", "", says, state)
 
 
-def _brep(proof: Proof, brep: BrepCast) -> RefereeRow:
+def _brep(proof: Proof, brep: BrepCast, index: int) -> RefereeRow:
     says = f"{number(brep.against_mesh.rms, 2)} mm rms from the mesh; {_fates(brep.against_design)}"
-    state = criteria_state(proof.criteria, "brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
-    return RefereeRow(
-        "CAD kernel, face by face", "lens.step", number(brep.rays), *_gaps(brep.against_design), says, state
-    )
+    state = _state(proof, index, "brep_deviation_rms", "brep_flux_deviation", "brep_fate_disagreements")
+    name = f"CAD kernel, face by face{suffix(proof.receivers, index)}"
+    return RefereeRow(name, "lens.step", number(brep.rays), *_gaps(brep.against_design), says, state)
 
 
-def _mitsuba(proof: Proof, mitsuba: MitsubaCast) -> RefereeRow:
+def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> RefereeRow:
     relation = "within" if mitsuba.nmse_vs_design <= mitsuba.noise_floor_nmse else "above"
     floor = number(mitsuba.noise_floor_nmse, 2)
     says = f"NMSE {number(mitsuba.nmse_vs_design, 2)}, {relation} the {floor} of ray noise alone"
     names = ("nmse_vs_design", "deviation_rms", "flux_deviation", "fate_disagreement_flux")
-    state = criteria_state(proof.criteria, *(f"mitsuba_{name}" for name in names))
-    name = f"Mitsuba {mitsuba.version}, flat facets"
+    state = _state(proof, index, *(f"mitsuba_{name}" for name in names))
+    name = f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}"
     return RefereeRow(name, "lens.stl", number(mitsuba.rays), *_gaps(mitsuba.against_design), says, state)
 
 
@@ -95,27 +104,39 @@ def _fates(agreement: Agreement) -> str:
 
 
 def gap_pictures(results: Results) -> list[PagePicture]:
-    """Distances between each referee's landings and the design's, as distributions."""
+    """Distances between each referee's landings and the design's, as distributions, for each receiver."""
     proof = results.find(Proof)
     if proof is None:
         return []
-    named = {
-        "exported mesh": proof.gaps_mesh_mm,
-        "STEP file": proof.gaps_step_mm,
-        "mesh, by Mitsuba": proof.gaps_mitsuba_mm,
-    }
-    gaps = {name: quantiles for name, quantiles in named.items() if quantiles is not None}
-    limit = next((criterion.limit for criterion in proof.criteria if criterion.name == "deviation_rms"), None)
-    figure = gap_figure(gaps, limit)
     caption = "Share of the rays that land within this distance of the design's landing."
-    return [picture("gaps", figure, "Ray by ray", caption)]
+    return [
+        picture(
+            numbered("gaps", index),
+            gap_figure(_quantiles(receiver), receiver.deviation_limit_mm, far_field=receiver.far_field),
+            f"Ray by ray{suffix(proof.receivers, index)}",
+            caption,
+        )
+        for index, receiver in enumerate(proof.receivers)
+    ]
+
+
+def _quantiles(receiver: ReceiverProof) -> dict[str, Float[np.ndarray, " q"]]:
+    """Distances of the referees that have run, by name."""
+    named = {
+        "exported mesh": receiver.gaps_mesh_mm,
+        "STEP file": receiver.gaps_step_mm,
+        "mesh, by Mitsuba": receiver.gaps_mitsuba_mm,
+    }
+    return {name: quantiles for name, quantiles in named.items() if quantiles is not None}
 
 
 @in_report_style
-def gap_figure(gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float | None) -> Figure:
+def gap_figure(
+    gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float | None, *, far_field: bool = False
+) -> Figure:
     """Cumulative share of the rays over the gap; ``gaps_mm``: by name of the referee, quantiles evenly from 0 to 1.
 
-    ``limit_mm``: the largest rms gap allowed for the exported mesh, dashed.
+    ``limit_mm``: the largest rms gap allowed for the exported mesh, dashed. Gaps of directions are those at 1 m.
     """
     figure, axes = new_figure(WIDE, 3.1)
     for (name, quantiles), colour in zip(gaps_mm.items(), _COLOURS, strict=False):
@@ -123,7 +144,8 @@ def gap_figure(gaps_mm: Mapping[str, Float[np.ndarray, " q"]], limit_mm: float |
         axes.plot(np.maximum(quantiles, _LEAST_MM), share, color=colour, label=name)
     if limit_mm is not None:
         axes.axvline(limit_mm, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="limit of the mesh's rms")
-    axes.set(xscale="log", xlabel="distance from the design's landing (mm)", ylabel="share of the rays", ylim=(0, 1.02))
+    label = "distance from the design's landing (mm{})".format(" at 1 m" if far_field else "")
+    axes.set(xscale="log", xlabel=label, ylabel="share of the rays", ylim=(0, 1.02))
     low = min(float(quantiles[len(quantiles) // 50]) for quantiles in gaps_mm.values())
     axes.set_xlim(left=max(low, _LEAST_MM))
     axes.xaxis.set_major_locator(LogLocator(numticks=8))

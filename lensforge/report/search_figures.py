@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from lensforge.figures.chart import Chart
 from lensforge.figures.light_unit import WATTS, LightUnit
 from lensforge.optimisation.design import Level
 from lensforge.report.figure_style import (
@@ -108,15 +109,16 @@ def _draw_levels(axes: Axes, levels: Sequence[Level]) -> list[tuple[int, Level]]
 def snapshot_figure(
     surface_mm: Float[np.ndarray, "i j 3"],
     slope: Float[np.ndarray, "i j"],
-    irradiance: Float[np.ndarray, "p p"],
-    receiver_mm: float,
+    irradiance: Float[np.ndarray, "h w"],
+    chart: Chart,
     unit: LightUnit = WATTS,
     steepest: float | None = None,
     top: float | None = None,
 ) -> Figure:
     """Above: ``surface_mm`` coloured by ``slope`` (mm/rad) from -``steepest`` to it. Below: the light, 0 to ``top``.
 
-    ``steepest`` and ``top`` (W/m^2) are by default the largest values; give them to put several levels on one scale.
+    ``chart``: of the receiver. ``steepest`` and ``top`` (W/m^2 or W/sr) are by default the largest values; give them to
+    put several levels on one scale.
     """
     figure = Figure(figsize=(_LEVEL_WIDTH, _LEVEL_HEIGHT))
     steepest = steepest or float(np.abs(slope).max()) or 1.0
@@ -125,10 +127,9 @@ def snapshot_figure(
     _draw_surface(figure, surface_mm, slope, slopes)
     add_colour_bar(_bar(figure, 0.625), slopes, "dρ/dθ (mm/rad)", orientation="horizontal")
     axes = figure.add_axes((0.15, 0.15, 0.7, 0.7 * _LEVEL_WIDTH / _LEVEL_HEIGHT))
-    half = 0.5 * receiver_mm
     light = axes.imshow(
-        unit.per_w_m2 * drawn(irradiance), origin="lower", extent=(-half, half, -half, half), cmap=_LIGHT, vmin=0.0,
-        vmax=unit.per_w_m2 * top, interpolation="none",
+        unit.per_watt * drawn(irradiance), origin="lower", extent=chart.extent, cmap=_LIGHT, vmin=0.0,
+        vmax=unit.per_watt * top, interpolation="none",
     )  # fmt: skip
     axes.set_axis_off()
     add_colour_bar(_bar(figure, 0.12), light, unit.label, orientation="horizontal")

@@ -9,10 +9,11 @@ from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError, OutdatedResult
-from lensforge.figures.light_unit import WATTS, light_unit
+from lensforge.figures.chart import Chart
+from lensforge.figures.light_unit import light_unit
 from lensforge.lens import Lens
 from lensforge.optimisation.design import Progress
-from lensforge.records import Array, Count, Irradiance, NotNegative, Number, Positive, StageResult
+from lensforge.records import Array, Count, Flag, Irradiance, NotNegative, Number, Positive, StageResult
 from lensforge.report.figure_style import save_picture
 from lensforge.report.search_figures import snapshot_figure
 from lensforge.sources.build import build_source, summarise
@@ -32,7 +33,8 @@ _MOVED_MM = 0.01  # two searches of one scene differ by more
 class Snapshot(StageResult):
     """The lens at the end of a level: its outer surface (mm) with the slope d rho / d theta (mm/rad), and its light.
 
-    ``irradiance``: W/m^2 [row y, column x], after the filter.
+    On the first receiver: ``width``, ``height`` of its chart (mm; of the far field of the equal-area chart, as
+    ``far_field`` says), ``irradiance``: W/m^2, in the far field intensity in W/sr, [row y, column x], after the filter.
     """
 
     stage: ClassVar[str] = "level"
@@ -44,16 +46,23 @@ class Snapshot(StageResult):
     step: Count
     nmse: NotNegative
     efficiency: Number
-    receiver_mm: Positive
+    width: Positive
+    height: Positive
+    far_field: Flag
     irradiance: Irradiance
     surface_mm: Annotated[Float[np.ndarray, "i j 3"], Array("i", "j", 3, most=_MOST_NODES)]
     slope: Annotated[Float[np.ndarray, "i j"], Array("i", "j", most=_MOST_NODES)]
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the map, for figures."""
+        return Chart(self.width, self.height, self.far_field)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """The light after this level, in false colour."""
         from lensforge.figures.plots import plot_map
 
-        return plot_map(self.irradiance, self.receiver_mm, WATTS, axes)
+        return plot_map(self.irradiance, self.chart, light_unit(None, far_field=self.far_field), axes)
 
 
 def load_snapshots(directory: Path, lens: Lens) -> list[Snapshot]:
@@ -124,7 +133,9 @@ class Snapshots:
             step=step.steps_done,
             nmse=light.nmse.value,
             efficiency=light.efficiency.value,
-            receiver_mm=light.receiver_mm,
+            width=light.first.width,
+            height=light.first.height,
+            far_field=light.first.chart.far_field,
             irradiance=light.map,
             surface_mm=surface,
             slope=slope,
@@ -134,8 +145,8 @@ class Snapshots:
     def _write(self, snapshot: Snapshot, spec: Spec) -> None:
         stem = f"level-{snapshot.level}"
         snapshot.write(self._folder, stem)
-        unit = light_unit(summarise(self._source, spec.source).lumens_per_watt)
-        figure = snapshot_figure(snapshot.surface_mm, snapshot.slope, snapshot.irradiance, snapshot.receiver_mm, unit)
+        unit = light_unit(summarise(self._source, spec.source).lumens_per_watt, far_field=snapshot.far_field)
+        figure = snapshot_figure(snapshot.surface_mm, snapshot.slope, snapshot.irradiance, snapshot.chart, unit)
         save_picture(figure, self._folder / f"{stem}.png")
 
 

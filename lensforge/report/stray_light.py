@@ -1,10 +1,13 @@
 """Section on stray light: the flux budget with all reflections, and the stray light on the receiver."""
 
+from collections.abc import Sequence
+
 from lensforge.report import flux_figures, irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.shown_receivers import numbered, suffix, top_of
 from lensforge.results import Results
-from lensforge.verification.proof import StrayFlux, StrayLight
+from lensforge.verification.stray_result import ReceiverStray, StrayFlux, StrayLight
 
 _CAUSES = {
     "inner_reflection": "reflected at the cavity",
@@ -24,29 +27,41 @@ _ENDS = {
 }
 
 
-def stray_pictures(results: Results) -> list[PagePicture]:
-    """Flux budget with all reflections, stray light on the receiver, and all light minus the design's model."""
+def stray_pictures(results: Results) -> list[list[PagePicture]]:
+    """Flux budget with all reflections, stray light, and all light minus the design's model, for each receiver."""
     stray = results.find(StrayLight)
     if stray is None:
         return []
-    side, unit, peak = stray.receiver_mm, unit_of_light(results), float(stray.stray.max())
-    scattered = irradiance_figures.irradiance_map(stray.stray, side, peak or 1.0, unit=unit)
-    spread, caption = stray.spread, "No stray light lands on the receiver."
-    if spread.rms_radius_mm is not None and spread.peak_of_mean is not None:
-        caption = (
-            f"On its own scale: its peak is {percent(spread.peak_of_mean)} of the mean light on the receiver. "
-            f"Rms distance from its centroid: {number(spread.rms_radius_mm, 3)} mm."
-        )
-    difference = irradiance_figures.difference_map(stray.direct + stray.stray - stray.sequential, side, unit)
-    budget = flux_figures.waterfall(_lost(stray.flux), _kept(stray))
+    return [_receiver_pictures(results, stray, index) for index in range(len(stray.receivers))]
+
+
+def _receiver_pictures(results: Results, stray: StrayLight, index: int) -> list[PagePicture]:
+    receiver, on = stray.receivers[index], suffix(stray.receivers, index)
+    chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
+    scattered = irradiance_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
+    difference = irradiance_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
+    budget = flux_figures.waterfall(_lost(receiver.flux), _kept(receiver))
+    detected, less = "Green: detected in the window.", "Red: the design predicts too little."
+    title = f"All light minus the design's model{on}"
     return [
-        picture("stray-budget", budget, "Flux budget with all reflections", "Green: detected in the window."),
-        picture("stray-light", scattered, "Stray light on the receiver", caption),
-        picture("unmodelled", difference, "All light minus the design's model", "Red: the design predicts too little."),
+        picture(numbered("stray-budget", index), budget, f"Flux budget with all reflections{on}", detected),
+        picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", _spread(receiver)),
+        picture(numbered("unmodelled", index), difference, title, less),
     ]
 
 
-def _kept(stray: StrayLight) -> list[tuple[str, float]]:
+def _spread(receiver: ReceiverStray) -> str:
+    """Strength and width of the stray light on one receiver."""
+    spread, chart = receiver.spread, receiver.chart
+    if spread.rms_radius is None or spread.peak_of_mean is None:
+        return "No stray light lands on the receiver."
+    return (
+        f"On its own scale: its peak is {percent(spread.peak_of_mean)} of the mean light on the receiver. "
+        f"Rms distance from its centroid: {number(chart.labelled(spread.rms_radius), 3)} {chart.unit}."
+    )
+
+
+def _kept(stray: ReceiverStray) -> list[tuple[str, float]]:
     by_cause = stray.detected_stray_by_cause.model_dump().items()
     causes = [(f"stray: {_CAUSES.get(name, name)}", share) for name, share in by_cause if share > 0.0]
     return [("detected as designed", stray.flux.detected_direct), *causes]
@@ -57,18 +72,28 @@ def _lost(flux: StrayFlux) -> list[tuple[str, float]]:
 
 
 def stray_sentence(results: Results) -> str:
-    """Sentence on the flux that the sequential design does not model."""
+    """Sentences on the flux that the sequential design does not model, for each receiver."""
     stray = results.find(StrayLight)
     if stray is None:
         return ""
-    gain = stray.efficiency - stray.efficiency_sequential
-    nmse = "" if stray.nmse_vs_sequential is None else f", an NMSE of {number(stray.nmse_vs_sequential, 2)}"
-    return (
+    first = (
         f"The design follows each ray once in and once out. Followed through all reflections ({number(stray.rays)} "
         f"rays, {stray.base} base, absorption {stray.absorption_per_mm:g} per mm), "
-        f"{percent(stray.flux.detected_stray, 2)} of the emitted flux lands in the window as stray light, "
+    )
+    return first + " ".join(_sentence(stray.receivers, index) for index in range(len(stray.receivers)))
+
+
+def _sentence(receivers: Sequence[ReceiverStray], index: int) -> str:
+    stray = receivers[index]
+    gain = stray.efficiency - stray.efficiency_sequential
+    nmse = "" if stray.nmse_vs_sequential is None else f", an NMSE of {number(stray.nmse_vs_sequential, 2)}"
+    receiver, window = "the receiver", "the window"
+    if len(receivers) > 1:
+        receiver, window = stray.name, f"the window of {stray.name}"
+    return (
+        f"{percent(stray.flux.detected_stray, 2)} of the emitted flux lands in {window} as stray light, "
         f"{percent(stray.flux.absorbed, 2)} is absorbed, and the efficiency is "
         f"{percent(stray.efficiency, 2)} instead of {percent(stray.efficiency_sequential, 2)} "
         f"({'+' if gain >= 0.0 else '−'}{number(abs(100.0 * gain), 2)} points). "
-        f"On the receiver the sequential model is wrong by {percent(stray.misplaced_flux, 2)} of the flux{nmse}."
+        f"On {receiver} the sequential model is wrong by {percent(stray.misplaced_flux, 2)} of the flux{nmse}."
     )

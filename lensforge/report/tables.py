@@ -7,6 +7,7 @@ from hashlib import sha256
 from pydantic import JsonValue
 
 from lensforge.records import Metric, StageResult
+from lensforge.records.nested import excluded_arrays
 from lensforge.report.numerals import NOTHING, anything, number, unit_of
 
 _SHORT = 6  # up to so many numbers share a cell; more become a block
@@ -26,7 +27,8 @@ class Row:
 
 def plain(result: StageResult) -> dict[str, JsonValue]:
     """The result as its JSON file holds it: without arrays, files and parts of other stages' results."""
-    return result.model_dump(mode="json", exclude=set(result.stored_elsewhere()))
+    elsewhere = {**dict.fromkeys(result.stored_elsewhere(), True), **excluded_arrays(type(result))}
+    return result.model_dump(mode="json", exclude=elsewhere)
 
 
 def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Row]:

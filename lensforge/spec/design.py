@@ -17,23 +17,31 @@ from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
 from lensforge.spec.part import BaseSection, ManufactureSection
+from lensforge.spec.receiver_section import Target
+from lensforge.spec.receivers import AnyReceiver
+from lensforge.spec.scene import implied_receiver, named, require_outside
 from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.section import Section, spec_error
 from lensforge.spec.source import SourceSpec
-from lensforge.spec.target import Target
 from lensforge.spec.toml_file import read_toml
 
+_MOST_RECEIVERS = 16
+_OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
 
 
 class Spec(Section):
-    """One design: source, starting lens, constraints and target, and the settings of every stage."""
+    """One design: source, starting lens, constraints and target, and the settings of every stage.
+
+    ``target``: with the receiver that it names; or ``receivers``, each with its targets.
+    """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
     source: SourceSpec
     lens: LensSection
     constraints: ConstraintsSection
-    target: Target
+    target: Target | None = None
+    receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
     base: BaseSection = Field(default_factory=BaseSection)
@@ -95,12 +103,27 @@ class Spec(Section):
         steps = self.optimise.steps_per_level
         if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
             raise ValueError(f"optimise.steps_per_level has {len(steps)} numbers, lens.levels {len(self.lens.levels)}")
-        if self.target.distance_mm <= self.constraints.max_radius_mm:
-            raise ValueError(
-                f"target.distance_mm = {self.target.distance_mm} is inside the lens: "
-                f"it must exceed constraints.max_radius_mm = {self.constraints.max_radius_mm}"
-            )
         return self
+
+    @model_validator(mode="after")
+    def _receivers_are_outside_the_lens(self) -> "Spec":
+        field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
+        for receiver in self.all_receivers:
+            require_outside(receiver, self.constraints, field)
+        return self
+
+    @property
+    def all_receivers(self) -> tuple[AnyReceiver, ...]:
+        """The receivers with their names; of a target alone the one that it implies."""
+        if (self.target is None) == (not self.receivers):
+            given = "both are given" if self.receivers else "neither is given"
+            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where")
+        return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
+
+    @property
+    def has_uniform_region(self) -> bool:
+        """True where a target names a region of uniform light."""
+        return any(target.pair("uniform") is not None for each in self.all_receivers for target in each.targets)
 
     @model_validator(mode="after")
     def _settings_match_levels(self) -> "Spec":

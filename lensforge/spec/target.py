@@ -1,130 +1,127 @@
-"""The ``[target]`` of a spec: an irradiance pattern on a receiver."""
+"""Fields of every target: where it lies on its receiver, and how bright it is among several."""
 
-import unicodedata
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from lensforge.pictures.picture import Luminance
-from lensforge.spec.arrays import Numbers
-from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section
+from lensforge.spec.emitter import Turn
+from lensforge.spec.section import Coordinate, Millimetres, Section
 
 IN_TARGET = 0.1  # of the target's maximum: light counts as in the target where the target is brighter than that
-# Unicode's general categories of control characters, format characters, surrogates, and breaks of lines and paragraphs.
-_NOT_DRAWN = ("Cc", "Cf", "Cs", "Zl", "Zp")
-_MOST_VALUES = 2**26  # of an array, as many as a picture may have pixels
+DegreesWide = Annotated[float, Field(ge=1e-3, le=360.0)]  # a length on the far field; from an arc of 4 seconds
+DegreesOrZero = Annotated[float, Field(ge=0.0, le=180.0)]
+DegreesOff = Annotated[float, Field(ge=-180.0, le=180.0)]
+HalfAngle = Annotated[float, Field(ge=0.1, le=90.0)]
+Unit = Literal["mm", "deg"]
+_Places = Float[np.ndarray, "..."]
+Side = Millimetres | tuple[Millimetres, Millimetres]
+SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 
 
-class _Target(Section):
-    distance_mm: Millimetres
-    receiver_mm: Millimetres
-    uniform_mm: Millimetres | None = None
+class TargetSection(Section):
+    """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
-    @model_validator(mode="after")
-    def _mask_inside(self) -> "_Target":
-        if self.uniform_mm is not None and self.uniform_mm > self.receiver_mm:
-            raise ValueError(f"uniform_mm = {self.uniform_mm} must not exceed receiver_mm = {self.receiver_mm}")
-        return self
+    Its receiver: either ``distance_mm`` and ``receiver_mm``, a square of that side in the plane at that distance, at
+    right angles to the axis; or ``half_angle_deg``, the far field about the axis; neither inside ``[[receivers]]``.
 
-
-class FlatTopTarget(_Target):
-    """A square super-Gaussian, ``exp(-|x/a|^p - |y/a|^p)``."""
-
-    kind: Literal["flat_top"] = "flat_top"
-    half_width_mm: Millimetres
-    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
-
-
-class _SoftTarget(_Target):
-    edge_mm: MillimetresOrZero = 0.0
-
-    @model_validator(mode="after")
-    def _edge_fits(self) -> "_SoftTarget":
-        if self.edge_mm > self.receiver_mm:
-            raise ValueError(f"edge_mm = {self.edge_mm} must not exceed receiver_mm = {self.receiver_mm}")
-        return self
-
-
-class CrossTarget(_SoftTarget):
-    """An upright cross of equal arms, ``length_mm`` from end to end, edges softened by a Gaussian of ``edge_mm``."""
-
-    kind: Literal["cross"] = "cross"
-    length_mm: Millimetres
-    stroke_mm: Millimetres
-
-
-def _visible(text: str) -> str:
-    """``text`` itself. Raises :class:`ValueError` for characters that no font draws."""
-    for character in text:
-        if unicodedata.category(character) in _NOT_DRAWN:
-            raise ValueError(
-                f"U+{ord(character):04X} is a line break or another control character, must be one line of visible "
-                'characters; draw several lines as a picture, kind = "image"'
-            )
-    return text
-
-
-class TextTarget(_SoftTarget):
-    """One line of glyphs, ``width_mm`` wide, uniform on a dark ground, edges softened by a Gaussian of ``edge_mm``."""
-
-    kind: Literal["text"] = "text"
-    text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
-    width_mm: Millimetres
-
-
-class ImageTarget(_SoftTarget):
-    """A PNG, TIFF, JPEG or BMP file, ``width_mm`` wide; the light that it stands for is the irradiance.
-
-    ``luminance``: "as_stored" takes the values themselves, half the value for half the irradiance, and of colours their
-    luma; "srgb" what a screen would show, decoded by the sRGB curve. What is transparent is dark.
+    Lengths are in mm (``*_mm``), on the far field in degrees (``*_deg``): along x gamma cos(azimuth), along y gamma
+    sin(azimuth), gamma the angle from the receiver's axis. ``centre_*``: of the pattern on the receiver;
+    ``rotation_deg``: about its centre, from x towards y. ``level``: its peak among the targets of a receiver, which add
+    up. ``uniform_*``: side, or width and height, of the rectangle about its centre whose uniformity counts.
     """
 
-    kind: Literal["image"] = "image"
-    file: FilePath
-    width_mm: Millimetres
-    luminance: Luminance = "as_stored"
+    needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
+    takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")  # and those that may be
 
-
-class ArrayTarget(_SoftTarget):
-    """Irradiance (relative) given as an array [row, column], ``width_mm`` wide; row 0 is the top, as in a picture."""
-
-    positional: ClassVar[str] = "values"
-
-    kind: Literal["array"] = "array"
-    values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
-    width_mm: Millimetres
-
-    if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
-
-        def __init__(
-            self,
-            values: ArrayLike | None = None,
-            /,
-            *,
-            width_mm: float,
-            distance_mm: float,
-            receiver_mm: float,
-            uniform_mm: float | None = None,
-            edge_mm: float = 0.0,
-        ) -> None: ...
-
-    def __hash__(self) -> int:
-        """Hash of all but the numbers themselves, which may be many; equality compares them."""
-        return hash((self.values.shape, self.width_mm, self.distance_mm, self.receiver_mm, self.edge_mm))
-
-    def __eq__(self, other: object) -> bool:
-        return super().__eq__(other)
+    kind: str
+    distance_mm: Millimetres | None = None
+    receiver_mm: Millimetres | None = None
+    half_angle_deg: HalfAngle | None = None
+    centre_mm: tuple[Coordinate, Coordinate] | None = None
+    centre_deg: tuple[DegreesOff, DegreesOff] | None = None
+    rotation_deg: Turn = 0.0
+    level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    uniform_mm: Side | None = None
+    uniform_deg: SideDegrees | None = None
 
     @model_validator(mode="after")
-    def _is_light(self) -> "ArrayTarget":
-        if self.values.size > _MOST_VALUES:
-            raise ValueError(f"values: {self.values.size} numbers, must be at most {_MOST_VALUES}; average them")
-        if not (self.values.min() >= 0.0 and self.values.max() > 0.0):
-            raise ValueError("values: must be 0 or above, and not 0 everywhere")
+    def _lengths_have_one_unit(self) -> "TargetSection":
+        unit = self.unit
+        for name in (*self.needs, *self.takes):
+            if self.length(name, "deg" if unit == "mm" else "mm") is not None:
+                given, other = (f"{name}_{each}" for each in (("deg", "mm") if unit == "mm" else ("mm", "deg")))
+                raise ValueError(f"{given} is given among lengths in {unit}; give {other}")
+        for name in self.needs:
+            if self.length(name, unit) is None:
+                raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
+        if self.half_angle_deg is not None and (self.distance_mm, self.receiver_mm) != (None, None):
+            raise ValueError("half_angle_deg is the far field, distance_mm and receiver_mm are a plane; give one")
+        if (self.distance_mm is None) != (self.receiver_mm is None):
+            missing = "distance_mm" if self.distance_mm is None else "receiver_mm"
+            raise ValueError(f"{missing}: missing; a plane on the axis has both distance_mm and receiver_mm")
+        if self.on_receiver is not None and self.on_receiver != unit:
+            where = "on the far field lengths are in degrees" if unit == "mm" else "on a plane lengths are in mm"
+            raise ValueError(f"{where}; give {', '.join(f'{name}_{self.on_receiver}' for name in self.needs)}")
         return self
 
+    @property
+    def unit(self) -> Unit:
+        """Unit of the target's lengths; without any that of its receiver."""
+        names = (*self.needs, *self.takes)
+        if any(getattr(self, f"{name}_deg", None) is not None for name in names):
+            return "deg"
+        if any(getattr(self, f"{name}_mm", None) is not None for name in names):
+            return "mm"
+        return self.on_receiver or "mm"
 
-Target = Annotated[FlatTopTarget | CrossTarget | TextTarget | ImageTarget | ArrayTarget, Field(discriminator="kind")]
+    @property
+    def on_receiver(self) -> Unit | None:
+        """Unit of lengths on the receiver that the target itself names; None where it names none."""
+        return "deg" if self.half_angle_deg is not None else "mm" if self.distance_mm is not None else None
+
+    def length(self, name: str, unit: Unit | None = None) -> float | tuple[float, float] | None:
+        """Length ``name`` in ``unit``, by default the target's own; None where it is not given."""
+        value: float | tuple[float, float] | None = getattr(self, f"{name}_{unit or self.unit}", None)
+        return value
+
+    def size(self, name: str) -> float:
+        """Length ``name``, a single number that has been given, in the target's unit."""
+        value = self.length(name)
+        assert isinstance(value, float), name
+        return value
+
+    def pair(self, name: str) -> tuple[float, float] | None:
+        """Length ``name`` along x and along y; one number counts for both."""
+        value = self.length(name)
+        return (value, value) if isinstance(value, float) else value
+
+    def about_centre(self, x: _Places, y: _Places) -> tuple[_Places, _Places]:
+        """Places on the receiver in the target's own axes; the same bits where it is centred and upright."""
+        if self.centre != (0.0, 0.0):
+            x, y = x - self.centre[0], y - self.centre[1]
+        if self.rotation_deg != 0.0:
+            cosine, sine = np.cos(np.radians(self.rotation_deg)), np.sin(np.radians(self.rotation_deg))
+            x, y = cosine * x + sine * y, cosine * y - sine * x
+        return x, y
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre of the pattern on its receiver, in the target's unit."""
+        return self.pair("centre") or (0.0, 0.0)
+
+
+class SoftTarget(TargetSection):
+    """A target with sharp edges, softened by a Gaussian of standard deviation ``edge_mm`` or ``edge_deg``."""
+
+    takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "edge")
+
+    edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = None
+    edge_deg: DegreesOrZero | None = None
+
+    @property
+    def edge(self) -> float:
+        """Standard deviation of the edges in the target's unit; 0: sharp."""
+        value = self.length("edge")
+        return value if isinstance(value, float) else 0.0

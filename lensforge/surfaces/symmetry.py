@@ -24,6 +24,13 @@ _GROUPS: dict[str, list[np.ndarray]] = {
     "square": _RECTANGLE + [mirror @ _SWAP_XY for mirror in _RECTANGLE],
 }
 NAMES = tuple(_GROUPS)
+_GENERATORS = {
+    "none": [],
+    "mirror_x": _mirrors((-1,), (1,)),
+    "mirror_y": _mirrors((1,), (-1,)),
+    "rectangle": [*_mirrors((-1,), (1,)), *_mirrors((1,), (-1,))],
+    "square": [*_mirrors((-1,), (1,)), *_mirrors((1,), (-1,)), _SWAP_XY],
+}
 
 
 def group(name: str) -> list[np.ndarray]:
@@ -31,6 +38,11 @@ def group(name: str) -> list[np.ndarray]:
     if name not in _GROUPS:
         raise InputError(f"symmetry = {name!r}: one of {', '.join(NAMES)}")
     return _GROUPS[name]
+
+
+def generators(name: str) -> list[np.ndarray]:
+    """Mirrors that generate the group ``name``: the means over each, one after the other, are those over the group."""
+    return _GENERATORS[name]
 
 
 def contains(larger: str, smaller: str) -> bool:

@@ -33,13 +33,10 @@ class ExitRays:
 
 
 class Sensitivities(NamedTuple):
-    """Derivatives of a number with respect to exit rays, which are lines in space: four for each.
+    """Derivatives of a number with respect to exit rays: to their points (per mm), and to their directions.
 
-    ``by_crossings``: with respect to a ray's crossing (mm) of the plane ``z = level_mm`` at constant direction; 0 for
-    rays that do not rise. ``by_directions``: with respect to its direction at constant crossing; an empty array stands
-    for 0. A plane near the receiver keeps all digits.
+    Those to a point have no part along the ray, which is a line in space.
     """
 
-    level_mm: float
-    by_crossings: Float[np.ndarray, "n 2"]
-    by_directions: Float[np.ndarray, "k 3"]
+    by_points: Float[np.ndarray, "n 3"]
+    by_directions: Float[np.ndarray, "n 3"]

@@ -87,7 +87,7 @@ class TracedBundle:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.flux[part], _part(indices, part),
                 self.inner, self.outer, self.scene.packed(), self.lengths[part], fates[part],
-                by.level_mm, by.by_crossings[part], by.by_directions[part], by_flux[part], by_sin2[part],
+                by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
                 *totals[:, chunk],
             )  # fmt: skip
 

@@ -1,22 +1,15 @@
 """Acceptance of an exported part by its ray casts: the limits, and the criteria on the results of each cast.
 
-The criteria follow from the results and the distance to the receiver alone, so that the criteria in a file can be held
-against what the file's own numbers say.
+The criteria follow from the results alone, so that the criteria in a file can be held against what the file's own
+numbers say.
 """
 
 from collections.abc import Iterator
 
 from lensforge.criteria import Criterion, at_most
 from lensforge.verification.advice import Evidence, form_of_mesh
-from lensforge.verification.proof import (
-    Agreement,
-    BrepCast,
-    MitsubaCast,
-    PlainCast,
-    Proof,
-    StrayFlux,
-    StrayLight,
-)
+from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
+from lensforge.verification.stray_result import StrayFlux, StrayLight
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
 # surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
@@ -50,8 +43,8 @@ def noise_limit(floor: float) -> float:
     return NOISE_FLOORS * floor + NOISE_ALLOWANCE
 
 
-def agreement_of(proof: Proof) -> Agreement:
-    """Agreement of the exported mesh with the design, from the fields of its record."""
+def agreement_of(proof: ReceiverProof) -> Agreement:
+    """Agreement of the exported mesh with the design on one receiver, from the fields of its record."""
     gap = proof.deviation_mm
     return Agreement(
         compared=proof.rays_compared,
@@ -65,27 +58,41 @@ def agreement_of(proof: Proof) -> Agreement:
     )
 
 
-def proof_criteria(proof: Proof, distance_mm: float) -> tuple[Criterion, ...]:
-    """Acceptance criteria of all casts of a part; ``distance_mm``: to the receiver."""
-    brep, mitsuba = proof.brep, proof.mitsuba
-    step_alike = None if brep is None else brep_evidence(brep, distance_mm).lands_alike
-    form, limit = form_of_mesh(proof.open_edges, step_alike), DEVIATION_PER_DISTANCE * distance_mm
-    found = Evidence(agreement_of(proof), limit, FLUX_SHARE, FATE_SHARE, form)
-    return (
-        *_mesh_criteria(proof, found),
+def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
+    """Acceptance criteria of all casts of a part; those of further receivers carry the receiver's name."""
+    found = [
+        at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
+    ]
+    for number, receiver in enumerate(proof.receivers):
+        own = _receiver_criteria(proof, receiver)
+        found += own if number == 0 else [_named(each, receiver.name) for each in own]
+    return tuple(found)
+
+
+def _named(criterion: Criterion, receiver: str) -> Criterion:
+    return criterion.model_copy(update={"name": f"{receiver}: {criterion.name}"})
+
+
+def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]:
+    """Criteria of the casts on one receiver; its distance follows from the limit of the deviation."""
+    brep, mitsuba, distance_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_PER_DISTANCE
+    step_alike = None if brep is None else brep_evidence(brep, distance_mm).lands_alike
+    form = form_of_mesh(proof.open_edges, step_alike)
+    evidence = Evidence(agreement_of(receiver), receiver.deviation_limit_mm, FLUX_SHARE, FATE_SHARE, form)
+    return [
+        *_mesh_criteria(receiver, evidence),
         *([] if brep is None else brep_criteria(brep, distance_mm)),
         *([] if mitsuba is None else mitsuba_criteria(mitsuba, distance_mm)),
-    )
+    ]
 
 
-def _mesh_criteria(proof: Proof, found: Evidence) -> Iterator[Criterion]:
+def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:
     agreement, floor = found.agreement, proof.noise_floor_nmse
     same_rays = SAME_RAYS_FLOORS * floor + SAME_RAYS_ALLOWANCE
     noise = "evaluate the design with more rays and the same filter, or verify with more rays"
     light = noise if proof.nmse_same_rays <= same_rays else found.of_pixels()
     limits: tuple[tuple[str, float, float, str, str], ...] = (
-        ("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         ("deviation_rms", agreement.rms, found.deviation_mm, "mm", found.of_deviation()),
         ("flux_deviation", agreement.flux, FLUX_SHARE, "of the flux", found.of_flux()),
         ("fate_disagreement_flux", agreement.fates_flux, FATE_SHARE, "of the flux", found.of_fates()),
@@ -139,11 +146,12 @@ def balance_error(flux: StrayFlux) -> float:
 
 
 def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
-    """Acceptance criteria of the flux budget with reflections."""
+    """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
     finer = "export with a finer mesh"
     report = "do not trust this flux budget, it does not close: please report it"
+    balance = max(receiver.balance_error for receiver in stray.receivers)
     return (
-        at_most("stray_balance", stray.balance_error, BALANCE, "of the flux", report),
+        at_most("stray_balance", balance, BALANCE, "of the flux", report),
         at_most("stray_leaked", stray.flux.leaked, LEAK_SHARE, "of the flux", finer),
         at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", "lower the cut-off"),
     )

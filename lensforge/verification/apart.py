@@ -6,9 +6,10 @@ gives the same bits; it takes some seconds more, to start Python and load librar
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -17,12 +18,17 @@ from lensforge.records import SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.own_content import made_here
-from lensforge.verification.proof import Proof, StrayLight
+from lensforge.verification.proof import Proof
+from lensforge.verification.stray_result import StrayLight
+
+if TYPE_CHECKING:
+    from lensforge.verification.screen import Screen
 
 # A mesh of 115,200 triangles takes 0.6 GiB with the libraries, and so do hostile files of its size.
 _MEMORY_MIB, _MEMORY_KIB_PER_TRIANGLE, _STL_RECORD = 1536, 4, 50
 # Many times what is usual, since the machine may be slow and shared: 2**14 rays take 50 s where six others compute.
 _SECONDS, _SECONDS_PER_RAY = 180.0, 0.01
+_OF_EXPECTED = ("irradiance", "landings", "flux", "fates")  # arrays that go to the child
 _JOB, _ARRAYS, _STL, _STEP = "job.json", "given.npz", "part.stl", "part.step"
 
 _Result = TypeVar("_Result", bound=SimulatedResult)
@@ -48,16 +54,19 @@ def stray_apart(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
 
 def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle, given: dict[str, Any]) -> _Result:
     """Leave the work on the files in a folder to a child process, and read the record that it writes."""
-    arrays: dict[str, Any] = {name: value for name, value in given.items() if isinstance(value, np.ndarray)}
-    numbers = {name: value for name, value in given.items() if name not in arrays}
-    if "receiver" in numbers:
-        numbers["receiver"] = asdict(numbers["receiver"])
-    bundle = {f"rays.{name}": value for name, value in vars(rays).items() if value is not None}
+    numbers, arrays = dict(given), {f"rays.{name}": value for name, value in vars(rays).items() if value is not None}
+    screens: Sequence[Screen] = numbers.pop("screens", ())
+    for k, expected in enumerate(numbers.pop("expected", ())):
+        screens = (*screens, expected.screen)
+        for name in _OF_EXPECTED:
+            if (value := getattr(expected, name)) is not None:
+                arrays[f"expected.{k}.{name}"] = value
     with temporary_folder(_STL) as folder:
         (folder / _STL).write_bytes(stl)
         (folder / _STEP).write_bytes(step)
-        np.savez(folder / _ARRAYS, **arrays, **bundle)
-        write_json(folder / _JOB, {"stage": kind.stage, "given": numbers})
+        np.savez(folder / _ARRAYS, **arrays)
+        job = {"stage": kind.stage, "given": numbers, "screens": [asdict(screen) for screen in screens]}
+        write_json(folder / _JOB, job)
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * len(stl) // _STL_RECORD // 1024
         limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * len(rays))
         words = "export it again, or cast fewer rays"
@@ -67,7 +76,8 @@ def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle
 
 def _cast(folder: Path) -> None:
     """Work of the child process: the record of the cast through the files in ``folder``."""
-    from lensforge.verification.image_plane import ImagePlane
+    from lensforge.verification.comparison import Expected
+    from lensforge.verification.screen import Screen
     from lensforge.verification.stray import trace_stray
     from lensforge.verification.verify import verify_part
 
@@ -76,12 +86,16 @@ def _cast(folder: Path) -> None:
         arrays = dict(archive)
     bundle = {name: arrays.pop(name) for name in [*arrays] if name.startswith("rays.")}
     rays = RayBundle(**{name.removeprefix("rays."): value for name, value in bundle.items()})
-    given, stl = {**job["given"], **arrays}, (folder / _STL).read_bytes()
+    screens, stl = [Screen(**screen) for screen in job["screens"]], (folder / _STL).read_bytes()
     if job["stage"] == Proof.stage:
-        verify_part(stl, rays=rays, step=(folder / _STEP).read_bytes(), **given).write(folder)
+        expected = [
+            Expected(screen, *(arrays.get(f"expected.{k}.{name}") for name in _OF_EXPECTED))  # type: ignore[arg-type]
+            for k, screen in enumerate(screens)
+        ]
+        step = (folder / _STEP).read_bytes()
+        verify_part(stl, rays=rays, step=step, expected=expected, **job["given"]).write(folder)
     else:
-        given["receiver"] = ImagePlane(**given["receiver"])
-        trace_stray(stl, rays=rays, **given).write(folder)
+        trace_stray(stl, rays=rays, screens=screens, **job["given"]).write(folder)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Errors from the flat facets of the mesh must vanish here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -20,15 +21,16 @@ from lensforge.verification.casting import Leg
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
 from lensforge.verification.passage import (
     CastFate,
+    LandedRays,
     Passage,
     RefractedRays,
     faces_away,
     indices_of,
-    land,
+    leave,
     outside_leg,
     refract,
 )
-from lensforge.verification.proof import BrepCast
+from lensforge.verification.proof import BrepCast, Gaps
 
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 _TOLERANCE_MM = 1e-7  # within which the CAD kernel takes two points as one
@@ -138,31 +140,31 @@ def cast_brep(
     body: StepBody,
     rays: RayBundle,
     refractive_index: float,
-    distance_mm: float,
-    receiver_mm: float,
-    expected: Expected,
+    expected: Sequence[Expected],
     mesh: Passage,
     count: int = BREP_RAYS,
-) -> tuple[BrepCast, Float[np.ndarray, " q"]]:
+) -> list[tuple[BrepCast, Gaps]]:
     """Cast ``count`` of ``rays``, drawn at random, through the STEP file; and quantiles of the landing gaps (mm).
 
-    ``expected`` and ``mesh`` hold all of the rays; the gaps are from the design.
+    For each screen. ``expected`` and ``mesh`` hold all of the rays; the gaps are from the design.
     """
     start = perf_counter()
     rows = drawn(count, len(rays))
     some = rays.take(rows)
-    passage = send_through_step(body, some, refractive_index, distance_mm)
-    design = expected.take(rows)
-    by_mesh = Expected(expected.irradiance, mesh.landings[rows], mesh.flux[rows], mesh.fate_names[rows])
-    against_design, against_mesh = (compare(some, passage, other, receiver_mm) for other in (design, by_mesh))
-    gaps = gap_quantiles(passage, design, receiver_mm)
-    seconds = perf_counter() - start
-    cast = BrepCast(rays=len(rows), seconds=seconds, against_design=against_design, against_mesh=against_mesh)
-    return cast, gaps
+    passage = send_through_step(body, some, refractive_index)
+    seconds, found = perf_counter() - start, []
+    for each in expected:
+        landed, by_mesh = LandedRays.of(passage, each.screen), LandedRays.of(mesh, each.screen)
+        design, names = each.take(rows), by_mesh.fate_names[rows]
+        reference = Expected(each.screen, each.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names)
+        agreements = [compare(some, landed, other) for other in (design, reference)]
+        cast = BrepCast(rays=len(rows), seconds=seconds, against_design=agreements[0], against_mesh=agreements[1])
+        found.append((cast, gap_quantiles(landed, design)))
+    return found
 
 
-def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
-    """Trace every ray into the body, out of it, and to the plane z = ``distance_mm``, as through the mesh."""
+def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float) -> Passage:
+    """Trace every ray into the body and out of it, as through the mesh."""
     passage = Passage.of(rays)
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = body.first_hits(leg)
@@ -181,7 +183,7 @@ def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float, 
     passage.fates[rows] = _exit_fates(entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     left = _cross(entered.leg.take(reached), exits.take(reached), indices[rows[reached]])
-    land(passage, rows[reached], left, distance_mm)
+    leave(passage, rows[reached], left)
     return passage
 
 

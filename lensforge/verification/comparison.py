@@ -1,38 +1,53 @@
 """The part against the design, ray by ray, and the flux budget of the part."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
+from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.image_plane import within
-from lensforge.verification.passage import CastFate, Passage
+from lensforge.verification.passage import CastFate, LandedRays
 from lensforge.verification.proof import Agreement, FatePair, PartFlux, PartMissed
+from lensforge.verification.screen import Screen
 
 
 @dataclass(frozen=True)
 class Expected:
-    """The design's results for n rays: landings (mm, NaN if lost) and flux there (W); and its irradiance (W/m^2).
+    """The design's results for n rays on a screen: its light (W/m^2 or W/sr), landings (NaN if lost), and flux (W).
 
     ``fates``: name of the fate of each ray; None: those that do not land are "lost".
     """
 
-    irradiance: Float[np.ndarray, "pixels pixels"]
+    screen: Screen
+    irradiance: Float[np.ndarray, "rows columns"]
     landings: Float[np.ndarray, "k 2"]
     flux: Float[np.ndarray, " n"]
     fates: Shaped[np.ndarray, " n"] | None = None
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
-        """Name of the fate of each ray; "landed" for all that reach the receiver's plane."""
+        """Name of the fate of each ray; "landed" for all that reach the receiver's surface."""
         lost = np.full(len(self.flux), "lost") if self.fates is None else self.fates
         return np.where(np.isnan(self.landings[:, 0]), lost, "landed")
+
+    def require_shapes(self, count: int) -> None:
+        """Raise :class:`InputError` if the arrays do not belong to ``count`` rays and the screen."""
+        for name, array, shape in (
+            ("irradiance", self.irradiance, (self.screen.rows, self.screen.columns)),
+            ("landings", self.landings, (count, 2)),
+            ("flux", self.flux, (count,)),
+            ("fates", self.fates, (count,)),
+        ):
+            if array is not None and array.shape != shape:
+                raise InputError(
+                    f"expected {name}: shape {array.shape}, must be {shape}; trace the design with the same rays"
+                )
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "Expected":
         """Results for some of the rays; the irradiance remains that of all rays."""
         fates = None if self.fates is None else self.fates[rows]
-        return Expected(self.irradiance, self.landings[rows], self.flux[rows], fates)
+        return replace(self, landings=self.landings[rows], flux=self.flux[rows], fates=fates)
 
 
 def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
@@ -43,15 +58,15 @@ def drawn(count: int, of: int) -> Int[np.ndarray, " k"]:
     return np.sort(np.random.default_rng(0).permutation(of)[:count])
 
 
-def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: float) -> Agreement:
+def compare(rays: RayBundle, landed: LandedRays, expected: Expected) -> Agreement:
     """Compare landing and flux of every ray; rays that both land outside the receiver do not count."""
-    here, there, apart = landing_gaps(passage, expected, receiver_mm)
-    lost_here, lost_there = np.isnan(passage.landings[:, 0]), np.isnan(expected.landings[:, 0])
+    here, there, apart = landing_gaps(landed, expected)
+    lost_here, lost_there = np.isnan(landed.landings[:, 0]), np.isnan(expected.landings[:, 0])
     differs = (here & lost_there) | (there & lost_here)
     both = here & there
     change = 1.0
     if both.any():
-        change = float(np.abs(passage.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
+        change = float(np.abs(landed.flux[both] - expected.flux[both]).sum() / expected.flux[both].sum())
     return Agreement(
         compared=int(both.sum()),
         rms=float(np.sqrt(np.mean(apart**2))),
@@ -60,15 +75,15 @@ def compare(rays: RayBundle, passage: Passage, expected: Expected, receiver_mm: 
         flux=change,
         fates=int(differs.sum()),
         fates_flux=share(rays, rays.flux[differs]),
-        pairs=_fate_pairs(rays, passage, expected, differs),
+        pairs=_fate_pairs(rays, landed, expected, differs),
     )
 
 
 def _fate_pairs(
-    rays: RayBundle, passage: Passage, expected: Expected, differs: Bool[np.ndarray, " n"]
+    rays: RayBundle, landed: LandedRays, expected: Expected, differs: Bool[np.ndarray, " n"]
 ) -> tuple[FatePair, ...]:
     """Rays of ``differs`` by their fates in design and part, the largest share of flux first."""
-    design, part = expected.fate_names, passage.fate_names
+    design, part = expected.fate_names, landed.fate_names
     found = []
     for first, second in sorted(set(zip(design[differs].tolist(), part[differs].tolist(), strict=True))):
         rows = differs & (design == first) & (part == second)
@@ -77,36 +92,36 @@ def _fate_pairs(
 
 
 def landing_gaps(
-    passage: Passage, expected: Expected, receiver_mm: float
+    landed: LandedRays, expected: Expected
 ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"], Float[np.ndarray, " k"]]:
     """Masks of the rays that part and design land on the receiver, and the gaps (mm) of those that both do.
 
-    Where no ray lands in both, one gap as long as the receiver's diagonal.
+    Those of directions are taken at 1 m. Where no ray lands in both, one gap as long as the receiver's diagonal.
     """
-    here, there = within(passage.landings, receiver_mm), within(expected.landings, receiver_mm)
+    screen = expected.screen
+    here, there = screen.on_pixels(landed.landings), screen.on_pixels(expected.landings)
     both = here & there
     if not both.any():
-        return here, there, np.array([np.sqrt(2.0) * receiver_mm])
-    return here, there, np.linalg.norm(passage.landings[both] - expected.landings[both], axis=1)
+        return here, there, np.array([screen.diagonal_mm])
+    gaps = np.linalg.norm(landed.landings[both] - expected.landings[both], axis=1)
+    return here, there, screen.mm_per_unit * gaps
 
 
-def gap_quantiles(passage: Passage, expected: Expected, receiver_mm: float) -> Float[np.ndarray, " q"]:
+def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, " q"]:
     """Quantiles of the landing gaps (mm) at 0, 0.2 ... 100 % of the rays: enough to draw their distribution."""
-    gaps: Float[np.ndarray, " q"] = np.quantile(
-        landing_gaps(passage, expected, receiver_mm)[2], np.linspace(0.0, 1.0, 501)
-    )
+    gaps: Float[np.ndarray, " q"] = np.quantile(landing_gaps(landed, expected)[2], np.linspace(0.0, 1.0, 501))
     return gaps
 
 
-def flux_budget(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[PartFlux, PartMissed]:
+def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[PartFlux, PartMissed]:
     """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
 
     ``reflected`` is what rays lose by reflection at the surfaces; the rest of a ray's flux counts by its fate.
-    Rays that reach the receiver's plane outside the window are ``outside``.
+    Rays that reach the receiver's surface outside the window are ``outside``.
     """
-    landed = passage.fates == CastFate.LANDED
-    inside = landed & within(passage.landings, window_mm)
-    by_fate = {fate: share(rays, passage.flux[passage.fates == fate]) for fate in CastFate}
+    reached = landed.fates == CastFate.LANDED
+    inside = reached & screen.in_window(landed.landings)
+    by_fate = {fate: share(rays, landed.flux[landed.fates == fate]) for fate in CastFate}
     missed = PartMissed(
         no_hit=by_fate[CastFate.NO_HIT],
         starts_inside=by_fate[CastFate.STARTS_INSIDE],
@@ -116,11 +131,11 @@ def flux_budget(rays: RayBundle, passage: Passage, window_mm: float) -> tuple[Pa
         missed_receiver=by_fate[CastFate.MISSED_RECEIVER],
     )
     flux = PartFlux(
-        detected=share(rays, passage.flux[inside]),
-        outside=share(rays, passage.flux[landed & ~inside]),
+        detected=share(rays, landed.flux[inside]),
+        outside=share(rays, landed.flux[reached & ~inside]),
         missed=sum(missed.model_dump().values()),
         total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
-        reflected=share(rays, rays.flux - passage.flux),
+        reflected=share(rays, rays.flux - landed.flux),
     )
     return flux, missed
 

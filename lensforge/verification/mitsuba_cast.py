@@ -4,20 +4,20 @@ Mitsuba's scalar variant needs no LLVM and no GPU, and traces about 10,000 rays 
 meshes are flat facets with interpolated normals, so landings are off by the sag of the curved surface over a facet.
 """
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from time import perf_counter
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
-from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import CastFate, Passage, indices_of
-from lensforge.verification.proof import MitsubaCast
+from lensforge.verification.passage import CastFate, LandedRays, Passage, indices_of
+from lensforge.verification.proof import Gaps, MitsubaCast
+from lensforge.verification.screen import nmse, squared_norm
 
 RAYS = 2**16
 VARIANT = "scalar_rgb"  # in every wheel, and the only one that runs on any machine
@@ -29,43 +29,38 @@ def installed() -> bool:
 
 
 def cast_mitsuba(
-    part: PartMesh,
-    rays: RayBundle,
-    refractive_index: float,
-    distance_mm: float,
-    receiver: ImagePlane,
-    expected: Expected,
-    count: int = RAYS,
-) -> tuple[MitsubaCast, Float[np.ndarray, " q"]]:
+    part: PartMesh, rays: RayBundle, refractive_index: float, expected: Sequence[Expected], count: int = RAYS
+) -> list[tuple[MitsubaCast, Gaps]]:
     """Cast ``count`` of ``rays``, drawn at random, through ``part``; and quantiles of the landing gaps (mm).
 
-    ``expected`` holds the design's results for all rays.
+    For each screen. ``expected`` holds the design's results for all rays.
     """
     start = perf_counter()
     rows = drawn(count, len(rays))
-    some, design = rays.take(rows), expected.take(rows)
-    version, passage = send_through_mitsuba(part, some, refractive_index, distance_mm)
-    # The irradiance of the drawn rays is scaled to the flux of all of them.
-    flux, design_flux = passage.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
-    image = receiver.irradiance(passage.landings, flux)
-    variance = receiver.noise(passage.landings, flux)
-    gaps = gap_quantiles(passage, design, receiver.side_mm)
-    cast = MitsubaCast(
-        version=version,
-        rays=len(rows),
-        nmse_vs_design=nmse(image, expected.irradiance),
-        noise_floor_nmse=float(variance.sum()) / squared_norm(expected.irradiance),
-        nmse_same_rays=nmse(image, receiver.irradiance(design.landings, design_flux)),
-        against_design=compare(some, passage, design, receiver.side_mm),
-        seconds=perf_counter() - start,
-    )
-    return cast, gaps
+    some = rays.take(rows)
+    version, passage = send_through_mitsuba(part, some, refractive_index)
+    seconds, found = perf_counter() - start, []
+    for each in expected:
+        landed, design, screen = LandedRays.of(passage, each.screen), each.take(rows), each.screen
+        # The irradiance of the drawn rays is scaled to the flux of all of them.
+        flux, design_flux = landed.flux / share(rays, some.flux), design.flux / share(rays, some.flux)
+        image = screen.irradiance(landed.landings, flux)
+        variance = screen.noise(landed.landings, flux)
+        cast = MitsubaCast(
+            version=version,
+            rays=len(rows),
+            nmse_vs_design=nmse(image, each.irradiance),
+            noise_floor_nmse=float(variance.sum()) / squared_norm(each.irradiance),
+            nmse_same_rays=nmse(image, screen.irradiance(design.landings, design_flux)),
+            against_design=compare(some, landed, design),
+            seconds=seconds,
+        )
+        found.append((cast, gap_quantiles(landed, design)))
+    return found
 
 
-def send_through_mitsuba(
-    part: PartMesh, rays: RayBundle, refractive_index: float, distance_mm: float
-) -> tuple[str, Passage]:
-    """Trace every ray in, out, and to the plane z = ``distance_mm``, both hits above z = 0.
+def send_through_mitsuba(part: PartMesh, rays: RayBundle, refractive_index: float) -> tuple[str, Passage]:
+    """Trace every ray in and out, both hits above z = 0.
 
     Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
     Mitsuba does not load.
@@ -86,10 +81,10 @@ def send_through_mitsuba(
         )
         for row, (origin, direction, index) in enumerate(table):
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            passage.fates[row], end, transmittance = _cast(mi, scene, flags, ray, index, distance_mm)
+            passage.fates[row], end, transmittance = _cast(mi, scene, flags, ray, index)
             passage.flux[row] *= transmittance
             if end is not None:
-                passage.landings[row] = end
+                passage.points[row], passage.directions[row] = end
         return str(mi.__version__), passage
     finally:
         if before is not None:
@@ -97,9 +92,9 @@ def send_through_mitsuba(
 
 
 def _cast(
-    mi: Any, scene: Any, flags: Any, ray: Any, index: float, distance_mm: float
-) -> tuple[CastFate, tuple[float, float] | None, float]:
-    """Fate of one ray, its landing (mm), None if it is lost, and the share of its flux that is left."""
+    mi: Any, scene: Any, flags: Any, ray: Any, index: float
+) -> tuple[CastFate, tuple[list[float], list[float]] | None, float]:
+    """Fate of one ray, its exit point (mm) and direction, None if it is lost, and the share of its flux left."""
     left = 1.0
     for entering in (True, False):
         hit = scene.ray_intersect(ray, flags, False, True)
@@ -117,11 +112,7 @@ def _cast(
             return CastFate.TOTAL_REFLECTION, None, left
         left *= 1.0 - reflectance
         ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
-    length = distance_mm - ray.o.z
-    if ray.d.z <= 0.0 or length <= 0.0:
-        return CastFate.MISSED_RECEIVER, None, left
-    end = ray.o.x + length / ray.d.z * ray.d.x, ray.o.y + length / ray.d.z * ray.d.y
-    return CastFate.LANDED, end, left
+    return CastFate.LANDED, (list(ray.o), list(ray.d)), left
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

@@ -77,10 +77,11 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class ReceivedLight:
-    """Light on the receiver's plane: points (mm), flux (W), causes."""
+class EscapedLight:
+    """Light that has left the part for good: last points (mm), directions, flux (W), causes."""
 
-    points: Float[np.ndarray, "n 2"]
+    points: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     causes: Int[np.ndarray, " n"]
 
@@ -93,28 +94,27 @@ class ReceivedLight:
 
 @dataclass
 class FluxBudget:
-    """Flux (W) by its end: on the receiver's plane, in pieces as it arrived, or lost."""
+    """Flux (W) by its end: gone from the part, in pieces as it left, or lost."""
 
-    pieces: list[ReceivedLight] = field(default_factory=list)
-    backward: float = 0.0
+    pieces: list[EscapedLight] = field(default_factory=list)
     absorbed: float = 0.0
     base: float = 0.0
     cut_off: float = 0.0
     leaked: float = 0.0
 
-    def landings(self) -> ReceivedLight:
+    def escaped(self) -> EscapedLight:
         """All pieces joined."""
-        names = ("points", "flux", "causes")
-        return ReceivedLight(*(np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in names))
+        names = ("points", "directions", "flux", "causes")
+        return EscapedLight(*(np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in names))
 
 
-def follow(body: Body, rays: RayBundle, distance_mm: float, limits: Limits) -> FluxBudget:
-    """Follow all light of ``rays`` until it has left the part; the receiver's plane is z = ``distance_mm``."""
+def follow(body: Body, rays: RayBundle, limits: Limits) -> FluxBudget:
+    """Follow all light of ``rays`` until it has left the part."""
     budget, least = FluxBudget(), limits.cut_off * float(rays.flux.mean())
     for start in range(0, len(rays), _CHUNK):
         light = _emitted(body, rays.take(slice(start, start + _CHUNK)))
         for _ in range(limits.depth):
-            light = _step(body, light, distance_mm, least, budget)
+            light = _step(body, light, least, budget)
             if len(light.flux) == 0:
                 break
         budget.cut_off += float(light.flux.sum())
@@ -144,10 +144,10 @@ def _along(body: Body, leg: Leg, hits: FacetHits) -> Float[np.ndarray, " n"]:
     return along
 
 
-def _step(body: Body, light: ActiveRays, distance_mm: float, least: float, budget: FluxBudget) -> ActiveRays:
+def _step(body: Body, light: ActiveRays, least: float, budget: FluxBudget) -> ActiveRays:
     """Trace all rays to the next surface, or out; return those that go on from there."""
     hits = _next_hits(body, light)
-    _escape(light.take(np.nonzero(~hits.found)[0]), distance_mm, budget)
+    _escape(light.take(np.nonzero(~hits.found)[0]), budget)
     rows = np.nonzero(hits.found)[0]
     light, hits = light.take(rows), hits.take(rows)
     light = _absorbed(body, light, meet(body.part, light.leg, hits)[0], budget)
@@ -219,12 +219,9 @@ def _causes(
     return np.where(first, transmitted, light.causes), np.where(first, reflected, light.causes)
 
 
-def _escape(light: ActiveRays, distance_mm: float, budget: FluxBudget) -> None:
-    """Add light that hits nothing more to the budget: it lands on the receiver's plane or goes backward."""
-    directions, height = light.leg.directions, distance_mm - light.leg.origins[:, 2]
-    rises = ~light.inside & (directions[:, 2] > 0.0) & (height > 0.0)
+def _escape(light: ActiveRays, budget: FluxBudget) -> None:
+    """Add light that hits nothing more to the budget."""
+    out = ~light.inside
     budget.leaked += float(light.flux[light.inside].sum())
-    budget.backward += float(light.flux[~light.inside & ~rises].sum())
-    slope = directions[rises, :2] / directions[rises, 2:]
-    points = light.leg.origins[rises, :2] + height[rises, None] * slope
-    budget.pieces.append(ReceivedLight(points, light.flux[rises], light.causes[rises]))
+    leg = light.leg
+    budget.pieces.append(EscapedLight(leg.origins[out], leg.directions[out], light.flux[out], light.causes[out]))

@@ -14,6 +14,7 @@ from trimesh.triangles import points_to_barycentric
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
+from lensforge.verification.screen import Screen
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
 # A ray that leaves a curved point may meet the facets just left: hits nearer than this share of an edge are those.
@@ -23,7 +24,7 @@ _SKIN_EDGES = 0.05
 class CastFate(IntEnum):
     """Fate of a ray cast through the part."""
 
-    LANDED = 0  # reached the receiver's plane
+    LANDED = 0  # left the lens, and reached the receiver's surface
     NO_HIT = 1  # met no part of the body
     STARTS_INSIDE = 2  # its first hit leaves the material: it started in the body, or the mesh is inside out
     BASE = 3  # met a surface at or below z = 0 in the material, instead of leaving it
@@ -36,31 +37,51 @@ class CastFate(IntEnum):
 
 @dataclass(frozen=True)
 class Passage:
-    """Ends of ``n`` rays: landing on the receiver's plane (mm, NaN if lost), flux (W) left in the ray, fate.
+    """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
     ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
     """
 
-    landings: Float[np.ndarray, "n 2"]
+    points: Float[np.ndarray, "n 3"]
+    directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
+
+    @staticmethod
+    def of(rays: RayBundle) -> "Passage":
+        """Passage of ``rays`` that have met nothing yet."""
+        return Passage(
+            points=np.full((len(rays), 3), np.nan),
+            directions=np.full((len(rays), 3), np.nan),
+            flux=rays.flux.copy(),
+            fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
+            facets_um=np.zeros((len(rays), 2)),
+        )
+
+
+@dataclass(frozen=True)
+class LandedRays:
+    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate."""
+
+    landings: Float[np.ndarray, "n 2"]
+    flux: Float[np.ndarray, " n"]
+    fates: Int[np.ndarray, " n"]
+
+    @staticmethod
+    def of(passage: Passage, screen: Screen) -> "LandedRays":
+        """Land the rays that left the lens."""
+        landings, fates = np.full((len(passage.flux), 2), np.nan), passage.fates.copy()
+        left = np.nonzero(passage.fates == CastFate.LANDED)[0]
+        landings[left] = screen.land(passage.points[left], passage.directions[left])
+        fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
+        return LandedRays(landings, passage.flux, fates)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
         """Name of the fate of each ray."""
         names: Shaped[np.ndarray, " n"] = np.array([fate.name.lower() for fate in CastFate])[self.fates]
         return names
-
-    @staticmethod
-    def of(rays: RayBundle) -> "Passage":
-        """Passage of ``rays`` that have met nothing yet."""
-        return Passage(
-            landings=np.full((len(rays), 2), np.nan),
-            flux=rays.flux.copy(),
-            fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
-            facets_um=np.zeros((len(rays), 2)),
-        )
 
 
 @dataclass(frozen=True)
@@ -144,20 +165,18 @@ def outside_leg(rays: RayBundle) -> Leg:
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
-def send_through(
-    part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float, threads: int = 1
-) -> Passage:
-    """Cast every ray into the part, out of it, and to the plane z = ``distance_mm``; air outside, n = 1."""
+def send_through(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, threads: int = 1) -> Passage:
+    """Cast every ray into the part and out of it; air outside, n = 1."""
 
     def send(start: int) -> Passage:
-        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), refractive_index, distance_mm)
+        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), refractive_index)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, distance_mm: float) -> Passage:
+def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float) -> Passage:
     passage = Passage.of(rays)
     leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
     entry = grid.first_hits(leg)
@@ -175,7 +194,7 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, 
     rows = rows[reached]
     left = cross(part, entered.leg.take(reached), exits.take(reached), indices[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
-    land(passage, rows, left, distance_mm)
+    leave(passage, rows, left)
     return passage
 
 
@@ -210,19 +229,13 @@ def _exit_fates(part: PartMesh, entry: FacetHits, exits: FacetHits) -> Int[np.nd
     )
 
 
-def land(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays, distance_mm: float) -> None:
-    """Propagate rays refracted at the exit face to the receiver's plane, or set their fate."""
-    directions = left.leg.directions
-    height = distance_mm - left.leg.origins[:, 2]
+def leave(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays) -> None:
+    """Write where rays refracted at the exit face leave it, or that they are totally reflected."""
     passes = left.transmittance > 0.0
-    rises = (directions[:, 2] > 0.0) & (height > 0.0)
-    passage.fates[rows] = np.select(
-        [~passes, ~rises], [CastFate.TOTAL_REFLECTION, CastFate.MISSED_RECEIVER], CastFate.LANDED
-    )
+    passage.fates[rows] = np.where(passes, CastFate.LANDED, CastFate.TOTAL_REFLECTION)
     passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
-    lands = passes & rises
-    slope = directions[lands, :2] / directions[lands, 2:]
-    passage.landings[rows[lands]] = left.leg.origins[lands, :2] + height[lands, None] * slope
+    passage.points[rows[passes]] = left.leg.origins[passes]
+    passage.directions[rows[passes]] = left.leg.directions[passes]
 
 
 def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:

@@ -1,16 +1,18 @@
-"""Results of the verification: rays through the exported part against the design, and stray light."""
+"""Results of the verification: rays through the exported part against the design."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import Field
 
 from lensforge.criteria import Criterion
-from lensforge.figures.light_unit import WATTS
+from lensforge.figures.chart import Chart
 from lensforge.records import (
     Array,
     Count,
     Extent,
+    Flag,
     Irradiance,
     NotNegative,
     Number,
@@ -19,13 +21,13 @@ from lensforge.records import (
     Share,
     SimulatedResult,
     Text,
+    stated,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
-LightPath = Literal["sequential", "direct", "stray"]
 
 
 class LandingDeviation(Record):
@@ -118,24 +120,18 @@ class PartMissed(Record):
     missed_receiver: Share
 
 
-class Proof(SimulatedResult):
-    """Rays through the exported part, against the same rays through the design.
+class ReceiverProof(Record):
+    """Rays through the exported part on one receiver, against the same rays through the design.
 
-    ``irradiance``, ``design_irradiance``: W/m^2 [row y, column x]. ``gaps_*_mm``: quantiles at 0, 0.2 ... 100 % of the
-    distances between landings of part and design, by the mesh, the STEP and Mitsuba. ``altered_files``: those whose
-    content was not what export.json describes when the rays were cast.
+    ``width``, ``height``: of the receiver's chart. ``irradiance``, ``design_irradiance``: W/m^2 or W/sr [row y, column
+    x]. Distances between landings of part and design are in mm, those of directions at 1 m. ``gaps_*_mm``: their
+    quantiles at 0, 0.2 ... 100 %, by the mesh, the STEP and Mitsuba.
     """
 
-    stage: ClassVar[str] = "verify"
-    made_from: ClassVar[tuple[str, ...]] = ("lens", "export", "evaluate")
-
-    rays: Count
-    seconds: NotNegative
-    cast_seconds: NotNegative
-    triangles: Count
-    open_edges: Count
-    volume_mm3: Number
-    facet_height_um: Extent
+    name: Text
+    width: Positive
+    height: Positive
+    far_field: Flag
     nmse_vs_design: NotNegative
     noise_floor_nmse: NotNegative
     nmse_same_rays: NotNegative
@@ -148,18 +144,78 @@ class Proof(SimulatedResult):
     fate_disagreements: Count
     fate_disagreement_flux: Share
     fate_pairs: tuple[FatePair, ...] = ()
-    altered_files: tuple[Text, ...] = ()
     flux: PartFlux
     missed_by_cause: PartMissed
-    plain_cast: PlainCast
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
-    criteria: tuple[Criterion, ...]
     irradiance: Irradiance
     design_irradiance: Irradiance
     gaps_mesh_mm: Gaps
     gaps_step_mm: Gaps | None = None
     gaps_mitsuba_mm: Gaps | None = None
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the maps, for figures."""
+        return Chart(self.width, self.height, self.far_field)
+
+
+class Proof(SimulatedResult):
+    """Rays through the exported part, against the same rays through the design, on every receiver.
+
+    Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
+    was not what export.json describes when the rays were cast.
+    """
+
+    stage: ClassVar[str] = "verify"
+    made_from: ClassVar[tuple[str, ...]] = ("lens", "export", "evaluate")
+
+    receivers: Annotated[tuple[ReceiverProof, ...], Field(min_length=1)]
+    rays: Count
+    seconds: NotNegative
+    cast_seconds: NotNegative
+    triangles: Count
+    open_edges: Count
+    volume_mm3: Number
+    facet_height_um: Extent
+    altered_files: tuple[Text, ...] = ()
+    plain_cast: PlainCast
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def first(self) -> ReceiverProof:
+        """The rays on the first receiver."""
+        return self.receivers[0]
+
+    @stated
+    def nmse_vs_design(self) -> float:
+        """NMSE of the part's light on the first receiver against the design's."""
+        return self.first.nmse_vs_design
+
+    @stated
+    def noise_floor_nmse(self) -> float:
+        """NMSE that the noise of the part's rays explains."""
+        return self.first.noise_floor_nmse
+
+    @stated
+    def efficiency(self) -> float:
+        """Share of the emitted flux in the first receiver's window, through the part."""
+        return self.first.efficiency
+
+    @stated
+    def deviation_mm(self) -> LandingDeviation:
+        """Distances between the part's landings on the first receiver and the design's."""
+        return self.first.deviation_mm
+
+    @property
+    def brep(self) -> BrepCast | None:
+        """Rays through the STEP file, on the first receiver."""
+        return self.first.brep
+
+    @property
+    def mitsuba(self) -> MitsubaCast | None:
+        """Rays through the mesh by Mitsuba, on the first receiver."""
+        return self.first.mitsuba
 
     def __str__(self) -> str:
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
@@ -168,81 +224,10 @@ class Proof(SimulatedResult):
         return f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Cumulative share of the rays over the distance between their landings and the design's."""
+        """Cumulative share of the rays over the distance between their first landings and the design's."""
         from lensforge.figures.plots import plot_curves
 
-        named = {"exported mesh": self.gaps_mesh_mm, "STEP": self.gaps_step_mm, "Mitsuba": self.gaps_mitsuba_mm}
+        first = self.first
+        named = {"exported mesh": first.gaps_mesh_mm, "STEP": first.gaps_step_mm, "Mitsuba": first.gaps_mitsuba_mm}
         curves = {name: (gaps, np.linspace(0.0, 1.0, len(gaps))) for name, gaps in named.items() if gaps is not None}
         return plot_curves(curves, ("distance from the design's landing (mm)", "share of the rays"), axes)
-
-
-class StrayFlux(Record):
-    """Flux budget of the non-sequential trace; shares of the emitted flux, which add up to 1."""
-
-    detected_direct: Share
-    detected_stray: Share
-    outside_direct: Share
-    outside_stray: Share
-    backward: Share
-    absorbed: Share
-    base: Share
-    too_dim: Share
-    leaked: Share
-
-
-class StrayByCause(Record):
-    """Detected stray light, by the first event that took it off the sequential path."""
-
-    inner_reflection: Share
-    outer_reflection: Share
-    total_reflection: Share
-    base: Share
-    met_again: Share
-
-
-class StraySpread(Record):
-    """Position and size (mm) of the stray light on the receiver, and its peak; None where there is none."""
-
-    centroid_mm: tuple[Number, Number] | None
-    rms_radius_mm: NotNegative | None
-    peak_w_m2: NotNegative
-    peak_of_mean: NotNegative | None
-
-
-class StrayLight(SimulatedResult):
-    """Stray light, which the sequential design leaves out: reflections, the base, absorption.
-
-    ``sequential``, ``direct``, ``stray``: irradiance (W/m^2) [row y, column x]. ``misplaced_flux``: flux that lands on
-    other pixels than by the sequential trace, as a share of the emitted flux.
-    """
-
-    stage: ClassVar[str] = "stray"
-    command: ClassVar[str] = "verify --stray"
-    made_from: ClassVar[tuple[str, ...]] = ("lens", "export")
-
-    rays: Count
-    base: Literal["polished", "black"]
-    absorption_per_mm: NotNegative
-    cut_off: NotNegative
-    depth: Count
-    flux: StrayFlux
-    balance_error: NotNegative
-    detected_stray_by_cause: StrayByCause
-    misplaced_flux: NotNegative
-    nmse_vs_sequential: NotNegative | None
-    spread: StraySpread
-    efficiency: Share
-    efficiency_sequential: Share
-    receiver_mm: Positive
-    seconds: NotNegative
-    criteria: tuple[Criterion, ...]
-    sequential: Irradiance
-    direct: Irradiance
-    stray: Irradiance
-
-    def plot(self, axes: "Axes | None" = None, *, which: LightPath = "stray") -> "Axes":
-        """Irradiance on the receiver (W/m^2): ``which`` part of it. Raises :class:`InputError` for an unknown one."""
-        from lensforge.figures.plots import plot_map, require_choice
-
-        require_choice("which", which, get_args(LightPath))
-        return plot_map(getattr(self, which), self.receiver_mm, WATTS, axes)

@@ -100,7 +100,7 @@ def library_shares(light: lf.Light) -> dict[str, float]:
 
 def pixel_flux(light: lf.Light, flux_w: float) -> Any:
     """Share of the emitted flux in each pixel, unfiltered."""
-    return light.raw_map * (light.receiver_mm / light.pixels / 1000) ** 2 / flux_w
+    return light.raw_map * (light.first.width / light.pixels / 1000) ** 2 / flux_w
 
 
 def test_tracer_shares_no_code() -> None:
@@ -285,7 +285,7 @@ def test_irradiance(folder: Path, name: str) -> None:
     ratios = ((sample.mean(axis=0) - truth)[lit]) ** 2 / variance[lit]
     mean, spread = 15 / 13, np.sqrt(2 * 15**2 * 14 / (13**2 * 11))  # of F with 1 and 15 degrees of freedom
     assert abs(ratios.mean() - mean) < 4 * spread / np.sqrt(lit.sum())
-    x = two.light.axis_mm[None, :] + 0 * library
+    x = two.light.first.chart.x(two.light.pixels)[None, :] + 0 * library
     y = x.T
     for moment in (x, y, x * x, x * y, y * y):
         values = (bins * moment).sum(axis=(1, 2))

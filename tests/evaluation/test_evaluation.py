@@ -65,8 +65,8 @@ def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
     """A flat top on a receiver that only just holds it: what lands on its bright pixels, counted from the picture."""
     lens = Lens(sphere(3.0), sphere(6.0), small_spec(evaluate__pixels=64), 0, "draft")
     light = _evaluate(lens)
-    side_m = 1e-3 * light.receiver_mm / light.pixels
-    x = np.abs(light.axis_mm) / 80.0
+    side_m = 1e-3 * light.first.width / light.pixels
+    x = np.abs(light.first.chart.x(light.pixels)) / 80.0
     bright = np.exp(-(x[:, None] ** 18) - x[None, :] ** 18) > 0.1
     assert light.share_in_target.value == pytest.approx(light.raw_map[bright].sum() * side_m**2, rel=0.02)
     assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9

@@ -13,7 +13,7 @@ from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
@@ -48,7 +48,7 @@ def _traced(lens, grid, **moved):
 
 def _landed(lens, exits):
     """As arrays: by plain torch, for whichever tracer."""
-    return Hits.of(PlaneReceiver.of(lens.spec.target, 16).land_in_torch(exits))
+    return Hits.of(receivers_of(lens.spec, 16)[0].land_in_torch(exits))
 
 
 def _near_tables(lens, grid, rays):

@@ -21,21 +21,19 @@ from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.optics.materials import normal_transmittance
 from lensforge.optimisation.collect import Collected, collected
-from lensforge.optimisation.merit import (
-    mirror_mean,
-    nmse_loss,
-    shortfall_loss,
-    uniformity_loss,
-)
+from lensforge.optimisation.image_terms import nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.optimisation.optimiser import search
-from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, splat_flux
+from lensforge.optimisation.symmetry import mirror_mean
+from lensforge.receivers.pixels import PixelGrid, Window, bin_flux, flux_in, splat_flux
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.receiver import Landings
-from lensforge.receivers.targets import target_irradiance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.square import SquareEmitter
-from lensforge.spec import CrossTarget, FlatTopTarget, Spec, TextTarget, parse_spec
+from lensforge.spec import CrossTarget, FlatTopTarget, Spec, Target, TextTarget, parse_spec
 from lensforge.surfaces.spline import TableGrid
+from lensforge.targets.pattern import target_light
 from lensforge.tracing.tables import Scene
 
 DRAFT = replace(PRESETS["draft"], evaluate_nodes_per_sigma=3.0)
@@ -140,7 +138,8 @@ def test_a_lambertian_point_on_receivers_of_any_size(distance: float, half_angle
 
 def _collected(hits: torch.Tensor, flux: torch.Tensor, sin2_exit: torch.Tensor, grid: PixelGrid) -> Collected:
     every = torch.ones(len(flux), dtype=torch.bool)
-    return collected(Landings(hits, flux, every, ~every), sin2_exit, torch.ones_like(flux), grid, grid.side_mm)
+    whole = Window(*grid.size)
+    return collected(Landings(hits, flux, every, ~every), sin2_exit, torch.ones_like(flux), grid, whole)
 
 
 @fuzzed(40)
@@ -151,7 +150,7 @@ def _collected(hits: torch.Tensor, flux: torch.Tensor, sin2_exit: torch.Tensor, 
     st.sampled_from(["inside", "edge", "centre", "far"]),
 )
 def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, kind: str) -> None:
-    grid = PixelGrid(side, pixels)
+    grid = PixelGrid.square(side, pixels)
     x = {"inside": where, "edge": round(where * pixels) / pixels, "centre": 0.5 / pixels - 0.5, "far": where * 1e100}[
         kind
     ]
@@ -169,7 +168,7 @@ def test_splat_and_bins_on_any_receiver(pixels: int, side: float, where: float, 
     assert all(torch.isfinite(g).all() for g in gradients)
     binned = bin_flux(hits.detach().numpy(), flux.detach().numpy(), grid)
     assert binned.sum() == pytest.approx(1.0 if -0.5 <= x < 0.5 and -0.5 <= -x < 0.5 else 0.75)
-    assert flux_in_square(hits.detach().numpy(), flux.detach().numpy(), 3.0 * side) >= 0.75
+    assert flux_in(hits.detach().numpy(), flux.detach().numpy(), Window(3.0 * side, 3.0 * side)) >= 0.75
 
 
 @pytest.mark.parametrize("pixels", [1, 2])
@@ -193,13 +192,18 @@ def test_pulls_of_hits_far_beyond_any_receiver() -> None:
     hits = torch.tensor([[1e19, -1e19], [0.0, 1e12]], dtype=torch.float64, requires_grad=True)
     sines = torch.tensor([16.0, 1.0], dtype=torch.float64, requires_grad=True)
     flux = torch.ones(2, dtype=torch.float64)
-    light = _collected(hits, flux, sines, PixelGrid(1e-2, 4))
+    light = _collected(hits, flux, sines, PixelGrid.square(1e-2, 4))
     for term, of in ((light.outside_receiver, hits), (light.total_reflection, sines)):
         assert 0.0 < term.item() <= 2.0
         assert torch.isfinite(torch.autograd.grad(term, of, retain_graph=True)[0]).all()
 
 
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
+
+
+def light_on(side: float, pixels: int, target: Target) -> np.ndarray:
+    plane = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(side, pixels))
+    return target_light((target,), plane)
 
 
 @pytest.mark.parametrize("pixels", [1, 2, 2048])
@@ -213,7 +217,7 @@ PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
     ],
 )
 def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
-    image = target_irradiance(target, PixelGrid(300.0, pixels))
+    image = light_on(300.0, pixels, target)
     assert image.shape == (pixels, pixels) and (image >= 0.0).all()
     assert image.sum() == pytest.approx(1.0, rel=1e-12)
 
@@ -229,7 +233,7 @@ def test_targets_on_one_pixel_and_on_four_million(target, pixels: int) -> None:
 )
 def test_a_target_too_small_to_see_is_refused(target, pixels: int) -> None:
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
-        target_irradiance(target, PixelGrid(300.0, pixels))
+        light_on(300.0, pixels, target)
 
 
 @pytest.mark.parametrize("pixels", [5, 65])
@@ -241,7 +245,7 @@ def test_a_target_of_a_single_pixel(pixels: int) -> None:
         optimise={"steps_per_level": [2, 2], "rays": 64, "pixels": pixels},
         evaluate={"rays": 2**10, "pixels": pixels},
     )
-    assert target_irradiance(spec.target, PixelGrid(200.0, pixels))[pixels // 2, pixels // 2] == 1.0
+    assert light_on(200.0, pixels, spec.target)[pixels // 2, pixels // 2] == 1.0
     found = search(spec, SquareEmitter(1.0), accuracy="draft")
     assert np.isfinite([value for level in found.history for value in level.nmse]).all()
     _complete(evaluate_lens(found.lens, SquareEmitter(1.0), DRAFT))

@@ -9,8 +9,10 @@ from click.testing import CliRunner
 from measured_lenses import lens, probed
 from PIL import Image
 
+import lensforge as lf
 from lensforge.cli import cli
 from lensforge.errors import CriterionMissed, InputError
+from lensforge.evaluation.light import Light
 from lensforge.pipeline import run_evaluate
 
 LENS = lens()
@@ -28,28 +30,47 @@ def run(*arguments: object):
     return CliRunner().invoke(cli, ["compare", *map(str, arguments)])
 
 
-def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> None:
-    with np.load(folder / "evaluate.npz") as stored:
-        light = stored["map"]
-    # The camera looks straight at the target: 8 of its pixels for each of the simulation, row 0 on top.
+def seen_straight_on(light: np.ndarray, path: Path) -> list[tuple[float, float]]:
+    """Save a photograph with 8 pixels for each of the simulation, row 0 on top; the corners of the light in it."""
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))
-    Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(folder / "on.png")
-    low, high = 9.5, 9.5 + 8 * len(light)
-    done = run(
-        folder,
-        "--on",
-        folder / "on.png",
-        "--corners",
-        f"{low},{low}",
-        f"{high},{low}",
-        f"{high},{high}",
-        f"{low},{high}",
-    )
+    Image.fromarray(np.round(60000 * np.pad(seen, 10)).astype(np.uint16)).save(path)
+    right, low = (9.5 + 8 * count for count in (light.shape[1], light.shape[0]))
+    return [(9.5, 9.5), (right, 9.5), (right, low), (9.5, low)]
+
+
+def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> None:
+    corners = seen_straight_on(Light.read(folder).map, folder / "on.png")
+    done = run(folder, "--on", folder / "on.png", "--corners", *(f"{column},{row}" for column, row in corners))
     assert done.exit_code == 0, done.output
     content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     assert f"ssim\t{content['ssim']}" in done.output
     assert content["ssim"] > 0.995
     assert np.abs(content["displacement_mm"]).max() < 1.0
+
+
+def on_receiver(**receiver: object) -> lf.Lens:
+    """The lens before one receiver."""
+    spec = LENS.spec.replace({"target": None, "receivers": [receiver]})
+    return lf.Lens(LENS.inner, LENS.outer, spec, LENS.seed, LENS.accuracy)
+
+
+def test_light_on_a_rectangle_is_compared_where_its_lens_says(tmp_path: Path) -> None:
+    target = {"kind": "rectangle", "width_mm": 120.0, "height_mm": 60.0, "uniform_mm": (100.0, 40.0)}
+    made = on_receiver(kind="plane", centre_mm=(0.0, 0.0, 100.0), width_mm=160.0, height_mm=80.0, targets=[target])
+    light = lf.evaluate(made, rays=2**12)
+    corners = seen_straight_on(light.map, tmp_path / "on.png")
+    found = lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=made)
+    assert found.ssim > 0.99 and found.measured.shape == light.map.shape
+    assert found.simulated_evenness.uniformity == pytest.approx(light.raw.uniformity)
+    assert lf.compare(light, on=tmp_path / "on.png", corners=corners).simulated_evenness.uniformity is None
+    with pytest.raises(InputError, match="lens: the light is that of another lens"):
+        lf.compare(light, on=tmp_path / "on.png", corners=corners, lens=LENS)
+
+
+def test_a_photograph_needs_a_plane(tmp_path: Path) -> None:
+    made = on_receiver(kind="far_field", half_angle_deg=60.0, targets=[{"kind": "disc", "diameter_deg": 40.0}])
+    with pytest.raises(InputError, match=r"^receivers: the first, 'far_field', is a far_field, must be a plane"):
+        lf.compare(lf.evaluate(made, rays=64), on=tmp_path / "on.png")
 
 
 def test_measured_points_are_compared(folder: Path) -> None:

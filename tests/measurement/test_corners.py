@@ -13,6 +13,9 @@ from lensforge.measurement.photograph import _ORIENTATIONS, _turned, rectify
 from lensforge.measurement.quadrilateral import clockwise, enclosing
 from lensforge.receivers.pixels import PixelGrid
 
+TARGET = TARGET_MM, TARGET_MM
+GRID = PixelGrid.square(TARGET_MM, 100)
+
 
 def error_px(found, corners=CORNERS):
     return np.linalg.norm(found.corners - corners, axis=1).max()
@@ -74,11 +77,11 @@ def test_the_edges_of_a_square_of_light_are_taken_when_its_side_is_given():
     found = locate(on, off, border_share=0.0, lit_square=True)
     assert found.located.lit
     # Half of the edges' level lies at +-70 mm: seen through the panel's homography.
-    plane = PixelGrid(TARGET_MM, 300)
-    light = rectify(on - off, found.corners, 140.0, PixelGrid(140.0, 140))
+    plane = PixelGrid.square(TARGET_MM, 300)
+    light = rectify(on - off, found.corners, (140.0, 140.0), PixelGrid.square(140.0, 140))
     assert light.min() > 0.15 * light.max()
-    panel = rectify(on - off, CORNERS, TARGET_MM, plane)
-    wide = np.abs(plane.axis_mm()) < 70.0
+    panel = rectify(on - off, CORNERS, TARGET, plane)
+    wide = np.abs(plane.x()) < 70.0
     assert light.mean() == pytest.approx(panel[np.ix_(wide, wide)].mean(), rel=0.02)
 
 
@@ -96,8 +99,8 @@ def test_a_quadrilateral_around_its_own_pixels_is_itself():
 @pytest.mark.parametrize("way", _ORIENTATIONS)
 def test_turning_a_picture_is_turning_its_corners(way):
     light = Scene("pi").light(lit=True)
-    grid, order = PixelGrid(TARGET_MM, 40), list(_ORIENTATIONS[way])
-    given, upright = (rectify(light, corners, TARGET_MM, grid) for corners in (CORNERS[order], CORNERS))
+    grid, order = PixelGrid.square(TARGET_MM, 40), list(_ORIENTATIONS[way])
+    given, upright = (rectify(light, corners, TARGET, grid) for corners in (CORNERS[order], CORNERS))
     np.testing.assert_allclose(given, _turned(upright, _ORIENTATIONS[way]), atol=0.02)
 
 
@@ -114,12 +117,11 @@ def shot(tmp_path):
 
 
 def simulated():
-    grid = PixelGrid(TARGET_MM, 100)
-    return rectify(Scene("letter", room=0.0, noise=0.0, vignetting=0.0).light(lit=True), CORNERS, TARGET_MM, grid)
+    return rectify(Scene("letter", room=0.0, noise=0.0, vignetting=0.0).light(lit=True), CORNERS, TARGET, GRID)
 
 
 def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
-    given = {"simulated": simulated(), "receiver_mm": TARGET_MM, "uniform_mm": None}
+    given = {"simulated": simulated(), "grid": GRID, "uniform": None}
     found = compare_photo(shot(), **given)
     assert found.ssim > 0.9
     assert found.nmse < 0.03
@@ -129,7 +131,7 @@ def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
 
 
 def test_a_mirrored_picture_is_said_to_be_one(shot, tmp_path):
-    given = {"simulated": simulated(), "receiver_mm": TARGET_MM, "uniform_mm": None}
+    given = {"simulated": simulated(), "grid": GRID, "uniform": None}
     with pytest.raises(InputError, match="mirrored, left for right") as caught:
         compare_photo(shot(mirrored=True), **given)
     order = str(caught.value).split("give corners ")[1].split(";")[0]

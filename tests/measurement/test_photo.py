@@ -13,10 +13,12 @@ from lensforge.measurement.figures import photo_png
 from lensforge.measurement.photo import Shot, compare_photo, section
 from lensforge.measurement.photograph import lit_only, read_photograph, rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.pixels import PixelGrid, Window
 
 SIDE, PIXELS = 200.0, 64
-GRID = PixelGrid(SIDE, PIXELS)
+SQUARE = SIDE, SIDE
+GRID = PixelGrid.square(SIDE, PIXELS)
+WIDE = PixelGrid(SIDE, 170.0, 80, 50)  # pixels of 2.5 x 3.4 mm
 # Top left, top right, bottom right, bottom left in the photograph of a tilted camera.
 CORNERS = np.array([[150.0, 90.0], [820.0, 140.0], [770.0, 700.0], [110.0, 610.0]])
 
@@ -27,23 +29,24 @@ def pattern(x, y):
     return 0.2 + bar + 0.7 * np.exp(-((x - 20.0) ** 2 + (y - 35.0) ** 2) / 900.0)
 
 
-def simulated(shift=(0.0, 0.0)):
-    y, x = np.meshgrid(GRID.axis_mm(), GRID.axis_mm(), indexing="ij")
+def simulated(shift=(0.0, 0.0), grid=GRID):
+    x, y = np.meshgrid(grid.x(), grid.y())
     return pattern(x - shift[0], y - shift[1])
 
 
-def homography(corners):
+def homography(corners, size=SQUARE):
     """Rows of the direct linear transform from mm to pixels: written for the test alone."""
-    half = SIDE / 2
+    a, b = size[0] / 2, size[1] / 2
     rows = []
-    for (x, y), (u, v) in zip([(-half, half), (half, half), (half, -half), (-half, -half)], corners, strict=True):
+    for (x, y), (u, v) in zip([(-a, b), (a, b), (a, -b), (-a, -b)], corners, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
     return np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
 
 
-def photographed(corners, shift=(0.0, 0.0), size=(950, 760)):
+def photographed(corners, shift=(0.0, 0.0), size=(950, 760), target=SQUARE):
     columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
-    x, y, w = np.linalg.inv(homography(corners)) @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    homogeneous = np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    x, y, w = np.linalg.inv(homography(corners, target)) @ homogeneous
     seen = pattern(x / w - shift[0], y / w - shift[1])
     return seen.reshape(size[1], size[0])
 
@@ -69,7 +72,7 @@ def shot(folder, corners=CORNERS, shift=(0.0, 0.0), gamma=1.0, noise=0.0, dark=T
 
 
 def compare(taken):
-    return compare_photo(taken, simulated=simulated(), receiver_mm=SIDE, uniform_mm=50.0)
+    return compare_photo(taken, simulated=simulated(), grid=GRID, uniform=Window(50.0, 50.0).pixels(GRID))
 
 
 def test_equal_pictures_are_wholly_similar():
@@ -79,9 +82,9 @@ def test_equal_pictures_are_wholly_similar():
 
 
 def test_a_homography_is_undone():
-    fine = PixelGrid(SIDE, 8 * PIXELS).axis_mm()
-    exact = pattern(*np.meshgrid(fine, fine)).reshape(PIXELS, 8, PIXELS, 8).mean(axis=(1, 3))
-    np.testing.assert_allclose(rectify(photographed(CORNERS), CORNERS, SIDE, GRID), exact, atol=1e-3)
+    fine = GRID.finer(8)
+    exact = pattern(*np.meshgrid(fine.x(), fine.y())).reshape(PIXELS, 8, PIXELS, 8).mean(axis=(1, 3))
+    np.testing.assert_allclose(rectify(photographed(CORNERS), CORNERS, SQUARE, GRID), exact, atol=1e-3)
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
@@ -97,6 +100,34 @@ def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
     np.testing.assert_allclose(found.section_x_measured, found.section_x_simulated, atol=0.05)
     np.testing.assert_array_equal(found.section_y_simulated, section(found.simulated, "y"))
     assert found.measured.mean() == pytest.approx(1.0)
+
+
+def test_a_photograph_of_a_rectangle_is_found_alike(tmp_path):
+    """By the corners of the receiver itself, whose pixels are no squares; uniform light is a rectangle, too."""
+    light = 0.4 * photographed(CORNERS, (6.0, -4.0), target=WIDE.size)
+    taken = Shot(write(tmp_path / "on.png", light), None, CORNERS)
+    mask = Window(60.0, 30.0).pixels(WIDE)
+    found = compare_photo(taken, simulated=simulated(grid=WIDE), grid=WIDE, uniform=mask)
+    np.testing.assert_allclose(found.displacement_mm, [6.0, -4.0], atol=0.25)
+    assert found.aligned.ssim > 0.97 and found.aligned.ssim > found.ssim
+    assert found.measured.shape == (50, 80) and found.pixels == 80
+    assert found.target_mm == (found.width_mm, found.height_mm) == WIDE.size
+    np.testing.assert_array_equal(found.x_mm, WIDE.x())
+    np.testing.assert_array_equal(found.y_mm, WIDE.y())
+    assert found.section_x_measured.shape == (80,) and found.section_y_measured.shape == (50,)
+    inside = found.simulated[mask]
+    assert found.simulated_evenness.rsd == pytest.approx(inside.std() / inside.mean())
+    assert found.plot(axis="y").lines[0].get_xdata() == pytest.approx(WIDE.y())
+    photo_png(found)
+
+
+def test_a_square_target_on_a_rectangle_is_its_middle(tmp_path):
+    light = 0.4 * photographed(CORNERS, target=(120.0, 120.0))
+    narrow = PixelGrid(100.0, 120.0, 40, 48)
+    taken = Shot(write(tmp_path / "on.png", light), None, CORNERS, 120.0)
+    found = compare_photo(taken, simulated=simulated(grid=narrow), grid=narrow, uniform=None)
+    assert found.target_mm == (120.0, 120.0) and found.ssim > 0.99
+    assert found.measured_evenness.uniformity is None
 
 
 def test_a_comparison_is_the_same_when_read_back_and_is_drawn(tmp_path):
@@ -151,6 +182,9 @@ def test_colour_is_read_as_luminance(tmp_path):
 
 
 def test_sections_run_through_the_centre():
+    wide = np.arange(12.0).reshape(3, 4)
+    np.testing.assert_array_equal(section(wide, "x"), [4.0, 5.0, 6.0, 7.0])
+    np.testing.assert_array_equal(section(wide, "y"), [1.5, 5.5, 9.5])
     image = np.arange(16.0).reshape(4, 4)
     np.testing.assert_array_equal(section(image, "x"), [6.0, 7.0, 8.0, 9.0])
     np.testing.assert_array_equal(section(image, "y"), [1.5, 5.5, 9.5, 13.5])

@@ -268,7 +268,7 @@ def test_the_own_pattern_of_a_sphere_needs_no_more_than_spheres() -> None:
     problem = Problems(scene, source, PRESETS["draft"].nodes_per_sigma, None).of((9,))
     with torch.no_grad():
         tables = problem.parametrisation.tables(torch.zeros(9, 2), torch.ones(2))
-        own = problem.merit.light_of(*tables, source.sample(2**18, 7)).image.numpy()
+        own = problem.merit.light_of(*tables, source.sample(2**18, 7)).images[0].numpy()
     target = lf.ArrayTarget(own, width_mm=near["receiver_mm"], **near)
     design = lf.design(scene.replace(target=target), accuracy="draft")
     assert design.lens.basis.levels == (9,) and str(design.ended).startswith("the first steps lower the error by 0 %")

@@ -8,10 +8,11 @@ import torch
 from scenes import DEVICES
 
 from lensforge.optimisation.collect import Collected, collected, collected_on_device
-from lensforge.receivers.pixels import PixelGrid, splat_flux
+from lensforge.receivers.pixels import PixelGrid, Window, splat_flux
 from lensforge.receivers.receiver import Landings
 
-GRID, WINDOW_MM = PixelGrid(300.0, 32), 240.0
+GRID = PixelGrid(300.0, 200.0, 32, 24)
+WINDOWS = {"rectangle": Window(240.0, 130.0), "circle": Window(radius=110.0), "everywhere": Window()}
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Rays:
     landings: Landings
     sin2_exit: torch.Tensor
     emitted: torch.Tensor
+    window: Window = WINDOWS["rectangle"]
 
     @staticmethod
     def at_random(count: int, seed: int = 0) -> "Rays":
@@ -38,13 +40,15 @@ class Rays:
         return self.landings.hits, self.landings.flux, self.sin2_exit
 
     def collected(self) -> Collected:
-        return collected(self.landings, self.sin2_exit, self.emitted, GRID, WINDOW_MM)
+        return collected(self.landings, self.sin2_exit, self.emitted, GRID, self.window)
 
 
 def _plainly(rays: Rays) -> tuple[torch.Tensor, ...]:
     """In window, flux outside of the receiver and near total reflection, as their definitions read."""
-    half, (hits, flux, sin2_exit) = 0.5 * GRID.side_mm, rays.inputs
-    inside = hits.abs().amax(dim=1) <= 0.5 * WINDOW_MM
+    hits, flux, sin2_exit = rays.inputs
+    half = 0.5 * torch.tensor([GRID.width, GRID.height], dtype=torch.float64)
+    inside = (hits[:, 0].abs() <= 0.5 * rays.window.width) & (hits[:, 1].abs() <= 0.5 * rays.window.height)
+    inside &= hits.norm(dim=1) <= rays.window.radius
     outside = (((hits.abs() - half).clamp(min=0.0) / half) ** 2).sum(dim=1)
     over = ((sin2_exit - 0.97) / 0.1).clamp(min=0.0)
     return (
@@ -58,8 +62,9 @@ def _sums(light: Collected) -> tuple[torch.Tensor, ...]:
     return light.in_window, light.outside_receiver, light.total_reflection
 
 
-def test_sums_are_those_of_the_definitions() -> None:
-    rays = Rays.at_random(3000)
+@pytest.mark.parametrize("window", WINDOWS.values(), ids=list(WINDOWS))
+def test_sums_are_those_of_the_definitions(window: Window) -> None:
+    rays = replace(Rays.at_random(3000), window=window)
     light = rays.collected()
     for found, wanted in zip(_sums(light), _plainly(rays), strict=True):
         assert found.item() == pytest.approx(wanted.item(), rel=1e-12)
@@ -80,7 +85,7 @@ def test_gradients_of_the_sums_are_those_of_the_definitions() -> None:
 def test_gradients_of_the_image_are_its_differences() -> None:
     rays = Rays.at_random(60, seed=3)
     landings = rays.landings
-    mixer = torch.from_numpy(np.random.default_rng(1).normal(size=(32, 32)))
+    mixer = torch.from_numpy(np.random.default_rng(1).normal(size=GRID.shape))
 
     def value(hits: torch.Tensor, flux: torch.Tensor) -> torch.Tensor:
         return (replace(rays, landings=replace(landings, hits=hits, flux=flux)).collected().image * mixer).sum()
@@ -113,12 +118,12 @@ def test_any_device_collects_the_same(device: str) -> None:
         *(each.to(device) for each in (landings.hits, landings.flux, landings.landed, landings.missed_receiver))
     )
     wanted = rays.collected()
-    found = collected_on_device(there, rays.sin2_exit.to(device), rays.emitted.to(device), GRID, WINDOW_MM)
+    found = collected_on_device(there, rays.sin2_exit.to(device), rays.emitted.to(device), GRID, rays.window)
     assert found.image.device.type == device
     assert torch.allclose(found.image.cpu(), wanted.image, rtol=1e-12, atol=1e-14)
     for one, other in zip(_sums(found), _sums(wanted), strict=True):
         assert one.item() == pytest.approx(other.item(), rel=1e-12)
-    mixer = torch.from_numpy(np.random.default_rng(1).normal(size=(32, 32)))
+    mixer = torch.from_numpy(np.random.default_rng(1).normal(size=GRID.shape))
     one, other = (
         torch.autograd.grad((light.image.cpu() * mixer).sum() + sum(s.cpu() for s in _sums(light)), rays.inputs)
         for light in (found, wanted)

@@ -11,7 +11,7 @@ from lensforge.lens import load_lens
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.pipeline import run_check, run_evaluate, run_export, run_sensitivity, run_verify, write_design
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import build_source
 from lensforge.stages import design
 from lensforge.surfaces.conic import Asphere, sphere
@@ -53,7 +53,7 @@ def test_rays_refract_at_the_sphere_itself() -> None:
     spec = small_spec(**FIXED_INNER)
     lens = Parametrisation.of(spec, 2.5).lens(torch.zeros(34, 2).double(), torch.ones(2).double(), spec, 0, "draft")
     rays = build_source(spec.source).sample(2048, 3)
-    found = PlaneReceiver.of(spec.target, 16).land(TracedLens.of(lens, 12.0).trace(rays))
+    found = receivers_of(spec, 16)[0].land(TracedLens.of(lens, 12.0).trace(rays))
     at, along = rays.origins, rays.directions
     for centre, radius, ratio in ((-1.0, 3.0, 1.0 / 1.4936), (0.0, 6.0, 1.4936)):
         from_centre = at - np.array([0.0, 0.0, centre])

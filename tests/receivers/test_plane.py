@@ -1,18 +1,24 @@
-"""Exit rays on the plane, against closed forms; the compiled kernel against its twin in torch."""
+"""Exit rays on the plane at right angles to the axis, against closed forms; and the receivers that specs describe."""
 
 import numpy as np
 import pytest
 import torch
-from scenes import DEVICES
+from scenes import small_spec
 
 from lensforge.kernels.fates import Fate
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.receiver import Hits, Receiver
-from lensforge.spec import CrossTarget
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.cylinder import Cylinder
+from lensforge.receivers.far_field import FarField
+from lensforge.receivers.pixels import PixelGrid, Window
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
+from lensforge.receivers.receiver import Hits
+from lensforge.receivers.sphere import Dome
+from lensforge.spec import Spec
 from lensforge.tracing.exit_rays import ExitRays
 
-RECEIVER = PlaneReceiver(100.0, PixelGrid(300.0, 32))
+RECEIVER = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
+DISC = {"kind": "disc", "diameter_mm": 20.0}
 
 
 def _exits(count: int = 2000) -> ExitRays:
@@ -27,6 +33,10 @@ def _exits(count: int = 2000) -> ExitRays:
     points = rng.uniform(-3.0, 3.0, (count, 3)) * left[:, None]
     arrays = points, directions * left[:, None], rng.random(count), rng.random(count), fates.astype(np.int8)
     return ExitRays(*(torch.from_numpy(array) for array in arrays))
+
+
+def _spec(*receivers: dict, **changes: object) -> Spec:
+    return small_spec(target=None, receivers=list(receivers), **changes)
 
 
 def test_rays_land_where_their_lines_meet_the_plane() -> None:
@@ -44,45 +54,41 @@ def test_rays_land_where_their_lines_meet_the_plane() -> None:
     assert not landings.hits[~landed].any()
 
 
-@pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_the_twin_lands_them_alike(device: str, dtype: torch.dtype) -> None:
-    exits = _exits()
-    wanted = RECEIVER.land(exits)
-    there = [each.to(device, dtype) for each in (exits.points, exits.directions, exits.flux, exits.sin2_exit)]
-    found = RECEIVER.land_in_torch(ExitRays(*there, exits.fates.to(device)))
-    assert found.hits.dtype == dtype and found.hits.device.type == device
-    steep = (exits.directions[:, 2].abs() > 1e-2) | ~exits.left_lens
-    assert torch.equal(found.landed.cpu()[steep], wanted.landed[steep])
-    assert torch.equal(found.missed_receiver.cpu()[steep], wanted.missed_receiver[steep])
-    tolerance = 100.0 * torch.finfo(dtype).eps
-    assert torch.allclose(found.hits.cpu().double()[steep], wanted.hits[steep], rtol=tolerance, atol=1e4 * tolerance)
-    assert torch.allclose(found.flux.cpu().double(), wanted.flux, rtol=tolerance)
-
-
-def test_its_sensitivities_to_exit_rays_are_those_of_the_twin() -> None:
-    """Crossings of the plane are the hits: with the direction kept, and none with respect to the direction."""
-    exits = _exits()
-    by_hits = np.random.default_rng(1).normal(size=(2000, 2)) * RECEIVER.land(exits).landed.numpy()[:, None]
-    by = RECEIVER.sensitivities(by_hits)
-    points = exits.points.clone().requires_grad_()
-    moved = RECEIVER.land_in_torch(ExitRays(points, exits.directions, exits.flux, exits.sin2_exit, exits.fates))
-    gradient = torch.autograd.grad((moved.hits * torch.from_numpy(by_hits)).sum(), points)[0]
-    assert np.allclose(gradient[:, :2], by.by_crossings, rtol=1e-12)
-    assert by.level_mm == 100.0 and by.by_directions.shape == (0, 3)
-
-
-def test_it_is_a_receiver_that_knows_the_area_of_its_pixels() -> None:
-    target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, distance_mm=120.0, receiver_mm=320.0)
-    receiver = PlaneReceiver.of(target, 64)
-    assert isinstance(receiver, Receiver)
-    assert receiver == PlaneReceiver(120.0, PixelGrid(320.0, 64))
-    assert receiver.pixel_measure == pytest.approx(25e-6)
-
-
 def test_hits_are_the_landings_of_some_of_the_rays() -> None:
     landings = RECEIVER.land(_exits())
     hits, rows = Hits.of(landings), np.array([5, 3, 1999])
     assert np.array_equal(hits.arrived, landings.landed.numpy())
     assert np.array_equal(hits.take(rows).hits, landings.hits.numpy()[rows])
     assert np.array_equal(hits.take(slice(3)).flux, landings.flux.numpy()[:3])
+
+
+def test_a_target_alone_stands_on_a_plane_or_in_the_far_field() -> None:
+    spec = small_spec(evaluate__window_mm=150.0)
+    (found,) = receivers_of(spec, 64)
+    side, distance = spec.target.receiver_mm, spec.target.distance_mm  # type: ignore[union-attr]
+    assert found == Plane(
+        ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance)), PixelGrid.square(side, 64), Window(150.0, 150.0)
+    )
+    assert found.pixel_measure == pytest.approx((side / 64 * 1e-3) ** 2)
+    beam = small_spec(target={"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0})
+    (far,) = receivers_of(beam, 64)
+    assert isinstance(far, FarField) and far.grid.shape == (64, 64) and far.grid.size == pytest.approx((2.0, 2.0))
+    assert far.window.radius == pytest.approx(1.0) and far.window.width == np.inf
+
+
+def test_receivers_of_a_spec_are_as_it_says() -> None:
+    wall = {"kind": "plane", "centre_mm": [60.0, 0.0, 80.0], "normal": [-1.0, 0.0, 0.0], "targets": [DISC]}
+    found = receivers_of(
+        _spec(
+            {**wall, "width_mm": 200.0, "height_mm": 100.0, "window_mm": [50.0, 40.0]},
+            {"kind": "cylinder", "radius_mm": 90.0, "width_mm": 100.0, "height_mm": 50.0, "targets": [DISC]},
+            {"kind": "sphere", "radius_mm": 90.0, "half_angle_deg": 60.0, "targets": [DISC], "pixel_aspect": 2.0},
+        ),
+        64,
+    )
+    plane, cylinder, sphere = found
+    assert isinstance(plane, Plane) and np.allclose(plane.pose.axes[2], [1.0, 0.0, 0.0]), "away from the lens"
+    assert (plane.grid.columns, plane.grid.rows, plane.window) == (64, 32, Window(50.0, 40.0))
+    assert isinstance(cylinder, Cylinder) and cylinder.grid.size == (100.0, 50.0)
+    assert isinstance(sphere, Dome) and sphere.window.radius == pytest.approx(90.0)
+    assert sphere.grid.size == pytest.approx((180.0, 180.0)) and (sphere.grid.columns, sphere.grid.rows) == (32, 64)

@@ -4,42 +4,106 @@ import torch
 from PIL import Image
 
 from lensforge.errors import InputError
-from lensforge.optimisation.merit import nmse_loss, uniformity_loss
+from lensforge.optimisation.image_terms import nmse_loss, uniformity_loss
 from lensforge.optimisation.symmetry import mirror_mean
-from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, gaussian3, splat_flux
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.pixels import PixelGrid, Window, bin_flux, flux_in, gaussian3, splat_flux
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.spec import CrossTarget, FlatTopTarget, ImageTarget, TextTarget
+from lensforge.targets.pattern import target_light
 
-GRID = PixelGrid(300.0, 32)
+GRID = PixelGrid.square(300.0, 32)
+WIDE = PixelGrid(400.0, 150.0, 48, 10)  # pixels of 8.33 x 15 mm
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 
 
-def _hits(count: int, reach: float = 140.0) -> tuple[np.ndarray, np.ndarray]:
+def _light(target) -> np.ndarray:
+    return target_light((target,), Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), GRID))
+
+
+def _hits(count: int, reach: float | tuple[float, float] = 140.0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
-    return rng.uniform(-reach, reach, (count, 2)), rng.random(count)
+    return rng.uniform(-1.0, 1.0, (count, 2)) * reach, rng.random(count)
 
 
-def test_splat_keeps_flux_and_its_centroid() -> None:
-    hits, flux = _hits(500)
-    image = splat_flux(hits, flux, GRID)
+@pytest.mark.parametrize(("grid", "reach"), [(GRID, 140.0), (WIDE, (195.0, 67.0))])
+def test_splat_keeps_flux_and_its_centroid(grid: PixelGrid, reach: float | tuple[float, float]) -> None:
+    hits, flux = _hits(500, reach)
+    image = splat_flux(hits, flux, grid)
+    assert image.shape == grid.shape
     assert image.sum() == pytest.approx(flux.sum(), rel=1e-13)
-    axis = GRID.axis_mm()
-    assert image.sum(0) @ axis == pytest.approx((flux * hits[:, 0]).sum(), rel=1e-10)
-    assert image.sum(1) @ axis == pytest.approx((flux * hits[:, 1]).sum(), rel=1e-10)
+    assert image.sum(0) @ grid.x() == pytest.approx((flux * hits[:, 0]).sum(), rel=1e-10)
+    assert image.sum(1) @ grid.y() == pytest.approx((flux * hits[:, 1]).sum(), rel=1e-10)
 
 
-def test_splat_on_a_pixel_centre_lights_that_pixel_alone() -> None:
-    axis = GRID.axis_mm()
-    image = splat_flux(np.array([[axis[5], axis[9]]]), np.ones(1), GRID)
+@pytest.mark.parametrize("grid", [GRID, WIDE])
+def test_splat_on_a_pixel_centre_lights_that_pixel_alone(grid: PixelGrid) -> None:
+    image = splat_flux(np.array([[grid.x()[5], grid.y()[9]]]), np.ones(1), grid)
     assert image[9, 5] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_bins_agree_with_numpy() -> None:
-    hits, flux = _hits(5000, reach=200.0)
-    edges = np.linspace(-150, 150, 33)
-    expected, _, _ = np.histogram2d(hits[:, 1], hits[:, 0], bins=(edges, edges), weights=flux)
-    assert np.allclose(bin_flux(hits, flux, GRID), expected, atol=1e-12)
-    assert flux_in_square(hits, flux, 300.0) == pytest.approx(expected.sum(), rel=1e-12)
+@pytest.mark.parametrize("grid", [GRID, WIDE])
+def test_bins_agree_with_numpy(grid: PixelGrid) -> None:
+    hits, flux = _hits(5000, reach=210.0)
+    columns, rows = (np.linspace(-0.5, 0.5, count + 1) for count in (grid.columns, grid.rows))
+    edges = grid.height * rows, grid.width * columns
+    expected, _, _ = np.histogram2d(hits[:, 1], hits[:, 0], bins=edges, weights=flux)
+    assert np.allclose(bin_flux(hits, flux, grid), expected, atol=1e-12)
+    assert flux_in(hits, flux, Window(*grid.size)) == pytest.approx(expected.sum(), rel=1e-12)
+    assert 0.0 < expected.sum() < flux.sum()
+
+
+def test_bins_of_a_rectangle_keep_flux_and_its_centroid() -> None:
+    """Hits spread evenly over every pixel have their centroid in its centre."""
+    fine = WIDE.finer(5)
+    hits = np.stack(np.meshgrid(fine.x(), fine.y()), axis=-1).reshape(-1, 2)
+    level = np.kron(np.random.default_rng(1).random(WIDE.shape), np.ones((5, 5))).ravel()
+    image = bin_flux(hits, level, WIDE)
+    assert image.sum() == pytest.approx(level.sum(), rel=1e-13)
+    assert image.sum(0) @ WIDE.x() == pytest.approx((level * hits[:, 0]).sum(), rel=1e-9)
+    assert image.sum(1) @ WIDE.y() == pytest.approx((level * hits[:, 1]).sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("size", "pixels", "shape"),
+    [
+        ((300.0, 300.0), 32, (32, 32)),
+        ((400.0, 150.0), 64, (24, 64)),
+        ((1.0, 3.0), 100, (100, 33)),
+        ((1000.0, 1.0), 64, (1, 64)),
+    ],
+)
+def test_pixels_are_as_nearly_square_as_they_can_be(size, pixels, shape) -> None:
+    grid = PixelGrid.of(*size, pixels)
+    assert grid.shape == shape and grid.size == size
+    assert grid.pixel == pytest.approx((size[0] / shape[1], size[1] / shape[0]))
+    assert grid.pixel[0] / grid.pixel[1] == pytest.approx(1.0, abs=0.5 / min(shape)) or min(shape) == 1
+    assert np.allclose(np.diff(grid.x()), grid.pixel[0]) and np.allclose(np.diff(grid.y()), grid.pixel[1])
+    assert grid.x() == pytest.approx(-grid.x()[::-1]) and grid.y() == pytest.approx(-grid.y()[::-1])
+
+
+def test_a_finer_grid_divides_every_pixel() -> None:
+    fine = WIDE.finer(3)
+    assert fine.shape == (30, 144) and fine.size == WIDE.size
+    assert np.allclose(fine.x().reshape(-1, 3).mean(axis=1), WIDE.x())
+    assert np.allclose(fine.y().reshape(-1, 3).mean(axis=1), WIDE.y())
+
+
+def test_windows_are_rectangles_and_circles() -> None:
+    hits = np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 30.0], [-30.0, 20.0], [40.0, -40.0]])
+    assert Window().contains(hits).all()
+    assert Window(60.0, 40.0).contains(hits).tolist() == [True, True, False, True, False]  # its border belongs to it
+    assert Window(radius=36.0).contains(hits).tolist() == [True, True, True, False, False]
+    assert Window(60.0, 40.0, 36.0).contains(hits).tolist() == [True, True, False, False, False]
+    assert flux_in(hits, np.arange(5.0), Window(60.0, 40.0)) == 0.0 + 1.0 + 3.0
+
+
+def test_pixels_of_a_window_are_those_whose_centres_lie_in_it() -> None:
+    x, y = np.meshgrid(WIDE.x(), WIDE.y())
+    assert np.array_equal(Window(100.0, 60.0).pixels(WIDE), (np.abs(x) <= 50.0) & (np.abs(y) <= 30.0))
+    circle = Window(radius=70.0).pixels(WIDE)
+    assert np.array_equal(circle, np.hypot(x, y) <= 70.0)
+    assert circle.sum() * np.prod(WIDE.pixel) == pytest.approx(np.pi * 70.0**2, rel=0.03)
 
 
 def test_filter_is_the_paper_s_three_by_three_gaussian() -> None:
@@ -69,7 +133,7 @@ def test_mirror_mean_is_a_projection_that_keeps_flux(name: str) -> None:
 
 def test_flat_top_is_the_mean_of_the_super_gaussian_over_each_pixel() -> None:
     target = FlatTopTarget(kind="flat_top", half_width_mm=100.0, exponent=18.0, **PLACE)
-    image = target_irradiance(target, GRID)
+    image = _light(target)
     fine = np.linspace(-150, 150, 32 * 400 + 1)
     fine = 0.5 * (fine[1:] + fine[:-1])
     profile = np.exp(-(np.abs(fine / 100.0) ** 18)).reshape(32, 400).mean(axis=1)
@@ -79,16 +143,16 @@ def test_flat_top_is_the_mean_of_the_super_gaussian_over_each_pixel() -> None:
 
 def test_cross_has_the_area_of_a_cross_and_eight_mirror_images() -> None:
     target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, edge_mm=4.0, **PLACE)
-    image = target_irradiance(target, GRID)
-    assert 1.0 / image.max() * GRID.pitch_mm**2 == pytest.approx(2 * 150 * 37.5 - 37.5**2, rel=1e-3)
+    image = _light(target)
+    assert 1.0 / image.max() * GRID.pixel[0] ** 2 == pytest.approx(2 * 150 * 37.5 - 37.5**2, rel=1e-3)
     assert np.allclose(mirror_mean(torch.from_numpy(image), "square").numpy(), image, atol=1e-15)
 
 
 def test_text_stands_upright_and_has_its_width() -> None:
-    image = target_irradiance(TextTarget(kind="text", text="L", width_mm=100.0, **PLACE), GRID)
+    image = _light(TextTarget(kind="text", text="L", width_mm=100.0, **PLACE))
     _, columns = np.nonzero(image > 0.5 * image.max())
-    axis = GRID.axis_mm()
-    assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * GRID.pitch_mm)
+    axis = GRID.x()
+    assert np.ptp(axis[columns]) == pytest.approx(100.0, abs=2 * GRID.pixel[0])
     bar = image[: len(image) // 2].sum() > image[len(image) // 2 :].sum()
     assert bar, "the foot of an L is at small y, which is row 0"
 
@@ -98,8 +162,8 @@ def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
     picture[:10] = 255  # a bright stripe on top
     Image.fromarray(picture).save(tmp_path / "stripe.png")
     target = ImageTarget(kind="image", file=tmp_path / "stripe.png", width_mm=200.0, **PLACE)
-    image = target_irradiance(target, GRID)
-    y = (image.sum(axis=1) @ GRID.axis_mm()) / image.sum()
+    image = _light(target)
+    y = (image.sum(axis=1) @ GRID.y()) / image.sum()
     assert y == pytest.approx(50.0 - 12.5, abs=0.5)
 
 
@@ -113,11 +177,11 @@ def test_image_keeps_its_aspect_and_its_top(tmp_path) -> None:
 )
 def test_impossible_targets_are_named(target, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        target_irradiance(target, GRID)
+        _light(target)
 
 
 def test_a_black_image_is_refused(tmp_path) -> None:
     Image.new("L", (8, 8)).save(tmp_path / "black.png")
     target = ImageTarget(kind="image", file=tmp_path / "black.png", width_mm=100.0, **PLACE)
     with pytest.raises(InputError, match="dark everywhere on the receiver"):
-        target_irradiance(target, GRID)
+        _light(target)

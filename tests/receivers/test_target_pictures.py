@@ -9,13 +9,15 @@ from handmade_pictures import png, tiff
 from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
-from lensforge.receivers import targets
-from lensforge.receivers.lettering import drawn_text
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.spec import ArrayTarget, ImageTarget, TextTarget
+from lensforge.targets import pattern
+from lensforge.targets.lettering import drawn_text
+from lensforge.targets.pattern import target_light
 
-GRID = PixelGrid(300.0, 32)
+PLANE = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), PixelGrid.square(300.0, 32))
 PLACE = {"distance_mm": 100.0, "receiver_mm": 300.0}
 RNG = np.random.default_rng(2)
 GREY16 = RNG.integers(0, 2**16, (32, 32), dtype=np.uint16)  # a pixel of the picture for each of the receiver's
@@ -23,7 +25,7 @@ GREY16 = RNG.integers(0, 2**16, (32, 32), dtype=np.uint16)  # a pixel of the pic
 
 def irradiance(folder, content, **options):
     (folder / "picture").write_bytes(content)
-    return target_irradiance(ImageTarget(file=folder / "picture", width_mm=300.0, **PLACE, **options), GRID)
+    return target_light((ImageTarget(file=folder / "picture", width_mm=300.0, **PLACE, **options),), PLANE)
 
 
 def expected(light):
@@ -74,16 +76,16 @@ def test_many_pixels_are_softened_as_few(monkeypatch, size, k, edge):
     image = RNG.random((size, size))
     image[: size // 5], image[:, -size // 3 :] = 0.0, 0.0  # dark around the pattern
     means = gaussian_filter(image, edge, mode="constant").reshape(size // k, k, size // k, k).mean(axis=(1, 3))
-    np.testing.assert_array_equal(targets._softened_means(image, edge, k), means)
-    monkeypatch.setattr(targets, "_MOST_FILTERED", 0)
-    np.testing.assert_allclose(targets._softened_means(image, edge, k), means, rtol=1e-13, atol=1e-15)
+    np.testing.assert_array_equal(pattern._softened_means(image, (edge, edge), k), means)
+    monkeypatch.setattr(pattern, "_MOST_FILTERED", 0)
+    np.testing.assert_allclose(pattern._softened_means(image, (edge, edge), k), means, rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.parametrize("scale", [1e30, 1e-25])
 def test_large_and_small_numbers_of_an_array_are_the_same_pattern(scale):
     values = RNG.random((32, 32)) + 0.1
     one, other = (
-        target_irradiance(ArrayTarget(v, width_mm=300.0, edge_mm=20.0, **PLACE), GRID)
+        target_light((ArrayTarget(v, width_mm=300.0, edge_mm=20.0, **PLACE),), PLANE)
         for v in (values, values * scale * 0.5)
     )
     np.testing.assert_allclose(other, one, rtol=1e-12)
@@ -111,7 +113,7 @@ def test_text_of_one_line_of_visible_characters(text):
 @pytest.mark.parametrize("text", ["漢", "A🙂", "가"])
 def test_characters_that_the_font_lacks_are_refused(text):
     with pytest.raises(InputError, match=r"DejaVu Sans, has no .* \(U\+"):
-        target_irradiance(TextTarget(text=text, width_mm=80.0, **PLACE), GRID)
+        target_light((TextTarget(text=text, width_mm=80.0, **PLACE),), PLANE)
 
 
 def test_letters_with_marks_and_from_right_to_left(monkeypatch):
@@ -139,4 +141,4 @@ def test_special_files_are_refused(tmp_path):
         ("/dev/zero", "a device"),
     ):
         with pytest.raises(InputError, match=f"{message}.*; correct target.file"):
-            target_irradiance(ImageTarget(file=path, width_mm=80.0, **PLACE), GRID)
+            target_light((ImageTarget(file=path, width_mm=80.0, **PLACE),), PLANE)

@@ -3,12 +3,14 @@
 import numpy as np
 
 from lensforge.evaluation.light import light_criteria
+from lensforge.evaluation.receiver_light import WindowSize
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.manufacturing.findings import check_findings, radial_criterion
 from lensforge.manufacturing.result import OuterRelief, Relief
 from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import constraint_criteria
+from lensforge.receivers.build import receivers_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.acceptance import proof_criteria, stray_criteria
 
@@ -38,19 +40,26 @@ def design(result, lens):
 
 
 def light(result, lens):
+    built = receivers_of(lens.spec, result.pixels)
+    return {"receivers": tuple(map(on_receiver, result.receivers, built))}
+
+
+def on_receiver(result, receiver):
+    """The light on one receiver, whose window is all of it."""
     target = result.target_map * result.map.sum() / result.target_map.sum()
     lit = result.raw_map[target > 0.1 * target.max()].sum() / result.raw_map.sum()
     share = result.share_in_target.model_copy(update={"value": float(lit) * result.flux.detected})
     raw = result.raw.model_copy(update={"nmse": squares(result.map, target)})
-    efficiency = result.efficiency.model_copy(update={"value": result.flux.detected})
-    return {
-        "efficiency": efficiency,
-        "window_mm": result.receiver_mm,
+    sides = {name: getattr(receiver.window, name) for name in ("width", "height", "radius")}
+    change = {
+        "efficiency": result.efficiency.model_copy(update={"value": result.flux.detected}),
+        "window": WindowSize(**{name: side if np.isfinite(side) else None for name, side in sides.items()}),
         "share_in_target": share,
         "target_map": target,
         "raw": raw,
         "nmse_of_noise": max(raw.nmse - result.nmse.value, 1e-4),
     }
+    return result.model_copy(update=change)
 
 
 def corners_of(stl):
@@ -112,6 +121,10 @@ def findings(result, lens):
 
 
 def proof(result, lens):
+    return {"receivers": tuple(map(proof_on_receiver, result.receivers))}
+
+
+def proof_on_receiver(result):
     seen = squares(result.irradiance, result.design_irradiance)
     change = {"nmse_vs_design": seen, "noise_floor_nmse": seen, "deviation_limit_mm": 0.015}
     for name, gaps in (
@@ -130,17 +143,22 @@ def proof(result, lens):
                 update=extent | ({} if cast.against_design.fates else {"fates_flux": 0.0})
             )
             change[name] = cast.model_copy(update={"against_design": against})
-    return change
+    return result.model_copy(update=change)
 
 
 def stray(result, lens):
+    return {"receivers": tuple(map(stray_on_receiver, result.receivers))}
+
+
+def stray_on_receiver(result):
     flux = result.flux
     causes = result.detected_stray_by_cause.model_dump()
     flux = flux.model_copy(update={"detected_stray": sum(causes.values())})
     rest = 1.0 - sum(value for name, value in flux.model_dump().items() if name != "backward")
     flux = flux.model_copy(update={"backward": rest})
     off = abs(sum(flux.model_dump().values()) - 1.0)
-    return {"flux": flux, "balance_error": off, "efficiency": flux.detected_direct + flux.detected_stray}
+    change = {"flux": flux, "balance_error": off, "efficiency": flux.detected_direct + flux.detected_stray}
+    return result.model_copy(update=change)
 
 
 def compare(result, lens):
@@ -165,7 +183,7 @@ CRITERIA = {
     "Light": lambda each, lens: {"criteria": light_criteria(each.flux)},
     "Part": files,
     "Check": findings,
-    "Proof": lambda each, lens: {"criteria": proof_criteria(each, lens.spec.target.distance_mm)},
+    "Proof": lambda each, lens: {"criteria": proof_criteria(each)},
     "StrayLight": lambda each, lens: {"criteria": stray_criteria(each)},
     "PhotoComparison": lambda each, lens: {"criteria": photo_criteria(each.clipped)},
     "SurfaceComparison": lambda each, lens: {"criteria": surface_criteria(each.used_share, each.covered_share)},

@@ -8,10 +8,12 @@ from result_folders import (
     agreeing_results,
     criterion,
     evaluate_arrays,
+    light_images,
     make_folder,
     make_results,
 )
 
+from lensforge.figures.chart import Chart
 from lensforge.measurement.comparison import (
     DeviationExtent,
     Evenness,
@@ -22,22 +24,23 @@ from lensforge.measurement.comparison import (
     Similarity,
     SurfaceComparison,
 )
+from lensforge.receivers.build import build_receiver
 from lensforge.records import Metric
-from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, StrayFlux, StrayLight, StraySpread
+from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast
+from lensforge.verification.stray_result import ReceiverStray, StrayFlux, StrayLight, StraySpread
 
 NODES = 31
 _AGREEMENT = Agreement(compared=1016, rms=0.0015, p99=0.0058, max=0.0175, flux=5e-7, fates=0, fates_flux=0.0)
 
 
-def make_stray(lens, **changes):
-    light = evaluate_arrays()
+def make_receiver_stray(section, **changes):
+    """The stray light on one receiver."""
+    light = light_images(*build_receiver(section, PIXELS).grid.shape)
     content = {
-        "inputs": {"lens": lens.sha256},
-        "rays": 4096,
-        "base": "black",
-        "absorption_per_mm": 0.002,
-        "cut_off": 1e-4,
-        "depth": 32,
+        "name": section.name,
+        "width": section.size[0],
+        "height": section.size[1],
+        "far_field": section.kind == "far_field",
         "flux": StrayFlux(
             detected_direct=0.8475, detected_stray=0.0125, outside_direct=0.01, outside_stray=0.02, backward=0.07,
             absorbed=0.03, base=0.01, too_dim=0.0, leaked=0.0,
@@ -47,17 +50,32 @@ def make_stray(lens, **changes):
         | {"inner_reflection": 0.0025, "outer_reflection": 0.01},
         "misplaced_flux": 0.0135,
         "nmse_vs_sequential": 0.00325,
-        "spread": StraySpread(centroid_mm=(1.0, -2.0), rms_radius_mm=62.5, peak_w_m2=3.5, peak_of_mean=0.085),
+        "spread": StraySpread(centroid=(1.0, -2.0), rms_radius=62.5, peak_w_m2=3.5, peak_of_mean=0.085),
         "efficiency": 0.86,
         "efficiency_sequential": 0.875,
-        "receiver_mm": 300.0,
-        "seconds": 6.5,
-        "criteria": (criterion("stray_balance", 0.0, 1e-9),),
         "sequential": light["raw_map"],
         "direct": light["raw_map"],
         "stray": 0.02 * light["target_map"] + 0.1,
     }  # fmt: skip
-    return StrayLight(**{**content, **changes})
+    return ReceiverStray(**{**content, **changes})
+
+
+def make_stray(lens, **changes):
+    """The stray light of ``lens``; ``changes``: of the record, or of the light on its first receiver."""
+    first, *others = lens.spec.all_receivers
+    of_first = {name: value for name, value in changes.items() if name in ReceiverStray.model_fields}
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "receivers": (make_receiver_stray(first, **of_first), *map(make_receiver_stray, others)),
+        "rays": 4096,
+        "base": "black",
+        "absorption_per_mm": 0.002,
+        "cut_off": 1e-4,
+        "depth": 32,
+        "seconds": 6.5,
+        "criteria": (criterion("stray_balance", 0.0, 1e-9),),
+    }
+    return StrayLight(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
 
 
 def make_photo(lens, **changes):
@@ -69,8 +87,9 @@ def make_photo(lens, **changes):
         "off": "off.png",
         "corners": ((10.0, 10.0), (90.0, 12.0), (88.0, 95.0), (9.0, 91.0)),
         "corners_located": Located(seen_in="off", lit=False, edge_rms_px=0.125, edge_bow_px=0.25),
-        "target_mm": 300.0,
-        "receiver_mm": 300.0,
+        "target_mm": (300.0, 300.0),
+        "width_mm": 300.0,
+        "height_mm": 300.0,
         "gamma": 1.0,
         "pixels": PIXELS,
         "ssim": 0.925,
@@ -83,7 +102,8 @@ def make_photo(lens, **changes):
         "criteria": (criterion("photo_clipped", 0.0, 0.01),),
         "measured": light["raw_map"],
         "simulated": light["map"],
-        "axis_mm": light["axis_mm"],
+        "x_mm": Chart(300.0, 300.0).x(PIXELS),
+        "y_mm": Chart(300.0, 300.0).y(PIXELS),
         **lines,
     }
     return PhotoComparison(**{**content, **changes})
@@ -109,7 +129,10 @@ def make_surface(lens, **changes):
         "form_deviation_um": extent,
         "residual_rms_um": 0.75,
         "rays": 8192,
-        "receiver_mm": 300.0,
+        "receiver": "light",
+        "far_field": False,
+        "width": 300.0,
+        "height": 300.0,
         "design": metrics,
         "measured": LightMetrics(
             nmse=Metric(value=0.0175), uniformity=None, rsd=None, efficiency=Metric(value=0.8375)
@@ -122,7 +145,6 @@ def make_surface(lens, **changes):
         "deviation_um": np.where(x**2 + y**2 <= 1.0, 7.5 * x, np.nan),  # indexed [Y, X]
         "irradiance_design": light["map"],
         "irradiance_measured": light["raw_map"],
-        "axis_mm": light["axis_mm"],
     }  # fmt: skip
     return SurfaceComparison(**{**content, **changes})
 

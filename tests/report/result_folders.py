@@ -6,7 +6,8 @@ from agreeing_results import agreeing
 from undrawn import without_views
 
 from lensforge.criteria import Criterion
-from lensforge.evaluation.light import Flux, Light, MissedByCause
+from lensforge.evaluation.light import Light
+from lensforge.evaluation.receiver_light import Flux, MissedByCause, ReceiverLight
 from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import (
@@ -24,6 +25,7 @@ from lensforge.manufacturing.result import (
     Walls,
 )
 from lensforge.optimisation.design import Design, Level, Margins
+from lensforge.receivers.build import build_receiver
 from lensforge.records import Extent, Metric
 from lensforge.report.lens_page import render_report
 from lensforge.results import Results
@@ -31,13 +33,14 @@ from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.verification.proof import LandingDeviation, PartFlux, PartMissed, PlainCast, Proof
+from lensforge.verification.proof import LandingDeviation, PartFlux, PartMissed, PlainCast, Proof, ReceiverProof
 
 STAGES = ("design", "evaluate", "export", "check", "verify")
 PIXELS, NODES = 16, 21
 
 
-def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_watt=None):
+def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_watt=None, uniform_mm=None, wanted=None):
+    """A lens for a text; ``wanted``: instead, the spec's own ``target`` or ``receivers``."""
     basis = SrbfBasis((9,), 1.75)
     weights = bump_mm * np.linspace(-1.0, 1.0, basis.size)
     content = {
@@ -51,10 +54,15 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
             "min_thickness_mm": 1.0,
             "max_radius_mm": 11.0,
         },
-        "target": {"kind": "text", "text": text, "width_mm": 50.0, "distance_mm": 150.0, "receiver_mm": 300.0},
+        **(wanted or {"target": text_target(text, uniform_mm)}),
     }
     surfaces = (SrbfSurface(basis, weights, inner_mm), SrbfSurface(basis, weights[::-1].copy(), outer_mm))
     return Lens(*surfaces, parse_spec(content, "test"), seed=7, accuracy="draft")
+
+
+def text_target(text, uniform_mm=None):
+    place = {"distance_mm": 150.0, "receiver_mm": 300.0, "uniform_mm": uniform_mm}
+    return {"kind": "text", "text": text, "width_mm": 50.0, **place}
 
 
 def finding(name, surface, holds, reason):
@@ -116,11 +124,22 @@ def page_of(results, folder=None):
 
 
 def evaluate_arrays():
-    axis = ((np.arange(PIXELS) + 0.5) / PIXELS - 0.5) * 300.0
-    target = np.zeros((PIXELS, PIXELS))
-    target[4:12, 5:11] = 40.0
-    ripple = 1.0 + 0.05 * np.sin(axis)[:, None] * np.cos(axis)
-    return {"target_map": target, "map": target * ripple + 0.5, "raw_map": target * ripple**2 + 0.5, "axis_mm": axis}
+    """The images of the light on the first receiver."""
+    return light_images(PIXELS, PIXELS)
+
+
+def stored_arrays():
+    """The same by their names in evaluate.npz."""
+    return {f"receivers.0.{name}": values for name, values in evaluate_arrays().items()}
+
+
+def light_images(rows, columns):
+    """Images of light with a bright rectangle, a quarter of the rows from below and above."""
+    x, y = (((np.arange(count) + 0.5) / count - 0.5) * 300.0 for count in (columns, rows))
+    target = np.zeros((rows, columns))
+    target[rows // 4 : rows - rows // 4, 5 * columns // 16 : 11 * columns // 16] = 40.0
+    ripple = 1.0 + 0.05 * np.sin(y)[:, None] * np.cos(x)
+    return {"target_map": target, "map": target * ripple + 0.5, "raw_map": target * ripple**2 + 0.5}
 
 
 def check_arrays():
@@ -186,9 +205,20 @@ def make_design(lens, **changes):
     return Design(**{**content, **changes})
 
 
-def make_light(lens, **changes):
+def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
+    """The light on one receiver of a spec."""
+    width, height = section.size
+    round_window = section.kind in ("far_field", "sphere")
+    sides = {"width": None, "height": None, "radius": 0.5 * width}
+    if not round_window:
+        sides = {"width": 280.0 * width / 300.0, "height": 280.0 * height / 300.0, "radius": None}
     content = {
-        "inputs": {"lens": lens.sha256, "source": "ef" * 32},
+        "name": section.name,
+        "kind": section.kind,
+        "place": section.place,
+        "width": width,
+        "height": height,
+        "window": sides,
         "nmse": Metric(value=0.0123, standard_error=0.0004),
         "efficiency": Metric(value=0.85, standard_error=0.0002),
         "share_in_target": Metric(value=0.8125, standard_error=0.0003),
@@ -202,24 +232,34 @@ def make_light(lens, **changes):
         "missed_by_cause": MissedByCause(
             backward=0.0, outside_cavity=0.0, base=0.01, missed_receiver=0.02, surfaces_intersect=0.0
         ),
+        **light_images(rows, columns),
+    }
+    return ReceiverLight(**{**content, **changes})
+
+
+def make_light(lens, **changes):
+    """The light of ``lens``; ``changes``: of the record, or of the light on its first receiver."""
+    of_first = {name: value for name, value in changes.items() if name in ReceiverLight.model_fields}
+    receivers = []
+    for section in lens.spec.all_receivers:
+        grid = build_receiver(section, PIXELS).grid
+        receivers.append(make_receiver_light(section, *grid.shape, **({} if receivers else of_first)))
+    content = {
+        "inputs": {"lens": lens.sha256, "source": "ef" * 32},
+        "receivers": tuple(receivers),
         "seed": 7,
         "rays": 65536,
         "replicates": 16,
         "pixels": PIXELS,
         "filter": "3x3 Gaussian, variance 1 pixel^2",
-        "receiver_mm": 300.0,
-        "window_mm": 280.0,
-        "uniform_mm": None,
-        "distance_mm": 150.0,
         "lumens_per_watt": lens.spec.source.luminous_efficacy_lm_per_w,
         "table_nodes": 65,
         "table_error_nm": {"inner": 0.75, "outer": 1.75},
         "preset_error": None,
         "seconds": 2.5,
         "criteria": (criterion("flux not converged", 0.0, 0.0),),
-        **evaluate_arrays(),
     }
-    return Light(**{**content, **changes})
+    return Light(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
 
 
 def sphere_stl():
@@ -291,17 +331,14 @@ def make_check(lens, **changes):
     return Check(**{**content, **changes})
 
 
-def make_proof(lens, **changes):
-    images = evaluate_arrays()
+def make_receiver_proof(section, **changes):
+    """The rays through the part on one receiver."""
+    images = light_images(*build_receiver(section, PIXELS).grid.shape)
     content = {
-        "inputs": {"lens": lens.sha256},
-        "rays": 20000,
-        "seconds": 5.5,
-        "cast_seconds": 4.25,
-        "triangles": 320,
-        "open_edges": 0,
-        "volume_mm3": 3832.5,
-        "facet_height_um": Extent(max=1.125, rms=0.375),
+        "name": section.name,
+        "width": section.size[0],
+        "height": section.size[1],
+        "far_field": section.kind == "far_field",
         "nmse_vs_design": 0.0225,
         "noise_floor_nmse": 0.0325,
         "nmse_same_rays": 0.000225,
@@ -317,15 +354,33 @@ def make_proof(lens, **changes):
         "missed_by_cause": PartMissed(
             no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02
         ),
-        "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
         "brep": None,
         "mitsuba": None,
-        "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
         "irradiance": images["raw_map"],
         "design_irradiance": images["map"],
         "gaps_mesh_mm": np.linspace(1e-4, 0.1, 501),
     }
-    return Proof(**{**content, **changes})
+    return ReceiverProof(**{**content, **changes})
+
+
+def make_proof(lens, **changes):
+    """The verification of ``lens``; ``changes``: of the record, or of the rays on its first receiver."""
+    first, *others = lens.spec.all_receivers
+    of_first = {name: value for name, value in changes.items() if name in ReceiverProof.model_fields}
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "receivers": (make_receiver_proof(first, **of_first), *map(make_receiver_proof, others)),
+        "rays": 20000,
+        "seconds": 5.5,
+        "cast_seconds": 4.25,
+        "triangles": 320,
+        "open_edges": 0,
+        "volume_mm3": 3832.5,
+        "facet_height_um": Extent(max=1.125, rms=0.375),
+        "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
+        "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
+    }
+    return Proof(**{**content, **{name: value for name, value in changes.items() if name not in of_first}})
 
 
 MAKERS = {

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from result_folders import (
     check_arrays,
-    evaluate_arrays,
     make_folder,
+    stored_arrays,
 )
 
 from lensforge.errors import InputError
@@ -57,7 +57,8 @@ def test_a_file_that_is_no_record_is_one_line(tmp_path, file, text):
     [
         ("design.json", ("history", 0, "nmse"), None),
         ("evaluate.json", ("flux",), None),
-        ("evaluate.json", ("receiver_mm",), 0.0),
+        ("evaluate.json", ("receivers", 0, "width"), 0.0),
+        ("evaluate.json", ("receivers", 0, "efficiency"), None),
         ("evaluate.json", ("nmse",), "bad"),
         ("export.json", ("form_error_nm", "max"), None),
         ("check.json", ("inner", "cutter"), None),
@@ -74,11 +75,11 @@ def test_a_broken_record_is_one_line(tmp_path, file, path, value):
 
 BROKEN_ARRAYS = {
     "evaluate.npz": [
-        {key: value for key, value in evaluate_arrays().items() if key != "target_map"},
-        {**evaluate_arrays(), "raw_map": np.ones((3, 4))},
-        {**evaluate_arrays(), "map": np.full((16, 16), np.nan)},
-        {**evaluate_arrays(), "axis_mm": np.zeros(3)},
-        {**evaluate_arrays(), "target_map": np.full((16, 16), "text")},
+        {key: value for key, value in stored_arrays().items() if key != "receivers.0.target_map"},
+        {**stored_arrays(), "receivers.0.raw_map": np.ones((3, 4))},
+        {**stored_arrays(), "receivers.0.map": np.full((16, 16), np.nan)},
+        {**stored_arrays(), "receivers.1.map": np.ones((16, 16))},
+        {**stored_arrays(), "receivers.0.target_map": np.full((16, 16), "text")},
     ],
     "check.npz": [
         {**check_arrays(), "inner_sag_mm": np.full((21, 21), np.inf)},

@@ -15,7 +15,7 @@ from lensforge.report.figure_style import to_svg
 def designs():
     """Two designs: the second has half the light on a receiver of twice the side, and a better NMSE."""
     half = 0.5 * evaluate_arrays()["map"]
-    changes = {"map": half, "nmse": Metric(value=0.0023, standard_error=0.0004), "receiver_mm": 600.0}
+    changes = {"map": half, "nmse": Metric(value=0.0023, standard_error=0.0004), "width": 600.0, "height": 600.0}
     return [make_results(), make_results(lens=small_lens(outer_mm=9.0), evaluate=changes)]
 
 
@@ -84,12 +84,12 @@ def test_maps_share_colours_and_millimetres(designs, monkeypatch):
 
 
 def test_designs_too_far_apart_have_a_scale_each(designs, monkeypatch):
-    faint = {"map": 0.01 * evaluate_arrays()["map"], "receiver_mm": 600.0}
+    faint = {"map": 0.01 * evaluate_arrays()["map"], "width": 600.0, "height": 600.0}
     pair = [designs[0], make_results(evaluate=faint)]
     first, second = drawn(monkeypatch, lambda: ComparedPictures(("a", "b"), pair).maps)
     for figure, design in ((first, pair[0]), (second, pair[1])):
         assert figure.axes[0].images[0].get_clim()[1] == design.light.map.max()
-        assert figure.axes[0].get_xlim()[1] == 0.5 * design.light.receiver_mm
+        assert figure.axes[0].get_xlim()[1] == 0.5 * design.light.first.width
     assert "Each map has its own colours" in render_comparison(pair)
 
 

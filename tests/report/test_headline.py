@@ -86,12 +86,14 @@ def test_light_is_in_watts_or_by_the_efficacy_in_lux(efficacy, peak):
 
 def test_the_level_is_the_mean_in_the_mask():
     image = np.arange(256.0).reshape(16, 16)
-    changes = {"map": image, "uniform_mm": 100.0, "uniformity": Metric(value=0.5), "rsd": Metric(value=0.25)}
-    found = {card.label: card for card in cards(make_results(("evaluate",), evaluate=changes))}
+    changes = {"map": image, "uniformity": Metric(value=0.5), "rsd": Metric(value=0.25)}
+    results = make_results(("evaluate",), small_lens(uniform_mm=100.0), evaluate=changes)
+    found = {card.label: card for card in cards(results)}
     inside = slice(5, 11)  # pixels of 18.75 mm whose centres lie within 50 mm of the axis
     assert float(found["Mean irradiance"].value.replace("\u2009", "")) == pytest.approx(
         image[inside, inside].mean(), 0.01
     )
+    assert found["Mean irradiance"].note == "in the mask of 100 mm"
     assert found["Uniformity"].value == "0.5"
 
 
@@ -121,7 +123,7 @@ def test_an_outdated_stage_is_named_with_its_reason():
 def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(tmp_path):
     make_folder(tmp_path)
     path = tmp_path / "evaluate.json"
-    path.write_text(path.read_text(encoding="utf-8").replace("lensforge-evaluate-2", "lensforge-evaluate-1"))
+    path.write_text(path.read_text(encoding="utf-8").replace("lensforge-evaluate-3", "lensforge-evaluate-2"))
     text = text_of(load_results(tmp_path), tmp_path)
-    assert 'evaluate.json does not count: schema = "lensforge-evaluate-1"' in text
+    assert 'evaluate.json does not count: schema = "lensforge-evaluate-2"' in text
     assert str(tmp_path) not in text

@@ -6,17 +6,26 @@ import numpy as np
 import pytest
 from result_folders import check_arrays, make_design, make_light, small_lens
 
-from lensforge.evaluation.light import Flux, MissedByCause
+from lensforge.evaluation.receiver_light import Flux, MissedByCause
+from lensforge.figures.chart import Chart
 from lensforge.figures.light_unit import WATTS, LightUnit
-from lensforge.report import flux_figures, irradiance_figures, search_figures, section_figures, surface_figures
+from lensforge.report import (
+    flux_figures,
+    irradiance_figures,
+    line_figures,
+    search_figures,
+    section_figures,
+    surface_figures,
+)
 from lensforge.report.figure_style import INK, to_svg
 from lensforge.spec import BaseSection
 
 SIDE = 200.0
+CHART = Chart(SIDE, SIDE)
 
 
 def plane(pixels, x_slope, y_slope):
-    axis = irradiance_figures.pixel_axis_mm(SIDE, pixels)
+    axis = CHART.x(pixels)
     return 50.0 + x_slope * axis[None, :] + y_slope * axis[:, None]
 
 
@@ -27,11 +36,11 @@ def test_a_line_across_a_plane_is_straight_and_follows_its_slope(pixels):
     share = np.linspace(0.0, 1.0, 2 * pixels)[:, None]
     points = start + (end - start) * share
     expected = 50.0 + 0.1 * points[:, 0] - 0.3 * points[:, 1]
-    assert irradiance_figures.along(image, start, end, SIDE) == pytest.approx(expected, abs=1e-10)
+    assert line_figures.along(image, start, end, CHART) == pytest.approx(expected, abs=1e-10)
 
 
 def test_uniform_light_gathers_as_the_area_of_a_circle():
-    radius, share = irradiance_figures.encircled_share(np.ones((400, 400)), SIDE)
+    radius, share = line_figures.encircled_share(np.ones((400, 400)), CHART)
     inside = (radius > 10.0) & (radius < 0.5 * SIDE)
     assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / SIDE**2, rel=0.01)
     assert share[-1] == 1.0
@@ -39,22 +48,22 @@ def test_uniform_light_gathers_as_the_area_of_a_circle():
 
 
 def test_a_dark_receiver_gathers_nothing():
-    assert not irradiance_figures.encircled_share(np.zeros((8, 8)), SIDE)[1].any()
+    assert not line_figures.encircled_share(np.zeros((8, 8)), CHART)[1].any()
 
 
 def test_the_third_line_goes_where_the_target_is_brightest():
     bar = np.zeros((20, 20))
     bar[16] = 1.0
-    (name, (start, end)) = irradiance_figures.profile_lines(bar, SIDE)[2]
-    level = irradiance_figures.pixel_axis_mm(SIDE, 20)[16]
+    (name, (start, end)) = line_figures.profile_lines(bar, CHART)[2]
+    level = CHART.y(20)[16]
     assert start[1] == end[1] == level
     assert f"{level:g} mm" in name
-    assert irradiance_figures.profile_lines(np.ones((20, 20)), SIDE)[2][0].startswith("x = y")
+    assert line_figures.profile_lines(np.ones((20, 20)), CHART)[2][0].startswith("x = y")
 
 
 def test_maps_put_y_upwards_and_scales_in_mm_and_watts():
     image = plane(16, 0.0, 0.2)
-    axes, bar = irradiance_figures.irradiance_map(image, SIDE, 80.0).axes
+    axes, bar = irradiance_figures.irradiance_map(image, CHART, 80.0).axes
     shown = axes.images[0]
     assert shown.get_extent() == [-100.0, 100.0, -100.0, 100.0]
     assert shown.origin == "lower"
@@ -71,7 +80,7 @@ def test_large_images_are_drawn_as_area_means():
 
 @pytest.mark.parametrize("difference", [plane(16, 0.1, 0.2) - 40.0, np.zeros((8, 8))])
 def test_differences_are_centred_on_zero(difference):
-    low, high = irradiance_figures.difference_map(difference, SIDE).axes[0].images[0].get_clim()
+    low, high = irradiance_figures.difference_map(difference, CHART).axes[0].images[0].get_clim()
     assert -low == high == (np.abs(difference).max() or 1.0)
 
 
@@ -92,18 +101,18 @@ def test_the_flux_budget_closes():
 @pytest.mark.parametrize("unit", [WATTS, LightUnit("illuminance", "lx", 250.0)])
 def test_isolines_lie_where_the_light_has_the_share_that_they_name(unit):
     image = 100.0 * np.tile((np.arange(64) + 0.5) / 64.0, (64, 1))  # 0 to 100 W/m^2 from left to right
-    axes, scale = irradiance_figures.isolines(image, SIDE, 80.0, unit).axes
+    axes, scale = irradiance_figures.isolines(image, CHART, 80.0, unit).axes
     (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
     for path, share in zip(contour.get_paths(), irradiance_figures.ISO_SHARES, strict=True):
         assert path.vertices[:, 0] == pytest.approx(0.8 * share * SIDE - 0.5 * SIDE, abs=1e-6)
     named = [float(text.get_text().split("\n")[1].replace("\u2009", "")) for text in scale.texts[:-1]]
-    assert named == pytest.approx([80.0 * share * unit.per_w_m2 for share in irradiance_figures.ISO_SHARES], rel=5e-3)
+    assert named == pytest.approx([80.0 * share * unit.per_watt for share in irradiance_figures.ISO_SHARES], rel=5e-3)
 
 
 def test_maps_in_lux_show_lux():
     unit = LightUnit("illuminance", "lx", 250.0)
     image = plane(16, 0.0, 0.2)
-    axes, bar = irradiance_figures.irradiance_map(image, SIDE, 80.0, unit=unit).axes
+    axes, bar = irradiance_figures.irradiance_map(image, CHART, 80.0, unit=unit).axes
     assert np.asarray(axes.images[0].get_array()) == pytest.approx(250.0 * image)
     assert axes.images[0].get_clim() == (0.0, 20000.0)
     assert bar.get_ylabel() == "illuminance (lx)"
@@ -199,7 +208,7 @@ def test_the_section_shows_the_base_as_it_is():
 
 
 def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
-    figure = irradiance_figures.irradiance_map(plane(16, 0.1, 0.0), SIDE, 80.0)
+    figure = irradiance_figures.irradiance_map(plane(16, 0.1, 0.0), CHART, 80.0)
     svg = to_svg(figure, "name", 'less < "more" & more')
     root = ElementTree.fromstring(svg)
     assert root.get("aria-label") == 'less < "more" & more'
@@ -213,5 +222,5 @@ def test_svg_is_well_formed_and_takes_the_colour_of_the_page():
 
 def test_the_same_results_make_the_same_picture():
     draw = irradiance_figures.irradiance_map
-    first, second = (to_svg(draw(plane(16, 0.1, 0.0), SIDE, 80.0), "name", "") for _ in range(2))
+    first, second = (to_svg(draw(plane(16, 0.1, 0.0), CHART, 80.0), "name", "") for _ in range(2))
     assert first == second

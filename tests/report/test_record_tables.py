@@ -7,7 +7,7 @@ from part_files import whole_results
 from lensforge.records import Metric
 from lensforge.report.numerals import anything, number, percent, size, unit_of
 from lensforge.report.tables import plain, rows
-from lensforge.spec.target import ArrayTarget
+from lensforge.spec import ArrayTarget
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def test_the_slope_is_the_derivative_of_the_radius():
 
 def test_the_light_that_a_snapshot_holds_is_what_its_efficiency_says(taken):
     for each in load_snapshots(taken[0], taken[1].lens):
-        area = (each.receiver_mm / 1000.0 / len(each.irradiance)) ** 2
+        area = each.width * each.height * 1e-6 / each.irradiance.size
         assert each.irradiance.sum() * area == pytest.approx(each.efficiency, rel=1e-9), "of 1 W"
 
 
@@ -92,7 +92,7 @@ def test_snapshots_of_automatic_levels_end_in_the_finished_lens(tmp_path, monkey
 
 def test_levels_can_be_drawn_on_one_scale(taken):
     each = load_snapshots(taken[0], taken[1].lens)[0]
-    figure = snapshot_figure(each.surface_mm, each.slope, each.irradiance, each.receiver_mm, steepest=9.0, top=70.0)
+    figure = snapshot_figure(each.surface_mm, each.slope, each.irradiance, each.chart, steepest=9.0, top=70.0)
     slopes, light = figure.axes[1], figure.axes[3]
     assert slopes.get_xlim() == (-9.0, 9.0)
     assert light.get_xlim() == (0.0, 70.0)
@@ -117,7 +117,7 @@ def test_those_of_another_version_are_not_shown(taken, tmp_path):
     shutil.copytree(taken[0] / FOLDER, copied)
     assert len(load_snapshots(tmp_path, taken[1].lens)) == 2
     record = copied / "level-1.json"
-    record.write_text(record.read_text(encoding="utf-8").replace("lensforge-level-2", "lensforge-level-1"))
+    record.write_text(record.read_text(encoding="utf-8").replace("lensforge-level-3", "lensforge-level-2"))
     assert load_snapshots(tmp_path, taken[1].lens) == []
 
 

@@ -4,7 +4,7 @@ from scenes import random_surface, small_spec, table_of
 
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import build_source
 from lensforge.studies.tradeoff import rays as rays_module
 from lensforge.studies.tradeoff.convergence import order_of
@@ -66,7 +66,7 @@ def test_plain_monte_carlo_falls_with_the_root_of_the_rays_and_quasi_monte_carlo
 
 
 def test_the_spread_of_plain_monte_carlo_is_that_of_independent_rays(traced, source):
-    pool = trace_run(traced, PlaneReceiver.of(SPEC.target, 16), source, 2**12, 0)
+    pool = trace_run(traced, receivers_of(SPEC, 16)[0], source, 2**12, 0)
     drawn = [resample(pool, 256, np.random.default_rng(k)).flux.sum() for k in range(400)]
     expected = len(pool) * pool.flux.std() / np.sqrt(256)
     assert np.std(drawn, ddof=1) == pytest.approx(expected, rel=0.15)

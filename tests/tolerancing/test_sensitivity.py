@@ -7,7 +7,7 @@ from scenes import random_surface, small_spec
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import build_source
 from lensforge.tolerancing.perturbations import Displaced, ShiftedSource, perturbations
 from lensforge.tolerancing.sensitivity import measure_sensitivity, perturbed
@@ -24,7 +24,7 @@ def test_source_and_receiver_shift_together_leave_the_picture_in_place():
     lens, shift = small_lens(), (0.05, 0.0, 0.0)
     nominal = TracedLens.of(lens, 8.0)
     source = build_source(lens.spec.source)
-    receiver = PlaneReceiver.of(lens.spec.target, 16)
+    receiver = receivers_of(lens.spec, 16)[0]
     moved = receiver.land(nominal.trace(ShiftedSource(source, shift).sample(2000, 1)))
     errors = perturbations(lens, Amounts(), 0)
     back = {name: Displaced(getattr(lens, name), (-0.05, 0.0, 0.0)).radius for name in ("inner", "outer")}

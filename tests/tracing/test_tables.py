@@ -81,24 +81,24 @@ def test_exit_rays_are_those_of_a_lens_and_of_no_receiver() -> None:
     assert not exits.points[~left].any() and not exits.directions[~left].any()
 
 
-def test_sensitivities_to_a_crossing_and_to_a_direction_are_those_of_differences() -> None:
-    """With respect to a reference plane of any height, and to the direction with the crossing of it kept."""
+def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() -> None:
+    """With respect to the exit point, and to the direction; where along the ray the point lies does not count."""
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(200, 1)
     tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
-    rng, level = np.random.default_rng(2), 17.0
-    by_crossings, by_directions = rng.normal(size=(200, 2)), rng.normal(size=(200, 3))
+    rng, none = np.random.default_rng(2), np.zeros(200)
+    by_points, by_directions = rng.normal(size=(2, 200, 3))
+    before = TracedBundle.of(*tables, Scene(N, grid), rays)
+    start, along = before.exits.points.numpy(), before.exits.directions.numpy()
 
     def value(traced: TracedBundle) -> float:
         way, points = traced.exits.directions.numpy(), traced.exits.points.numpy()
-        with np.errstate(invalid="ignore"):  # no direction where a ray did not leave the lens
-            crossings = (points + ((level - points[:, 2]) / way[:, 2])[:, None] * way)[:, :2]
-        return float((by_crossings * crossings)[up].sum() + (by_directions * way)[up].sum())
+        ahead = ((start - points) * along).sum(1) / np.where(up, (way * along).sum(1), 1.0)
+        across = points + ahead[:, None] * way  # in the plane through the first exit point, at right angles to the ray
+        return float((by_points * across)[up].sum() + (by_directions * way)[up].sum())
 
-    before = TracedBundle.of(*tables, Scene(N, grid), rays)
-    up = before.exits.directions[:, 2].numpy() > 0.05
-    by_crossings, by_directions = by_crossings * up[:, None], by_directions * up[:, None]
-    none = np.zeros(200)
-    gradients = before.gradients(Sensitivities(level, by_crossings, by_directions), none, none)
+    up = before.exits.left_lens.numpy()
+    by_points, by_directions = by_points * up[:, None], by_directions * up[:, None]
+    gradients = before.gradients(Sensitivities(by_points, by_directions), none, none)
     for which, gradient in enumerate(gradients):
         direction = torch.from_numpy(rng.normal(size=gradient.shape)) * (gradient != 0)
         ahead, behind = (

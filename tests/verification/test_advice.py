@@ -7,12 +7,13 @@ from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.verification.advice import Evidence, form_of_mesh
 from lensforge.verification.comparison import Expected, compare
-from lensforge.verification.image_plane import ImagePlane
-from lensforge.verification.passage import CastFate, Passage
+from lensforge.verification.passage import CastFate, LandedRays
 from lensforge.verification.proof import Agreement
+from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 
-INDEX, DISTANCE, SIDE, PIXELS = 1.4936, 150.0, 300.0, 32
+INDEX, DISTANCE = 1.4936, 150.0
+SCREEN = Screen.square(DISTANCE, 300.0, 32)
 INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
 OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 RAYS = lambertian(4000, 2.0, seed=1)
@@ -31,17 +32,10 @@ def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
         part.export(file_type="stl"),
         rays=rays,
         refractive_index=INDEX,
-        distance_mm=DISTANCE,
-        receiver_mm=SIDE,
-        window_mm=SIDE,
-        pixels=PIXELS,
-        design_irradiance=ImagePlane(SIDE, PIXELS).irradiance(hits, flux),
-        design_hits=hits,
-        design_flux=flux,
-        design_fates=fates,
+        expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
         plain_rays=1,
     )
-    return {criterion.name: criterion.remedy for criterion in result.criteria if not criterion.passed}, result
+    return {criterion.name: criterion.remedy for criterion in result.criteria if not criterion.passed}, result.first
 
 
 def test_light_that_only_the_design_loses_is_named_with_its_flux():
@@ -131,9 +125,10 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
     rays = lambertian(2, 0.0)
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
-        passage = Passage(there if landed else nowhere, ones, fates, nowhere)
-        expected = Expected(np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
-        agreement = compare(rays, passage, expected, 10.0)
+        passage = LandedRays(there if landed else nowhere, ones, fates)
+        screen = Screen.square(DISTANCE, 10.0, 2)
+        expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
+        agreement = compare(rays, passage, expected)
         pair = agreement.pairs[0]
         assert (pair.design, pair.part) == ((design, "landed") if landed else ("landed", fate.name.lower()))
         alike = agreement.model_copy(update={"compared": 5, "rms": 0.0})

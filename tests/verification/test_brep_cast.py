@@ -9,12 +9,13 @@ from lensforge.verification.acceptance import brep_criteria
 from lensforge.verification.brep_cast import StepBody, cast_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
-from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate, send_through
+from lensforge.verification.passage import CastFate, LandedRays, send_through
+from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 
-INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
+INDEX, DISTANCE = 1.4936, 150.0
+SCREEN = Screen.square(DISTANCE, 300.0, 8)
 # Neither centre is on the seam or the pole of the kernel's spheres as rays see them: both lie off the axis.
 INNER, OUTER = sphere(6.0, (0.3, -0.2, 0.0)), sphere(13.0, (-0.4, 0.3, 0.0))
 RAYS = lambertian(300, 2.0, seed=3)
@@ -46,9 +47,10 @@ def lens_step(tmp_path_factory):
 
 def cast_of(step_bytes):
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
-    mesh = send_through(part, Grid(part.mesh), RAYS, INDEX, DISTANCE)
-    expected = Expected(np.ones((4, 4)), HITS, WEIGHTS)
-    return cast_brep(StepBody(step_bytes), RAYS, INDEX, DISTANCE, SIDE, expected, mesh)
+    mesh = send_through(part, Grid(part.mesh), RAYS, INDEX)
+    expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
+    (found,) = cast_brep(StepBody(step_bytes), RAYS, INDEX, [expected], mesh)
+    return found
 
 
 def failed(cast):
@@ -56,7 +58,7 @@ def failed(cast):
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
-    passage = send_through_step(StepBody(lens_step), RAYS, INDEX, DISTANCE)
+    passage = LandedRays.of(send_through_step(StepBody(lens_step), RAYS, INDEX), SCREEN)
     landed = passage.fates == CastFate.LANDED
     np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
     assert landed.sum() > 250
@@ -90,7 +92,7 @@ def test_rays_that_cannot_pass_say_why(lens_step):
     start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5], [0.0, 0.0, 20.0], [0.3, 5.3, 0.3]])
     towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.1, 0.0, -1.0], [1.0, 0.0, -0.1]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), INDEX, DISTANCE)
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), INDEX)
     fates = [CastFate.OPENING, CastFate.STARTS_INSIDE, CastFate.NO_HIT, CastFate.STARTS_OUTSIDE, CastFate.BASE]
     assert passage.fates.tolist() == fates
 
@@ -100,20 +102,14 @@ def test_verify_reports_the_step_beside_the_mesh(lens_step):
         lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl"),
         rays=RAYS,
         refractive_index=INDEX,
-        distance_mm=DISTANCE,
-        receiver_mm=SIDE,
-        window_mm=SIDE,
-        pixels=8,
-        design_irradiance=ImagePlane(SIDE, 8).irradiance(HITS, WEIGHTS),
-        design_hits=HITS,
-        design_flux=WEIGHTS,
+        expected=[Expected(SCREEN, SCREEN.irradiance(HITS, WEIGHTS), HITS, WEIGHTS)],
         plain_rays=1,
         step=lens_step,
         step_rays=50,
     )
     assert result.brep.rays == 50
     assert result.brep.against_design.rms < result.deviation_mm.rms
-    assert result.gaps_step_mm[-1] == result.brep.against_design.max
+    assert result.first.gaps_step_mm[-1] == result.brep.against_design.max
     assert {criterion.name for criterion in result.criteria} >= {"brep_deviation_rms", "deviation_rms"}
 
 

@@ -7,20 +7,21 @@ from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification import mitsuba_cast
+from lensforge.verification.acceptance import mitsuba_criteria
 from lensforge.verification.comparison import Expected
-from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate
+from lensforge.verification.passage import CastFate, LandedRays
+from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 
 mitsuba = pytest.importorskip("mitsuba")
-INDEX, DISTANCE, SIDE = 1.4936, 150.0, 300.0
+INDEX, DISTANCE = 1.4936, 150.0
 INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
 OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 RAYS = lambertian(4000, 2.0, seed=11)
 HITS, FLUX, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
-RECEIVER = ImagePlane(SIDE, 32)
+SCREEN = Screen.square(DISTANCE, 300.0, 32)
 
 
 def part(rings=60, outer=OUTER):
@@ -30,11 +31,11 @@ def part(rings=60, outer=OUTER):
 def converged():
     many = lambertian(400_000, 2.0, seed=2)
     landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
-    return RECEIVER.irradiance(landings, flux)
+    return SCREEN.irradiance(landings, flux)
 
 
 def deviation(rings):
-    _, passage = send_through_mitsuba(part(rings), RAYS, INDEX, DISTANCE)
+    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, INDEX)[1], SCREEN)
     landed = (passage.fates == CastFate.LANDED) & np.isfinite(HITS[:, 0])
     assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
     np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)
@@ -49,15 +50,15 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
 
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
-    expected = Expected(converged(), HITS, FLUX)
-    right, _ = cast_mitsuba(part(), RAYS, INDEX, DISTANCE, RECEIVER, expected, 3000)
+    expected = [Expected(SCREEN, converged(), HITS, FLUX)]
+    ((right, _),) = cast_mitsuba(part(), RAYS, INDEX, expected, 3000)
     assert right.rays == 3000
     assert right.version == mitsuba.__version__
     assert all(criterion.passed for criterion in mitsuba_criteria(right, DISTANCE))
     # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
     assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
     other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
-    wider, _ = cast_mitsuba(other, RAYS, INDEX, DISTANCE, RECEIVER, expected)
+    ((wider, _),) = cast_mitsuba(other, RAYS, INDEX, expected)
     failed = {criterion.name for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.passed}
     assert "mitsuba_deviation_rms" in failed
 
@@ -66,9 +67,10 @@ def test_rays_with_an_index_each_are_bent_by_it():
     both = [RayBundle(RAYS.origins, RAYS.directions, RAYS.flux, np.full(4000, index)) for index in (1.4, 1.6)]
     some = np.arange(50)
     for rays, index in zip(both, (1.4, 1.6), strict=True):
-        _, own = send_through_mitsuba(part(), rays.take(some), INDEX, DISTANCE)
-        _, given = send_through_mitsuba(part(), RAYS.take(some), index, DISTANCE)
-        np.testing.assert_array_equal(own.landings, given.landings)
+        _, own = send_through_mitsuba(part(), rays.take(some), INDEX)
+        _, given = send_through_mitsuba(part(), RAYS.take(some), index)
+        np.testing.assert_array_equal(own.points, given.points)
+        np.testing.assert_array_equal(own.directions, given.directions)
 
 
 def test_rays_that_cannot_pass_say_why():
@@ -76,9 +78,7 @@ def test_rays_that_cannot_pass_say_why():
     towards = [[0.999, 0, -0.0447], [0, 0, 1], [0, 1, 0], [0.1, 0, -1], [1, 0, -0.1], [1, 0, -0.02], [1, 0, -0.9]]
     directions = np.array(towards, dtype=float)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    _, passage = send_through_mitsuba(
-        part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), INDEX, DISTANCE
-    )
+    _, passage = send_through_mitsuba(part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), INDEX)
     assert [CastFate(fate).name for fate in passage.fates] == [
         "OPENING", "STARTS_INSIDE", "NO_HIT", "STARTS_OUTSIDE", "BASE", "LANDED", "OPENING",
     ]  # fmt: skip
@@ -87,20 +87,18 @@ def test_rays_that_cannot_pass_say_why():
 def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
-    given = {
-        "rays": RAYS, "refractive_index": INDEX, "distance_mm": DISTANCE, "receiver_mm": SIDE, "window_mm": SIDE,
-        "pixels": 32, "design_irradiance": converged(), "design_hits": HITS, "design_flux": FLUX, "plain_rays": 1,
-    }  # fmt: skip
+    expected = Expected(SCREEN, converged(), HITS, FLUX)
+    given = {"rays": RAYS, "refractive_index": INDEX, "expected": [expected], "plain_rays": 1}
     result = verify_part(stl, **given, mitsuba_rays=500)
     assert mitsuba.variant() == "scalar_spectral"
     assert result.mitsuba.rays == 500
-    assert result.gaps_mitsuba_mm[-1] == result.mitsuba.against_design.max
+    assert result.first.gaps_mitsuba_mm[-1] == result.mitsuba.against_design.max
     assert "mitsuba_nmse_vs_design" in {criterion.name for criterion in result.criteria}
     without = verify_part(stl, **given)
-    assert without.mitsuba is None and without.gaps_mitsuba_mm is None
+    assert without.mitsuba is None and without.first.gaps_mitsuba_mm is None
 
 
 def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):
     monkeypatch.setattr(mitsuba_cast, "VARIANT", "no_such_variant")
     with pytest.raises(InputError, match="mitsuba: does not load"):
-        send_through_mitsuba(part(8), RAYS, INDEX, DISTANCE)
+        send_through_mitsuba(part(8), RAYS, INDEX)

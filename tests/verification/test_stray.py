@@ -5,17 +5,16 @@ import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.verification.image_plane import ImagePlane
 from lensforge.verification.nonsequential import Limits
-from lensforge.verification.proof import StrayLight
+from lensforge.verification.screen import Screen
 from lensforge.verification.stray import trace_stray
+from lensforge.verification.stray_result import StrayLight
 
 INDEX, DISTANCE, SIDE, PIXELS = 1.4936, 150.0, 300.0, 32
 INNER = Quadric((0.3, -0.2, 0.1), (6.0, 6.5, 5.5))
 OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 RAYS = lambertian(1500, 2.0, seed=7)
-
-
+SCREEN = Screen.square(DISTANCE, SIDE, PIXELS, 0.0)
 STL = lens_mesh(INNER.radius, OUTER.radius, 30, (16.0, 2.0)).export(file_type="stl")
 
 
@@ -24,9 +23,7 @@ def run(trace=trace_stray, **changes):
         "rays": RAYS,
         "refractive_index": INDEX,
         "absorption_per_mm": 0.0,
-        "distance_mm": DISTANCE,
-        "receiver": ImagePlane(SIDE, PIXELS, 0.0),
-        "window_mm": SIDE,
+        "screens": [SCREEN],
     }
     return trace(STL, **{**given, **changes})
 
@@ -36,17 +33,17 @@ MADE_FROM = dict.fromkeys(("lens", "export"), "0" * 64)
 
 def test_pictures_hold_the_flux_of_the_budget_and_are_read_back(tmp_path):
     found = run(inputs=MADE_FROM)
-    pixel = (SIDE / PIXELS * 1e-3) ** 2
-    assert found.stray.sum() * pixel == pytest.approx(found.flux.detected_stray, rel=1e-12)
-    assert found.direct.sum() * pixel == pytest.approx(found.flux.detected_direct, rel=1e-12)
-    np.testing.assert_allclose(found.direct, found.sequential, rtol=1e-9, atol=1e-12)
+    pixel, seen = (SIDE / PIXELS * 1e-3) ** 2, found.first
+    assert seen.stray.sum() * pixel == pytest.approx(found.flux.detected_stray, rel=1e-12)
+    assert seen.direct.sum() * pixel == pytest.approx(found.flux.detected_direct, rel=1e-12)
+    np.testing.assert_allclose(seen.direct, seen.sequential, rtol=1e-9, atol=1e-12)
     assert found.inputs == MADE_FROM
     found.write(tmp_path)
     assert StrayLight.read(tmp_path) == found
     assert len(found.criteria) == 3 and all(criterion.passed for criterion in found.criteria)
-    assert found.balance_error < 1e-9
-    assert sum(found.detected_stray_by_cause.model_dump().values()) == pytest.approx(found.flux.detected_stray)
-    assert found.misplaced_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
+    assert seen.balance_error < 1e-9
+    assert sum(seen.detected_stray_by_cause.model_dump().values()) == pytest.approx(found.flux.detected_stray)
+    assert seen.misplaced_flux == pytest.approx(found.flux.detected_stray, rel=1e-6)
 
 
 def test_the_sequential_share_is_the_closed_form_of_the_lens():
@@ -90,7 +87,5 @@ def test_bytes_that_are_no_mesh_are_input_error():
             rays=RAYS,
             refractive_index=INDEX,
             absorption_per_mm=0.0,
-            distance_mm=DISTANCE,
-            receiver=ImagePlane(SIDE, PIXELS, 0.0),
-            window_mm=SIDE,
+            screens=[SCREEN],
         )

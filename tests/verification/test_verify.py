@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.verification.image_plane import ImagePlane
+from lensforge.verification.comparison import Expected
 from lensforge.verification.proof import Proof
+from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 
 INDEX, DISTANCE, SIDE, PIXELS = 1.4936, 150.0, 300.0, 64
@@ -15,6 +18,7 @@ BASE = (16.0, 2.0)
 RINGS = 36
 RAYS = lambertian(8000, 2.0, seed=1)
 HITS, WEIGHTS, _ = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+SCREEN = Screen.square(DISTANCE, SIDE, PIXELS)
 
 
 def moved(surface, axis, by):
@@ -45,25 +49,16 @@ def inverted():
 def design_irradiance():
     many = lambertian(400_000, 2.0, seed=2)
     landings, flux, _ = oracle(INNER, OUTER, many, INDEX, DISTANCE)
-    return ImagePlane(SIDE, PIXELS).irradiance(landings, flux)
+    return SCREEN.irradiance(landings, flux)
 
 
 @pytest.fixture
 def verify(design_irradiance):
-    def run(mesh, **changes):
-        given = {
-            "rays": RAYS,
-            "refractive_index": INDEX,
-            "distance_mm": DISTANCE,
-            "receiver_mm": SIDE,
-            "window_mm": SIDE,
-            "pixels": PIXELS,
-            "design_irradiance": design_irradiance,
-            "design_hits": HITS,
-            "design_flux": WEIGHTS,
-            "plain_rays": 20,
-        }
-        return verify_part(mesh.export(file_type="stl"), **{**given, **changes})
+    right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
+
+    def run(mesh, plain_rays=20, refractive_index=INDEX, inputs=None, step=None, **changes):
+        given = {"rays": RAYS, "refractive_index": refractive_index, "plain_rays": plain_rays, "inputs": inputs}
+        return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
 
     return run
 
@@ -81,13 +76,13 @@ def test_the_right_lens_passes_and_is_the_same_when_read_back(verify, tmp_path, 
     assert result.inputs == MADE_FROM
     result.write(tmp_path)
     assert Proof.read(tmp_path) == result
-    assert result.irradiance.shape == (PIXELS, PIXELS)
-    np.testing.assert_array_equal(result.design_irradiance, design_irradiance)
-    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
-    assert result.flux.missed == pytest.approx(sum(result.missed_by_cause.model_dump().values()))
+    assert result.first.irradiance.shape == (PIXELS, PIXELS)
+    np.testing.assert_array_equal(result.first.design_irradiance, design_irradiance)
+    assert sum(result.first.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    assert result.first.flux.missed == pytest.approx(sum(result.first.missed_by_cause.model_dump().values()))
     assert result.efficiency == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= SIDE / 2]), rel=1e-4)
     assert result.nmse_vs_design == pytest.approx(result.noise_floor_nmse, rel=0.25)
-    assert result.nmse_same_rays < 0.01 * result.noise_floor_nmse
+    assert result.first.nmse_same_rays < 0.01 * result.noise_floor_nmse
     assert result.deviation_mm.rms < result.deviation_mm.p99 < result.deviation_mm.max < 0.05
     assert result.plain_cast.casts == 40
     assert result.plain_cast.disagreements == 0
@@ -122,7 +117,7 @@ WRONG = {
 def test_a_lens_exported_wrongly_fails(verify, name):
     result = verify(WRONG[name](), plain_rays=1)
     assert "deviation_rms" in failed(result)
-    assert sum(result.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
+    assert sum(result.first.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_hole_fails(verify):
@@ -136,21 +131,21 @@ def test_a_wrong_index_fails(verify):
 
 
 def test_a_design_that_counts_too_much_flux_fails(verify):
-    assert failed(verify(right(), design_flux=WEIGHTS * 1.005, plain_rays=1)) == {"flux_deviation"}
+    assert failed(verify(right(), flux=WEIGHTS * 1.005, plain_rays=1)) == {"flux_deviation"}
 
 
 def test_rays_that_the_design_loses_are_counted(verify):
     hits = HITS.copy()
     inside = np.nonzero((np.abs(hits) < 100.0).all(axis=1))[0][:100]
     hits[inside] = np.nan
-    result = verify(right(), design_hits=hits, plain_rays=1)
-    assert result.fate_disagreements == 100
-    assert result.fate_disagreement_flux == pytest.approx(100 / 8000)
+    result = verify(right(), landings=hits, plain_rays=1)
+    assert result.first.fate_disagreements == 100
+    assert result.first.fate_disagreement_flux == pytest.approx(100 / 8000)
     assert "fate_disagreement_flux" in failed(result)
 
 
 def test_a_window_smaller_than_the_receiver_counts_less(verify):
-    result = verify(right(), window_mm=100.0, plain_rays=1)
+    result = verify(right(), screen=replace(SCREEN, window=(100.0, 100.0, None)), plain_rays=1)
     assert result.efficiency == pytest.approx(np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= 50.0]), rel=1e-2)
     assert result.efficiency < 0.5 * np.nansum(WEIGHTS[np.abs(HITS).max(axis=1) <= SIDE / 2])
 
@@ -158,10 +153,10 @@ def test_a_window_smaller_than_the_receiver_counts_less(verify):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"design_hits": HITS[:-1]}, "design_hits: shape"),
-        ({"design_flux": WEIGHTS[:-1]}, "design_flux: shape"),
-        ({"design_irradiance": np.ones((3, 3))}, "design_irradiance: shape"),
-        ({"design_irradiance": np.zeros((PIXELS, PIXELS))}, "must be above 0"),
+        ({"landings": HITS[:-1]}, "expected landings: shape"),
+        ({"flux": WEIGHTS[:-1]}, "expected flux: shape"),
+        ({"irradiance": np.ones((3, 3))}, "expected irradiance: shape"),
+        ({"irradiance": np.zeros((PIXELS, PIXELS))}, "must be above 0"),
     ],
 )
 def test_what_does_not_fit_is_input_error(verify, change, message):

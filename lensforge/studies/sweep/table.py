@@ -1,4 +1,4 @@
-"""Result of a sweep: the metrics of each design, and the field that was varied."""
+"""Result of a sweep: the metrics of each design on its first receiver, of any kind, and the field that was varied."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -15,11 +15,12 @@ from lensforge.geometry.solid import build_solid
 from lensforge.geometry.step import step_bytes
 from lensforge.lens import Lens
 from lensforge.records import Metric
+from lensforge.screens import screens_of
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of, reference_level
 from lensforge.studies.tradeoff.reference import LIGHT_UNITS, ExactReference
 from lensforge.verification.casting import Grid
 from lensforge.verification.part_mesh import PartMesh, part_mesh_of
-from lensforge.verification.passage import send_through
+from lensforge.verification.passage import LandedRays, send_through
 
 NODES = (36, 48, 72, 96, 128)
 MESH_RINGS, CAST_RINGS = (24, 48, 96, 128), (24, 48, 96)
@@ -111,12 +112,12 @@ class FlatPart(PartMesh):
 
 
 def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int] = CAST_RINGS) -> ConvergenceStudy:
-    """Rays through meshes of several sizes, with curved facets as in ``verify`` and with flat ones.
+    """Rays through meshes of several sizes onto the first receiver, with curved facets as in ``verify`` and flat ones.
 
     The reference is the exact surfaces; seconds are those of the cast.
     """
-    used = rings_for(plan, MeshTolerance())
-    lens = reference.lens
+    used, lens = rings_for(plan, MeshTolerance()), reference.lens
+    screen = screens_of(lens.spec, lens.spec.optimise.pixels)[0]
     levels = []
     for rings in sorted({*settings, used}):
         body = build_mesh(plan, rings)
@@ -125,10 +126,10 @@ def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int]
         for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
             seen = kind(part.mesh, part.faces, part.corners, part.fit)
             with Meter() as meter:
-                passage = send_through(seen, grid, reference.rays, lens.refractive_index, lens.spec.target.distance_mm)
-            lost = np.isnan(passage.landings[:, 0])
+                landed = LandedRays.of(send_through(seen, grid, reference.rays, lens.refractive_index), screen)
+            lost = np.isnan(landed.landings[:, 0])
             errors = reference.light_errors(
-                np.where(lost[:, None], 0.0, passage.landings), np.where(lost, 0.0, passage.flux)
+                np.where(lost[:, None], 0.0, landed.landings), np.where(lost, 0.0, landed.flux)
             )
             users = ("verify, on the export's mesh",) if rings == used and series == CURVED else ()
             levels.append(meter.level(rings, series, errors, users, triangles=len(body.triangles)))

@@ -1,4 +1,4 @@
-"""Convergence studies of one scene, as ``tradeoff.json`` and ``tradeoff.html``."""
+"""Convergence studies of one scene, as ``tradeoff.json`` and ``tradeoff.html``: of the light on its first receiver."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from lensforge.lens import Lens
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.pipeline import write_design
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
 from lensforge.report.ownership import require_own
 from lensforge.report.page import write_page
 from lensforge.results import LENS_FILE
@@ -101,7 +101,7 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     """Measure all convergence studies of ``lens`` with ``source``; ``announce`` is called with the next one's name."""
     started = time.perf_counter()
     coarse = TracedLens.of(lens, min(effort.nodes_per_sigma))
-    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.evaluate.pixels)
+    receiver = receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     trace_run(coarse, receiver, source, min(_WARM_UP_RAYS, source.ray_count or _WARM_UP_RAYS), 0)
     announce("tables")
     found = tables.table_study(lens, source, effort.nodes_per_sigma)
@@ -136,9 +136,16 @@ def require_same_scene(lens: Lens, spec: Spec, source: Source, origin: str) -> N
     wanted = settled_symmetry(spec, source)
     if wanted.lens.levels == "auto":
         wanted = wanted.with_levels(lens.spec.lens.basis.levels)
-    for section in ("source", "lens", "target"):
-        if section_sha256(getattr(lens.spec, section)) != section_sha256(getattr(wanted, section)):
+    for section in ("source", "lens", "target", "receivers"):
+        if _hashes(lens.spec, section) != _hashes(wanted, section):
             raise InputError(
                 f"{origin}: its lens was designed for another [{section}] than {spec.name!r} has now; "
                 "give another folder, or design it again"
             )
+
+
+def _hashes(spec: Spec, section: str) -> list[str]:
+    """Hash of a section of ``spec``, or of each of a list of them; empty where it is not given."""
+    found = getattr(spec, section)
+    listed = found if isinstance(found, tuple) else () if found is None else (found,)
+    return [section_sha256(each) for each in listed]

@@ -12,12 +12,13 @@ from jaxtyping import Float
 
 from lensforge.evaluation.metrics import jackknife_error
 from lensforge.evaluation.noise_free import Images, nmse_without_noise
+from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import PixelGrid, bin_flux, gaussian3, splat_flux
-from lensforge.receivers.targets import target_irradiance
 from lensforge.records import Metric
 from lensforge.spec import Spec
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Errors, Meter, RefinementLevel, Setting, orders_of
 from lensforge.studies.tradeoff.runs import TracedRun
+from lensforge.targets.pattern import target_light
 
 PIXELS = (16, 32, 64, 128, 256)
 VARIANCES = (0.0, 0.25, 0.5, 1.0, 2.0)
@@ -25,7 +26,7 @@ _MOST_PARTS = 8
 
 
 def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] = PIXELS) -> ConvergenceStudy:
-    """Unfiltered pictures of ``runs`` at each number of pixels.
+    """Unfiltered pictures of ``runs`` at each number of pixels along the longer side of the first receiver.
 
     ``splat_nmse``: mean square difference between the splat and hard bins over the mean square, without noise.
     ``nmse_shift``: NMSE against the target, without noise, minus that of the finest picture.
@@ -33,11 +34,12 @@ def pixel_study(runs: Sequence[TracedRun], spec: Spec, settings: Sequence[int] =
     runs = in_parts(runs)
     found = {}
     for pixels in settings:
-        grid = PixelGrid(spec.target.receiver_mm, pixels)
+        receiver = receivers_of(spec, pixels)[0]
+        grid, wanted = receiver.grid, target_light(spec.all_receivers[0].targets, receiver)
         with Meter() as meter:
             bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
         splats = np.stack([_splat(run, grid) for run in runs])
-        found[pixels] = bins, splats, nmse_without_noise(bins, target_irradiance(spec.target, grid)), meter
+        found[pixels] = bins, splats, nmse_without_noise(bins, wanted), meter
     finest = max(settings)
     finest_nmse = found[finest][2].value
     levels = []
@@ -81,7 +83,7 @@ def _level(
 def filter_study(runs: Sequence[TracedRun], spec: Spec, variances: Sequence[float] = VARIANCES) -> ConvergenceStudy:
     """The 3 x 3 Gaussian at several variances: blur (``irradiance_nmse``, without noise), and the remaining noise."""
     runs = in_parts(runs)
-    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
+    grid = receivers_of(spec, spec.evaluate.pixels)[0].grid
     bins = np.stack([bin_flux(run.hits, run.flux, grid) for run in runs])
     levels = []
     for variance in sorted({*variances, spec.evaluate.filter_variance}):
@@ -144,5 +146,5 @@ def _noise(images: Images) -> float:
     return float(images.var(axis=0, ddof=1).sum())
 
 
-def _splat(run: TracedRun, grid: PixelGrid) -> Float[np.ndarray, "p p"]:
+def _splat(run: TracedRun, grid: PixelGrid) -> Float[np.ndarray, "h w"]:
     return splat_flux(run.hits, run.flux, grid)

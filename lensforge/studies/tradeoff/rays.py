@@ -1,4 +1,7 @@
-"""Convergence of efficiency and irradiance with the number of rays: quasi-Monte Carlo and plain Monte Carlo."""
+"""Convergence of efficiency and irradiance with the number of rays: quasi-Monte Carlo and plain Monte Carlo.
+
+Both are those of the first receiver, of whatever kind; in the far field intensity stands for irradiance.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,14 +14,13 @@ from lensforge.accuracy import PRESETS
 from lensforge.evaluation.metrics import nmse
 from lensforge.evaluation.noise_free import nmse_without_noise
 from lensforge.evaluation.simulate import REPLICATES, TracedLens
-from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import PlaneReceiver
-from lensforge.receivers.targets import target_irradiance
+from lensforge.receivers.build import receivers_of
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Errors, RefinementLevel, orders_of
 from lensforge.studies.tradeoff.runs import Cost, RunPicture, TracedRun, long_run, picture_of, resample, trace_run
+from lensforge.targets.pattern import target_light
 
 QMC, PLAIN = "quasi-Monte-Carlo", "plain Monte Carlo"
 RUNS, PLAIN_RUNS = 8, 16
@@ -32,14 +34,14 @@ class _Scores:
     """Efficiency, filtered image (W) and NMSE against the target of each run of a level; that of all without noise."""
 
     efficiency: Float[np.ndarray, " r"]
-    images: Float[np.ndarray, "r p p"]
+    images: Float[np.ndarray, "r h w"]
     nmse: Float[np.ndarray, " r"]
     nmse_without_noise: float
 
     @staticmethod
     def of(pictures: Sequence[RunPicture], spec: Spec) -> "_Scores":
-        """Scores of ``pictures`` against the target of ``spec``."""
-        target = target_irradiance(spec.target, PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels))
+        """Scores of ``pictures`` against the targets of the first receiver of ``spec``."""
+        target = target_light(spec.all_receivers[0].targets, receivers_of(spec, spec.evaluate.pixels)[0])
         images = np.stack([picture.image for picture in pictures])
         efficiency = np.array([picture.efficiency for picture in pictures])
         to_target = np.array([nmse(image, target) for image in images])
@@ -61,7 +63,7 @@ def ray_study(
     scrambles, as in an evaluation; their noise falls with the power -1, and they are not kept.
     """
     picture = partial(picture_of, spec, source.flux_w)
-    trace = partial(trace_run, traced, PlaneReceiver.of(spec.target, spec.evaluate.pixels), source)
+    trace = partial(trace_run, traced, receivers_of(spec, spec.evaluate.pixels)[0], source)
     levels: list[RefinementLevel] = []
     if source.ray_count is not None:
         kept = [trace(source.ray_count, 0)]

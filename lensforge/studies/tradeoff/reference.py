@@ -9,8 +9,9 @@ from jaxtyping import Bool, Float
 from lensforge import seeds
 from lensforge.evaluation.metrics import jackknife, jackknife_error, relative_square
 from lensforge.lens import Lens
-from lensforge.receivers.pixels import PixelGrid, splat_flux
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.pixels import splat_flux
+from lensforge.receivers.posed import PosedReceiver
 from lensforge.receivers.receiver import Hits
 from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
@@ -31,7 +32,10 @@ Shape = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]
 
 @dataclass(frozen=True)
 class ExactReference:
-    """Rays of several independent scrambles, joined, and their hits through the exact surfaces of ``lens``."""
+    """Rays of several independent scrambles, joined, and their hits through the exact surfaces of ``lens``.
+
+    Hits are those on the first receiver.
+    """
 
     lens: Lens
     rays: RayBundle
@@ -63,13 +67,15 @@ class ExactReference:
         return {"rho": Metric(value=1e6 * rho, unit="nm"), "normal": Metric(value=1e3 * normal, unit="mrad")}
 
     def light_errors(self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Errors:
-        """Largest error of a hit and its 99th percentile (mm), over rays that arrive in both; ``irradiance_nmse``.
+        """Largest error of a hit and its 99th percentile, over rays that arrive in both; ``irradiance_nmse``.
 
-        The irradiance is the splat of the same rays on the design's pixels, so that it has no ray noise.
+        Hits are in mm; in the far field a thousandth of the chart counts as 1 mm, which 1 m away it is. The irradiance
+        is the splat of the same rays on the design's pixels, so that it has no ray noise.
         """
         both = (flux > 0.0) & self.exact.arrived
-        away = np.linalg.norm(hits - self.exact.hits, axis=1)
-        grid = PixelGrid(self.lens.spec.target.receiver_mm, self.lens.spec.optimise.pixels)
+        receiver = design_receiver(self.lens)
+        away = (1e3 if receiver.kind == "far_field" else 1.0) * np.linalg.norm(hits - self.exact.hits, axis=1)
+        grid = receiver.grid
         parts = np.array_split(np.arange(len(flux)), SCRAMBLES)
         pictures = [
             [splat_flux(h[part], f[part], grid) for h, f in ((hits, flux), (self.exact.hits, self.exact.flux))]
@@ -88,14 +94,19 @@ class ExactReference:
 
 
 def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle, newton_steps: int = 0) -> Hits:
-    """Hits of ``rays`` on the lens's own receiver through its exact surfaces; ``tables`` bracket the crossings.
+    """Hits of ``rays`` on the lens's own first receiver through its exact surfaces; ``tables`` bracket the crossings.
 
     ``newton_steps``: additional to the one that ends every search, for tables that are far from the surfaces.
     """
     inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
-    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
+    receiver = design_receiver(lens)
     exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.refractive_index, rays)
     return Hits.of(receiver.land_in_torch(exits))
+
+
+def design_receiver(lens: Lens) -> PosedReceiver:
+    """The first receiver of ``lens``, with the pixels of its design."""
+    return receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
 
 
 def directions() -> Float[np.ndarray, "n 3"]:

@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.evaluation.simulate import TracedLens
-from lensforge.receivers.pixels import PixelGrid, bin_flux, flux_in_square, gaussian3
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.pixels import bin_flux, flux_in, gaussian3
 from lensforge.receivers.receiver import Hits, Receiver
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
@@ -18,7 +19,7 @@ from lensforge.studies.tradeoff.convergence import Meter
 
 @dataclass(frozen=True)
 class TracedRun:
-    """Hits (mm) and flux (W) on the receiver of one run; ``sampling_s``: seconds of sampling the rays."""
+    """Hits and flux (W) on the first receiver of one run; ``sampling_s``: seconds of sampling the rays."""
 
     hits: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
@@ -34,7 +35,7 @@ class RunPicture(NamedTuple):
     """Efficiency and filtered image (W) of a run."""
 
     efficiency: float
-    image: Float[np.ndarray, "p p"]
+    image: Float[np.ndarray, "h w"]
 
 
 class Cost(NamedTuple):
@@ -67,10 +68,9 @@ def resample(run: TracedRun, rays: int, generator: np.random.Generator) -> Trace
 
 def picture_of(spec: Spec, flux_w: float, run: TracedRun) -> RunPicture:
     """The picture of ``run`` by the pixels, filter and window of the evaluation, of a source of ``flux_w``."""
-    grid = PixelGrid(spec.target.receiver_mm, spec.evaluate.pixels)
-    window_mm = spec.evaluate.window_mm or spec.target.receiver_mm
-    image = gaussian3(bin_flux(run.hits, run.flux, grid), spec.evaluate.filter_variance)
-    return RunPicture(flux_in_square(run.hits, run.flux, window_mm) / flux_w, image)
+    receiver = receivers_of(spec, spec.evaluate.pixels)[0]
+    image = gaussian3(bin_flux(run.hits, run.flux, receiver.grid), spec.evaluate.filter_variance)
+    return RunPicture(flux_in(run.hits, run.flux, receiver.window) / flux_w, image)
 
 
 def long_run(

@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from lensforge.accuracy import PRESETS
 from lensforge.lens import Lens
-from lensforge.receivers.plane import PlaneReceiver
 from lensforge.receivers.receiver import Hits
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.studies.tradeoff.convergence import ConvergenceStudy, Meter, orders_of
@@ -20,6 +19,7 @@ from lensforge.studies.tradeoff.reference import (
     SURFACES,
     ExactReference,
     Tables,
+    design_receiver,
     directions,
 )
 from lensforge.surfaces.spline import TableGrid, evaluate_table, grid_for, tabulate
@@ -75,10 +75,9 @@ def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS
 
 
 def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Hits:
-    """Hits and flux of ``rays`` by the fused tracer."""
+    """Hits and flux of ``rays`` on the first receiver by the fused tracer."""
     inner, outer = (torch.from_numpy(tables[name]) for name in SURFACES)
-    receiver = PlaneReceiver.of(lens.spec.target, lens.spec.optimise.pixels)
-    return Hits.of(receiver.land(trace_tables(inner, outer, Scene(lens.refractive_index, grid), rays)))
+    return Hits.of(design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.refractive_index, grid), rays)))
 
 
 def table_normals(

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm
 
 from lensforge.errors import InputError
-from lensforge.verification.image_plane import ImagePlane, nmse, squared_norm
 
 
 def test_rows_are_y_and_flux_is_kept():

@@ -1,0 +1,116 @@
+"""The light on one receiver: its metrics with their standard errors, the flux by fate, and its maps."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.figures.chart import Chart
+from lensforge.records import Irradiance, Metric, NotNegative, Positive, Record, Share, Text
+
+_FLUX_ADDS_UP = 1e-9
+Picture = Literal["map", "raw_map", "target_map"]
+
+
+class Flux(Record):
+    """The flux budget: shares of the emitted flux by fate; they add up to 1.
+
+    ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
+    that surface. ``reflected``: reflected at either face, which a sequential design does not follow.
+    """
+
+    detected: Share
+    outside: Share
+    missed: Share
+    total_reflection: Share
+    not_converged: Share
+    reflected: Share
+
+
+class MissedByCause(Record):
+    """Flux that missed the receiver's surface, by cause, as shares of the emitted flux."""
+
+    backward: Share
+    outside_cavity: Share
+    base: Share
+    missed_receiver: Share
+    surfaces_intersect: Share
+
+
+class RawMetrics(Record):
+    """Metrics of the picture as it was binned and filtered: with ray noise, which raises NMSE and RSD, and darkens the
+    darkest pixel. ``uniformity`` and ``rsd`` are None where the spec names no mask.
+    """
+
+    nmse: NotNegative
+    uniformity: NotNegative | None
+    rsd: NotNegative | None
+
+
+class WindowSize(Record):
+    """The window of a receiver: a centred rectangle, or in the far field and on a sphere a circle; in its unit."""
+
+    width: Positive | None
+    height: Positive | None
+    radius: Positive | None
+
+
+class ReceiverLight(Record):
+    """The light on one receiver.
+
+    ``width``, ``height``: of its chart, in mm, or for the far field of the equal-area chart, 2 sin(gamma / 2).
+    ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter,
+    before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
+    arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
+    tenth of its maximum. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in the region of
+    ``uniform_mm`` or ``uniform_deg``; None where the spec names none.
+
+    ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
+    Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
+    ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
+    """
+
+    name: Text
+    kind: Literal["plane", "far_field", "cylinder", "sphere"]
+    place: Text
+    width: Annotated[Positive, Field(le=1e12)]
+    height: Annotated[Positive, Field(le=1e12)]
+    window: WindowSize
+    nmse: Metric
+    efficiency: Metric
+    share_in_target: Metric
+    uniformity: Metric | None
+    rsd: Metric | None
+    raw: RawMetrics
+    nmse_of_noise: NotNegative | None
+    flux: Flux
+    missed_by_cause: MissedByCause
+    map: Irradiance
+    raw_map: Irradiance
+    target_map: Irradiance
+
+    @property
+    def chart(self) -> Chart:
+        """Size of the maps, for figures."""
+        return Chart(self.width, self.height, self.kind == "far_field")
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels along the longer side."""
+        return int(max(self.map.shape))
+
+    @property
+    def where(self) -> str:
+        """The window in words."""
+        unit, window = "mm", self.window
+        if self.kind == "far_field":
+            return f"{self.place.removeprefix('in the far field, to ')} from the axis"
+        if window.radius is not None:
+            return "on it" if self.kind == "sphere" else f"within a radius of {window.radius:g} {unit}"
+        return f"within {window.width:g} × {window.height:g} {unit}"
+
+    @model_validator(mode="after")
+    def _flux_adds_up(self) -> "ReceiverLight":
+        total = sum(self.flux.model_dump().values())
+        if abs(total - 1.0) > _FLUX_ADDS_UP:
+            raise ValueError(f"flux: its shares add up to {total:.9g}, must be 1")
+        return self

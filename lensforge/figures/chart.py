@@ -1,0 +1,83 @@
+"""Chart of a receiver, for figures: its size, and the labels of its axes; of the far field in degrees."""
+
+from dataclasses import dataclass
+from math import asin, degrees, radians, sin
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_STEPS_DEG = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0)  # between labels of angles
+_MOST_LABELS = 4  # of angles on either side of the axis
+_ROUNDING = 1e-9  # relative, of an angle that goes to the chart and back
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A rectangle of ``width`` x ``height`` mm or, in the far field, of an equal-area chart: 2 sin(gamma / 2)."""
+
+    width: float
+    height: float
+    far_field: bool = False
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, lower and upper edge."""
+        return -0.5 * self.width, 0.5 * self.width, -0.5 * self.height, 0.5 * self.height
+
+    @property
+    def unit(self) -> str:
+        """Unit in which places are labelled."""
+        return "°" if self.far_field else "mm"
+
+    def x(self, columns: int) -> Float[np.ndarray, " w"]:
+        """Centres of so many columns."""
+        return _centres(self.width, columns)
+
+    def y(self, rows: int) -> Float[np.ndarray, " h"]:
+        """Centres of so many rows."""
+        return _centres(self.height, rows)
+
+    def label(self, axes: "Axes") -> None:
+        """Label the axes of a map of the receiver."""
+        axes.set(xlabel=f"x ({self.unit})", ylabel=f"y ({self.unit})")
+        if self.far_field:
+            self.label_angles(axes, x=0.5 * self.width, y=0.5 * self.height)
+
+    def label_angles(self, axes: "Axes", *, x: float = 0.0, y: float = 0.0) -> None:
+        """Put labels of angles where they lie on the chart, along the axes that reach so far from its centre."""
+        for axis, reach in ((axes.xaxis, x), (axes.yaxis, y)):
+            if reach > 0.0:
+                positive = angles_to(reach)
+                angles = [*(-angle for angle in reversed(positive)), 0.0, *positive]
+                words = [f"{angle:g}".replace("-", "−") for angle in angles]
+                axis.set_ticks([on_chart(angle) for angle in angles], words)
+
+    def labelled(self, length: float) -> float:
+        """A distance from the centre as it is labelled: in mm, or as the angle from a far field's axis in degrees."""
+        return _angle(length) if self.far_field else length
+
+
+def angles_to(reach: float) -> list[float]:
+    """Round angles (degrees) above 0 that lie within ``reach`` of the centre of a far field's chart."""
+    last = _angle(reach) * (1.0 - _ROUNDING)
+    step = next((each for each in _STEPS_DEG if _MOST_LABELS * each >= last), _STEPS_DEG[-1])
+    return [step * number for number in range(1, int(last / step + 2.0 * _MOST_LABELS * _ROUNDING) + 1)]
+
+
+def on_chart(angle_deg: float) -> float:
+    """Distance from the centre of a far field's chart at which an angle from the axis lies."""
+    return 2.0 * sin(0.5 * radians(angle_deg))
+
+
+def _angle(distance: float) -> float:
+    """Angle (degrees) from the axis at a distance from the centre of a far field's chart, negative to the left."""
+    return degrees(2.0 * asin(max(-1.0, min(0.5 * distance, 1.0))))
+
+
+def _centres(length: float, count: int) -> Float[np.ndarray, " k"]:
+    centres: Float[np.ndarray, " k"] = ((np.arange(count) + 0.5) / count - 0.5) * length
+    return centres

@@ -1,0 +1,114 @@
+"""Terms of the merit function of the light on one receiver: differentiable on torch images [row y, column x]."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.optimisation.collect import Collected
+from lensforge.optimisation.symmetry import ChartMirrors, chart_mirrors, mirrored_light
+from lensforge.receivers.posed import PosedReceiver
+from lensforge.spec import Target
+from lensforge.targets.pattern import target_light
+from lensforge.targets.region import uniform_region
+
+# Factors of the terms added to an NMSE of order 0.01 to 1. A receiver that is judged by uniformity and efficiency has
+# a strong efficiency term in every stage; elsewhere the NMSE itself includes efficiency.
+_OUTSIDE_RECEIVER = 0.3
+_EFFICIENCY, _UNIFORM_EFFICIENCY = 0.15, 1.2
+# In the uniformity stage the image may be traded for an even mask.
+_UNIFORM_VARIANCE = 10.0
+_UNIFORM_SHORTFALL = 300.0
+_UNIFORM_MARGIN = 0.03
+_UNIFORM_IMAGE = 0.2
+
+Image = Float[Tensor, "h w"]
+
+
+@dataclass(frozen=True)
+class ImageTerms:
+    """Light wanted on one receiver: the flux (W) on each pixel, the mask of uniform light, and its mirrors.
+
+    ``share``: of all receivers' terms, which add up to 1.
+    """
+
+    wanted: Image
+    mask: Bool[Tensor, "h w"] | None
+    mirrors: ChartMirrors
+    share: float
+
+    @staticmethod
+    def of(
+        targets: tuple[Target, ...], receiver: PosedReceiver, flux_w: float, symmetry: str, share: float
+    ) -> "ImageTerms":
+        """Terms of ``targets`` that together hold ``flux_w``."""
+        wanted = torch.from_numpy(target_light(targets, receiver)) * flux_w
+        # half a pixel more: the outermost strip of the region belongs to pixels whose centres are outside it
+        region = uniform_region(targets, receiver, wider_by_pixels=1.0)
+        mask = None if region is None else torch.from_numpy(region)
+        return ImageTerms(wanted, mask, chart_mirrors(receiver, symmetry) or (), share)
+
+    def image(self, light: Collected) -> Image:
+        """Flux (W) on each pixel, as the mean over the mirror images."""
+        return mirrored_light(light.image, self.mirrors)
+
+    def loss(self, flux: Image, uniform: bool) -> Float[Tensor, ""]:
+        """Error of the image; with ``uniform`` that of the mask comes first."""
+        nmse = nmse_loss(flux, self.wanted)
+        if not (uniform and self.mask is not None):
+            return nmse
+        variance = _UNIFORM_VARIANCE * uniformity_loss(flux, self.mask)
+        return _UNIFORM_IMAGE * nmse + (
+            variance + _UNIFORM_SHORTFALL * shortfall_loss(flux, self.mask, _UNIFORM_MARGIN)
+        )
+
+    def judge(self, first: Image, second: Image, uniform: bool) -> Float[Tensor, ""]:
+        """The same from two independent samples, without their noise.
+
+        The product of the errors of both images has the expectation of the error without the noise of the rays; of
+        the shortfall, whose image is smoothed, that of both together is taken.
+        """
+        wanted, image = self.wanted, 0.5 * (first + second)
+        error = torch.sum((first - wanted) * (second - wanted)) / torch.sum(wanted**2)
+        if uniform and self.mask is not None:
+            uneven = [inside / _scale(inside) - 1.0 for inside in (first[self.mask], second[self.mask])]
+            error = _UNIFORM_IMAGE * error + _UNIFORM_VARIANCE * torch.mean(uneven[0] * uneven[1])
+            error = error + _UNIFORM_SHORTFALL * shortfall_loss(image, self.mask, _UNIFORM_MARGIN)
+        return error
+
+    def flux_term(self, light: Collected) -> Float[Tensor, ""]:
+        """Flux (W) that has no gradient in the image: outside of the receiver, and in its window."""
+        efficiency = _EFFICIENCY if self.mask is None else _UNIFORM_EFFICIENCY
+        return _OUTSIDE_RECEIVER * light.outside_receiver - efficiency * light.in_window
+
+
+def nmse_loss(flux: Float[Tensor, "h w"], wanted: Float[Tensor, "h w"]) -> Float[Tensor, ""]:
+    """Normalised mean-square error, Eq. (7); ``wanted`` is not scaled: a dim image has an error."""
+    return torch.sum((flux - wanted) ** 2) / torch.sum(wanted**2)
+
+
+def uniformity_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"]) -> Float[Tensor, ""]:
+    """Relative variance inside ``mask``, Eq. (8), with the mean taken over the mask's pixels."""
+    inside = flux[mask]
+    return torch.mean((inside / _scale(inside) - 1.0) ** 2)
+
+
+def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
+    """The mean; 1 where all is dark, so that the loss of a mask without rays is large, not undefined."""
+    mean = inside.mean()
+    return torch.where(mean > 0.0, mean, 1.0)
+
+
+def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin: float) -> Float[Tensor, ""]:
+    """Mean square of the shortfall of pixels inside ``mask`` from ``1 - margin`` of the mask's mean.
+
+    Uniformity is least over mean: a variance is insensitive to the one corner that decides it. The image is smoothed by
+    the 3 x 3 Gaussian of the evaluation first, so that ray noise does not count as a shortfall.
+    """
+    taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)
+    kernel = torch.outer(taps, taps) / taps.sum() ** 2
+    padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
+    inside = torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0][mask]
+    return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)

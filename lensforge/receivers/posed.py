@@ -1,0 +1,120 @@
+"""Receivers in a pose, which have compiled kernels: the part that they share."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from lensforge.kernels.jit import in_chunks
+from lensforge.receivers.pixels import PixelGrid, Window
+from lensforge.receivers.pose import ReceiverPose
+from lensforge.receivers.receiver import Landings, ReceiverKind
+from lensforge.tracing.exit_rays import ExitRays, Sensitivities
+
+Kernel = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class PosedReceiver(ABC):
+    """A receiver whose chart is given by a pose and, for curved ones, a radius (mm).
+
+    Subclasses name their pair of kernels, and have the same in torch.
+    """
+
+    pose: ReceiverPose
+    grid: PixelGrid
+    window: Window = field(default_factory=Window)
+
+    kind: ClassVar[ReceiverKind]
+    kernels: ClassVar[tuple[Kernel, Kernel]]  # hits and whether they are reached; the adjoint
+    radius_mm: ClassVar[float] = inf
+
+    @property
+    def pixel_measure(self) -> float:
+        """Area of a pixel in m^2, so that flux (W) over it is irradiance (W/m^2)."""
+        width, height = self.grid.pixel
+        return width * height * 1e-6
+
+    def land(self, rays: ExitRays) -> Landings:
+        """Land ``rays``, float64 on the CPU, by a compiled kernel; without a gradient."""
+        points, directions, left = rays.points.numpy(), rays.directions.numpy(), rays.left_lens.numpy()
+        hits, reached, pose = np.empty((len(left), 2)), np.empty(len(left), dtype=bool), self.pose.packed()
+
+        def work(_: int, part: slice) -> None:
+            self.kernels[0](points[part], directions[part], pose, self.radius_mm, hits[part], reached[part])
+            reached[part] &= left[part]  # rays that were lost have no direction
+            hits[part][~reached[part]] = 0.0
+
+        in_chunks(work, len(left))
+        flux = np.where(reached, rays.flux.numpy(), 0.0)
+        return Landings(*(torch.from_numpy(array) for array in (hits, flux, reached, left & ~reached)))
+
+    def sensitivities(self, rays: ExitRays, by_hits: Float[np.ndarray, "n 2"]) -> Sensitivities:
+        """Sensitivities to exit rays from those to their hits, which are 0 for rays that missed the receiver."""
+        points, directions, pose = rays.points.numpy(), rays.directions.numpy(), self.pose.packed()
+        by = Sensitivities(np.empty_like(points), np.empty_like(points))
+
+        def work(_: int, part: slice) -> None:
+            rest = (by_hits[part], by.by_points[part], by.by_directions[part])
+            self.kernels[1](points[part], directions[part], pose, self.radius_mm, *rest)
+
+        in_chunks(work, len(points))
+        return by
+
+    def land_in_torch(self, rays: ExitRays) -> Landings:
+        """``land`` in plain torch, on any device and in any precision; differentiable."""
+        axes = torch.as_tensor(self.pose.axes, dtype=rays.points.dtype, device=rays.points.device)
+        centre = torch.as_tensor(self.pose.centre_mm, dtype=axes.dtype, device=axes.device)
+        points, directions = (rays.points - centre) @ axes.T, rays.directions @ axes.T
+        landed = rays.left_lens & self._reached(points.detach(), directions.detach())
+        rows = torch.nonzero(landed)[:, 0]
+        hits = torch.zeros_like(rays.points[:, :2]).index_put((rows,), self._chart(points[rows], directions[rows]))
+        return Landings(hits, rays.flux * landed, landed, rays.left_lens & ~landed)
+
+    @abstractmethod
+    def _reached(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
+        """True for rays, in the pose, that reach the surface."""
+
+    @abstractmethod
+    def _chart(self, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+        """Hits of rays, in the pose, all of which reach the surface."""
+
+    def places(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """Points (mm) of the lens's space at places on the chart; of a far field unit directions."""
+        points: Float[np.ndarray, "*n 3"] = self.pose.centre_mm + self._local(x, y) @ self.pose.axes
+        return points
+
+    @abstractmethod
+    def _local(self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+        """The same points in the pose."""
+
+    def corners(self) -> Float[np.ndarray, "k l 3"]:
+        """Points (mm) of the corners of all pixels [row, column]; of a far field unit directions."""
+        grid = self.grid
+        x = grid.width * (np.arange(grid.columns + 1) / grid.columns - 0.5)
+        y = grid.height * (np.arange(grid.rows + 1) / grid.rows - 0.5)
+        return self.places(*np.meshgrid(x, y))
+
+    def target_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places on the chart as targets state them: mm, the chart's own."""
+        return x, y
+
+
+def from_equal_area(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
+    """Unit vectors at places on the equal-area chart; beyond its rim, at a radius of 2, the direction -z."""
+    square = np.minimum(x * x + y * y, 4.0)
+    shrunk = np.sqrt(np.maximum(1.0 - 0.25 * square, 0.0))
+    return np.stack([shrunk * x, shrunk * y, 1.0 - 0.5 * square], axis=-1)
+
+
+def equal_area(units: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2"]:
+    """Lambert's azimuthal equal-area chart of unit vectors: circles about z of radius 2 sin(angle / 2)."""
+    return torch.sqrt(2.0 / (1.0 + units[:, 2:])) * units[:, :2]

@@ -1,0 +1,137 @@
+"""Targets that are shapes: one level of light inside, none outside; and the flat top, whose edges fall smoothly."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.section import Coordinate, Millimetres
+from lensforge.spec.target import DegreesOff, DegreesWide, Side, SideDegrees, SoftTarget, TargetSection
+
+_MOST_CORNERS, _MOST_SPOTS = 1000, 1000
+_LEAST_AREA = 1e-9  # of a polygon, in squares of its width: below, its corners lie on a line
+
+
+class FlatTopTarget(TargetSection):
+    """A rectangular super-Gaussian, ``exp(-|x/a|^p - |y/b|^p)``; one half width stands for both."""
+
+    needs: ClassVar[tuple[str, ...]] = ("half_width",)
+
+    kind: Literal["flat_top"] = "flat_top"
+    half_width_mm: Side | None = None
+    half_width_deg: SideDegrees | None = None
+    exponent: Annotated[float, Field(ge=2.0, le=200.0)] = 18.0
+
+
+class RectangleTarget(SoftTarget):
+    """A rectangle."""
+
+    needs: ClassVar[tuple[str, ...]] = ("width", "height")
+
+    kind: Literal["rectangle"] = "rectangle"
+    width_mm: Millimetres | None = None
+    height_mm: Millimetres | None = None
+    width_deg: DegreesWide | None = None
+    height_deg: DegreesWide | None = None
+
+
+class DiscTarget(SoftTarget):
+    """A disc."""
+
+    needs: ClassVar[tuple[str, ...]] = ("diameter",)
+
+    kind: Literal["disc"] = "disc"
+    diameter_mm: Millimetres | None = None
+    diameter_deg: DegreesWide | None = None
+
+
+class EllipseTarget(SoftTarget):
+    """An ellipse with its axes along x (``width_*``) and y (``height_*``), both of them whole diameters."""
+
+    needs: ClassVar[tuple[str, ...]] = ("width", "height")
+
+    kind: Literal["ellipse"] = "ellipse"
+    width_mm: Millimetres | None = None
+    height_mm: Millimetres | None = None
+    width_deg: DegreesWide | None = None
+    height_deg: DegreesWide | None = None
+
+
+class RingTarget(SoftTarget):
+    """A ring between two circles, given by their diameters."""
+
+    needs: ClassVar[tuple[str, ...]] = ("outer_diameter", "inner_diameter")
+
+    kind: Literal["ring"] = "ring"
+    outer_diameter_mm: Millimetres | None = None
+    inner_diameter_mm: Millimetres | None = None
+    outer_diameter_deg: DegreesWide | None = None
+    inner_diameter_deg: DegreesWide | None = None
+
+    @model_validator(mode="after")
+    def _inner_is_smaller(self) -> "RingTarget":
+        if self.size("inner_diameter") >= self.size("outer_diameter"):
+            raise ValueError(
+                f"inner_diameter_{self.unit} = {self.size('inner_diameter'):g} must be smaller than "
+                f"outer_diameter_{self.unit} = {self.size('outer_diameter'):g}"
+            )
+        return self
+
+
+class PolygonTarget(SoftTarget):
+    """A closed polygon by its corners (x, y) about the target's centre; where it crosses itself, by even and odd."""
+
+    needs: ClassVar[tuple[str, ...]] = ("corners",)
+
+    kind: Literal["polygon"] = "polygon"
+    corners_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(max_length=_MOST_CORNERS)] | None = None
+    corners_deg: Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(max_length=_MOST_CORNERS)] | None = None
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """The corners, in the target's unit."""
+        return self.corners_mm or self.corners_deg or ()
+
+    @model_validator(mode="after")
+    def _has_an_area(self) -> "PolygonTarget":
+        if len(self.corners) < 3:
+            raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
+        x, y = zip(*self.corners, strict=True)
+        width, height = max(x) - min(x), max(y) - min(y)
+        if width * height <= _LEAST_AREA * max(width, height) ** 2:
+            raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
+        return self
+
+
+class CrossTarget(SoftTarget):
+    """An upright cross of equal arms, ``length_*`` from end to end."""
+
+    needs: ClassVar[tuple[str, ...]] = ("length", "stroke")
+
+    kind: Literal["cross"] = "cross"
+    length_mm: Millimetres | None = None
+    stroke_mm: Millimetres | None = None
+    length_deg: DegreesWide | None = None
+    stroke_deg: DegreesWide | None = None
+
+
+class SpotsTarget(SoftTarget):
+    """A line or a grid of discs, ``columns`` x ``rows``, their centres ``pitch_*`` apart."""
+
+    needs: ClassVar[tuple[str, ...]] = ("diameter", "pitch")
+
+    kind: Literal["spots"] = "spots"
+    columns: Annotated[int, Field(ge=1, le=_MOST_SPOTS)]
+    rows: Annotated[int, Field(ge=1, le=_MOST_SPOTS)] = 1
+    diameter_mm: Millimetres | None = None
+    diameter_deg: DegreesWide | None = None
+    pitch_mm: Millimetres | None = None
+    pitch_deg: DegreesWide | None = None
+
+    @model_validator(mode="after")
+    def _spots_lie_apart(self) -> "SpotsTarget":
+        if self.size("pitch") < self.size("diameter"):
+            raise ValueError(
+                f"pitch_{self.unit} = {self.size('pitch'):g} is less than diameter_{self.unit} = "
+                f"{self.size('diameter'):g}: the spots would overlap"
+            )
+        return self

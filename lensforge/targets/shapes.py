@@ -1,0 +1,93 @@
+"""Relative light of each target at places about its centre: ``x`` and ``y`` (mm or degrees) that broadcast.
+
+Sharp edges are sharp here; they are softened, and averaged over pixels, where the places are pixels.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
+from lensforge.spec.shapes import (
+    CrossTarget,
+    DiscTarget,
+    EllipseTarget,
+    FlatTopTarget,
+    PolygonTarget,
+    RectangleTarget,
+    RingTarget,
+    SpotsTarget,
+)
+
+Places = Float[np.ndarray, "..."]
+Lit = Bool[np.ndarray, "..."]
+Shape = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget | CrossTarget | SpotsTarget
+PictureTarget = TextTarget | ImageTarget | ArrayTarget | TableTarget
+
+
+def flat_top(target: FlatTopTarget, x: Places, y: Places) -> Places:
+    """A super-Gaussian."""
+    half_width, half_height = target.pair("half_width") or (1.0, 1.0)
+    with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
+        along_x = np.exp(-(np.abs(x / half_width) ** target.exponent))
+        along_y = np.exp(-(np.abs(y / half_height) ** target.exponent))
+    light: Places = along_y * along_x
+    return light
+
+
+def in_shape(target: Shape, x: Places, y: Places) -> Lit:
+    """True inside a shape."""
+    match target:
+        case RectangleTarget():
+            return _rectangle(x, y, target.size("width"), target.size("height"))
+        case DiscTarget():
+            return _ellipse(x, y, target.size("diameter"), target.size("diameter"))
+        case EllipseTarget():
+            return _ellipse(x, y, target.size("width"), target.size("height"))
+        case RingTarget():
+            outer, inner = target.size("outer_diameter"), target.size("inner_diameter")
+            return np.asarray(_ellipse(x, y, outer, outer) & ~_ellipse(x, y, inner, inner))
+        case CrossTarget():
+            length, stroke = target.size("length"), target.size("stroke")
+            return np.asarray(_rectangle(x, y, length, stroke) | _rectangle(x, y, stroke, length))
+        case SpotsTarget():
+            pitch, diameter = target.size("pitch"), target.size("diameter")
+            return _ellipse(_from_spot(x, pitch, target.columns), _from_spot(y, pitch, target.rows), diameter, diameter)
+        case PolygonTarget():
+            return _polygon(target.corners, x, y)
+
+
+def _rectangle(x: Places, y: Places, width: float, height: float) -> Lit:
+    inside: Lit = (np.abs(y) <= height / 2.0) & (np.abs(x) <= width / 2.0)
+    return inside
+
+
+def _ellipse(x: Places, y: Places, width: float, height: float) -> Lit:
+    inside: Lit = (2.0 * x / width) ** 2 + (2.0 * y / height) ** 2 <= 1.0
+    return inside
+
+
+def _from_spot(x: Places, pitch: float, count: int) -> Places:
+    """Coordinate from the nearest of ``count`` centres."""
+    place = x / pitch + 0.5 * (count - 1)
+    off: Places = pitch * (place - np.clip(np.round(place), 0, count - 1))
+    return off
+
+
+def _polygon(corners: tuple[tuple[float, float], ...], x: Places, y: Places) -> Lit:
+    """True where a ray to +x crosses the outline an odd number of times."""
+    inside: Lit = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)), dtype=bool)
+    for (x1, y1), (x2, y2) in zip(corners, (*corners[1:], corners[0]), strict=True):
+        if y1 != y2:
+            crosses = (y1 > y) != (y2 > y)
+            inside ^= crosses & (x < x1 + (y - y1) * ((x2 - x1) / (y2 - y1)))
+    return inside
+
+
+def in_picture(picture: Float[np.ndarray, "h w"], size: tuple[float, float], x: Places, y: Places) -> Places:
+    """A picture of ``size``, nearest pixel, 0 outside; row 0 of it is its top."""
+    height, width = picture.shape
+    # clipped to just outside the picture: far from a narrow one the index would overflow
+    column = np.clip(np.floor(x * (width / size[0]) + width / 2.0), -1, width).astype(int)
+    row = np.clip(np.floor(-y * (height / size[1]) + height / 2.0), -1, height).astype(int)
+    inside = ((row >= 0) & (row < height)) & ((column >= 0) & (column < width))
+    return np.where(inside, picture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)

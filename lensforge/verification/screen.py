@@ -1,0 +1,193 @@
+"""A receiver as verification sees it: landings of exit rays, light by hard bins and its noise, the NMSE of images.
+
+Written independently of the design's receivers: frames by rotation vectors, charts by angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import convolve1d
+from scipy.spatial.transform import Rotation
+
+from lensforge.errors import InputError
+
+_AT_ONE_METRE = 1000.0  # mm: gaps between directions are given as they are there
+_BEHIND = 1e-12  # of a plane's normal: a ray that rises less never reaches it
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A plane, the far field, a cylinder or a sphere with ``columns`` x ``rows`` pixels; images are indexed [y, x].
+
+    ``facing``: the direction of its normal or of its chart's centre, away from the lens; x and y follow from the lens's
+    by the shortest turn, and another by ``rotation_deg`` about it. ``width``, ``height``: of its chart, mm, or 2
+    sin(gamma / 2) for the far field. ``window``: width, height, and radius in which flux counts as detected; None: any.
+    ``filter_variance`` (pixels^2) is that of the paper's 3 x 3 Gaussian filter; 0: none. At the edge of the receiver
+    the filter repeats the outermost pixels.
+    """
+
+    kind: str
+    centre_mm: Triple
+    facing: Triple
+    rotation_deg: float
+    radius_mm: float
+    width: float
+    height: float
+    columns: int
+    rows: int
+    window: tuple[float | None, float | None, float | None]
+    filter_variance: float = 1.0
+
+    @staticmethod
+    def square(distance_mm: float, side_mm: float, pixels: int, filter_variance: float = 1.0) -> "Screen":
+        """A square of ``side_mm`` in the plane z = ``distance_mm``, centred on the axis."""
+        whole = (side_mm, side_mm, None)
+        axis = ((0.0, 0.0, distance_mm), (0.0, 0.0, 1.0))
+        return Screen("plane", *axis, 0.0, 0.0, side_mm, side_mm, pixels, pixels, whole, filter_variance)
+
+    @property
+    def axes(self) -> Float[np.ndarray, "3 3"]:
+        """Unit vectors x, y, z of the screen as rows."""
+        z = np.array(self.facing) / np.linalg.norm(self.facing)
+        about = np.cross([0.0, 0.0, 1.0], z)
+        sine = np.linalg.norm(about)
+        half_turn = np.array([0.0, np.pi, 0.0])
+        tilt = np.arctan2(sine, z[2]) * about / sine if sine > 0.0 else half_turn * float(z[2] < 0.0)
+        turn = Rotation.from_rotvec(np.radians(self.rotation_deg) * z) * Rotation.from_rotvec(tilt)
+        axes: Float[np.ndarray, "3 3"] = turn.apply(np.eye(3))
+        return axes
+
+    @property
+    def distance_mm(self) -> float:
+        """Distance from the lens origin, for the limits of deviations; those of directions are taken at 1 m."""
+        if self.kind == "far_field":
+            return _AT_ONE_METRE
+        return self.radius_mm or float(abs(self.axes[2] @ self.centre_mm))
+
+    @property
+    def mm_per_unit(self) -> float:
+        """Millimetres of a unit of the chart; of directions at 1 m."""
+        return _AT_ONE_METRE if self.kind == "far_field" else 1.0
+
+    @property
+    def diagonal_mm(self) -> float:
+        """Diagonal of the chart."""
+        return float(np.hypot(self.width, self.height)) * self.mm_per_unit
+
+    def land(self, points: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+        """Places on the chart where rays from ``points`` (mm) land; NaN for those that never reach the surface."""
+        axes = self.axes
+        away, along = (points - self.centre_mm) @ axes.T, directions @ axes.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            match self.kind:
+                case "plane":
+                    reaches = (along[:, 2] > _BEHIND) & (away[:, 2] < 0.0)
+                    return np.where(reaches[:, None], away[:, :2] - away[:, 2:] / along[:, 2:] * along[:, :2], np.nan)
+                case "far_field":
+                    return _equal_area(along)
+                case "sphere":
+                    ends = away + _out_of(away, along, self.radius_mm)[:, None] * along
+                    return np.asarray(self.radius_mm * _equal_area(ends))
+                case _:
+                    flat = np.array([1.0, 0.0, 1.0])
+                    across = np.linalg.norm(along * flat, axis=1)
+                    steps = _out_of(away * flat, along * flat / across[:, None], self.radius_mm) / across
+                    ends = away + steps[:, None] * along
+                    return np.stack([self.radius_mm * np.arctan2(ends[:, 0], ends[:, 2]), ends[:, 1]], axis=1)
+
+    def on_pixels(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+        """True for landings on any pixel; False for NaN."""
+        inside: Bool[np.ndarray, " n"] = (np.abs(landings) <= [0.5 * self.width, 0.5 * self.height]).all(axis=1)
+        return inside
+
+    def in_window(self, landings: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+        """True for landings in the window; False for NaN."""
+        width, height, radius = (np.inf if side is None else side for side in self.window)
+        inside = (np.abs(landings) <= [0.5 * width, 0.5 * height]).all(axis=1)
+        return np.asarray(inside & (np.hypot(landings[:, 0], landings[:, 1]) <= radius))
+
+    def irradiance(
+        self, landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "rows columns"]:
+        """Irradiance (W/m^2) or intensity (W/sr) of rays with ``flux`` (W) at ``landings``; NaN lands nowhere."""
+        image: Float[np.ndarray, "rows columns"] = (
+            _smoothing(self.rows, self.filter_variance)
+            @ self._sums(landings, flux)
+            @ _smoothing(self.columns, self.filter_variance).T
+            / self.pixel_measure
+        )
+        return image
+
+    def noise(
+        self, landings: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "rows columns"]:
+        """Variance of :meth:`irradiance` if the n rays were drawn independently.
+
+        Each pixel is a sum of n terms, most of them zero: ``n Var = sum f^2 - (sum f)^2 / n``, f the flux. Quasi-
+        random rays are less noisy: for them this is an upper bound.
+        """
+        variance = self._sums(landings, flux**2) - self._sums(landings, flux) ** 2 / len(flux)
+        down, across = (_smoothing(count, self.filter_variance) ** 2 for count in (self.rows, self.columns))
+        filtered: Float[np.ndarray, "rows columns"] = down @ np.maximum(variance, 0.0) @ across.T
+        return filtered / self.pixel_measure**2
+
+    @property
+    def pixel_measure(self) -> float:
+        """Area of a pixel in m^2, or its solid angle in sr."""
+        area = self.width / self.columns * (self.height / self.rows)
+        return area if self.kind == "far_field" else area * 1e-6
+
+    def _sums(
+        self, landings: Float[np.ndarray, "n 2"], values: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, "rows columns"]:
+        inside = self.on_pixels(landings)
+        counts = np.array([self.columns, self.rows])
+        index = np.floor((landings[inside] / [self.width, self.height] + 0.5) * counts).astype(np.int64)
+        index = np.minimum(index, counts - 1)  # the far edge belongs to the last pixel
+        sums = np.zeros((self.rows, self.columns))
+        np.add.at(sums, (index[:, 1], index[:, 0]), values[inside])
+        return sums
+
+
+def _equal_area(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
+    """Lambert's azimuthal chart by the angle from the axis: a radius of 2 sin(angle / 2)."""
+    across = np.hypot(vectors[:, 0], vectors[:, 1])
+    radius = 2.0 * np.sin(0.5 * np.arctan2(across, vectors[:, 2]))
+    chart: Float[np.ndarray, "n 2"] = vectors[:, :2] * (radius / np.where(across > 0.0, across, 1.0))[:, None]
+    return chart
+
+
+def _out_of(
+    points: Float[np.ndarray, "n 3"], units: Float[np.ndarray, "n 3"], radius_mm: float
+) -> Float[np.ndarray, " n"]:
+    """Distances to where lines leave a sphere about the origin, from their closest approach to it; NaN if outside."""
+    before = np.sum(points * units, axis=1)
+    closest = np.linalg.norm(points - before[:, None] * units, axis=1)
+    out: Float[np.ndarray, " n"] = np.sqrt(radius_mm**2 - closest**2) - before
+    return np.where(out > 0.0, out, np.nan)
+
+
+def _smoothing(count: int, variance: float) -> Float[np.ndarray, "n n"]:
+    """Matrix of the filter along one axis of ``count`` pixels."""
+    unit = np.eye(count)
+    if variance == 0.0:
+        return unit
+    taps = np.exp(-0.5 * np.array([1.0, 0.0, 1.0]) / variance)
+    filtered: Float[np.ndarray, "n n"] = convolve1d(unit, taps / taps.sum(), axis=0, mode="nearest")
+    return filtered
+
+
+def squared_norm(reference: Float[np.ndarray, "h w"]) -> float:
+    """Sum of squares of a ``reference`` image; :class:`InputError` where it is dark or not finite."""
+    total = float(np.sum(reference**2))
+    if not 0.0 < total < np.inf:
+        raise InputError(f"design irradiance: its sum of squares is {total:g}, must be above 0; do rays reach it?")
+    return total
+
+
+def nmse(image: Float[np.ndarray, "h w"], reference: Float[np.ndarray, "h w"]) -> float:
+    """Normalised mean squared error, ``sum (image - reference)^2 / sum reference^2``; no scale is fitted."""
+    return float(np.sum((image - reference) ** 2)) / squared_norm(reference)

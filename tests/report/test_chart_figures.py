@@ -1,0 +1,148 @@
+"""Figures of receivers that are no squares: rectangles, the far field in degrees, and regions of uniform light."""
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle
+
+from lensforge.figures.chart import Chart
+from lensforge.figures.light_unit import light_unit
+from lensforge.figures.plots import plot_map
+from lensforge.report import irradiance_figures, line_figures
+from lensforge.report.search_figures import snapshot_figure
+
+WIDE = Chart(300.0, 150.0)
+SKY = Chart(2.0, 2.0, far_field=True)  # to 60 degrees: 4 sin 30
+
+
+def ticks(axis):
+    return dict(zip((label.get_text() for label in axis.get_ticklabels()), axis.get_ticklocs(), strict=True))
+
+
+def slope(chart, rows, columns):
+    """Light that rises with x and, twice as steeply, with y."""
+    return 1000.0 + chart.x(columns)[None, :] + 2.0 * chart.y(rows)[:, None]
+
+
+def test_the_far_field_is_labelled_in_degrees_where_they_lie():
+    axes, bar = irradiance_figures.irradiance_map(np.ones((8, 8)), SKY, 1.0, unit=light_unit(None, far_field=True)).axes
+    assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x (°)", "y (°)", "intensity (W/sr)")
+    for axis in (axes.xaxis, axes.yaxis):
+        found = ticks(axis)
+        assert list(found) == ["−60", "−45", "−30", "−15", "0", "15", "30", "45", "60"]
+        assert found["30"] == pytest.approx(2.0 * np.sin(np.radians(15.0)))
+        assert found["60"] == pytest.approx(1.0)
+    circles = [patch.radius for patch in axes.patches if isinstance(patch, Circle)]
+    assert circles == pytest.approx([2.0 * np.sin(np.radians(0.5 * angle)) for angle in (15, 30, 45, 60)])
+    assert axes.get_xlim() == axes.get_ylim() == (-1.0, 1.0)
+
+
+def test_lines_and_circles_in_the_far_field_are_in_degrees():
+    image = slope(SKY, 20, 20)
+    (name, line), *_ = line_figures.profile_lines(image, SKY)
+    axes = line_figures.line_comparison(line, image, image, SKY).axes[0]
+    assert name == "y = 0" and axes.get_xlabel() == "position on the line (°)"
+    assert ticks(axes.xaxis)["−45"] == pytest.approx(-2.0 * np.sin(np.radians(22.5)))
+    axes = line_figures.encircled_energy(image, image, SKY).axes[0]
+    assert axes.get_xlabel() == "angle from the axis (°)"
+    assert ticks(axes.xaxis)["30"] == pytest.approx(2.0 * np.sin(np.radians(15.0)))
+    assert axes.get_xlim()[0] == 0.0
+
+
+def test_the_third_line_in_the_far_field_is_named_by_its_angle_or_ends_at_the_largest():
+    bar = np.zeros((20, 20))
+    bar[16] = 1.0
+    assert line_figures.profile_lines(bar, SKY)[2][0] == "y = 37.93° (brightest row)"  # 2 asin(0.65 / 2)
+    _, (start, end) = line_figures.profile_lines(np.ones((20, 20)), SKY)[2]
+    assert np.linalg.norm(start) == np.linalg.norm(end) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("half_angle", "last"), [(0.1, "0.1"), (7.0, "6"), (60.0, "60"), (80.0, "60"), (90.0, "90"), (180.0, "180")]
+)
+def test_labels_are_round_angles_on_the_chart(half_angle, last):
+    side = 4.0 * np.sin(np.radians(0.5 * half_angle))
+    found = ticks(plot_map(np.ones((4, 4)), Chart(side, side, far_field=True)).xaxis)
+    assert list(found)[-1] == last
+    assert len(found) <= 13
+    assert max(found.values()) <= 0.5 * side * (1.0 + 1e-9)
+
+
+def test_a_rectangle_keeps_its_shape():
+    image = slope(WIDE, 20, 40)
+    for figure in (
+        irradiance_figures.irradiance_map(image, WIDE, 1.0, outline=image),
+        irradiance_figures.difference_map(image, WIDE),
+        irradiance_figures.isolines(image, WIDE, float(image.max())),
+    ):
+        axes, bar = figure.axes
+        figure.draw_without_rendering()
+        box = axes.get_window_extent()
+        assert box.width == pytest.approx(2.0 * box.height, rel=1e-6)
+        assert bar.get_window_extent().height >= (1.0 - 1e-6) * box.height
+        assert (axes.get_xlim(), axes.get_ylim()) == ((-150.0, 150.0), (-75.0, 75.0))
+
+
+@pytest.mark.parametrize("chart", [Chart(10.0, 300.0), Chart(300.0, 10.0)])
+def test_a_strip_has_a_scale_that_can_be_read(chart):
+    figure = irradiance_figures.irradiance_map(np.ones((2, 2)), chart, 1.0)
+    figure.draw_without_rendering()
+    axes, bar = figure.axes
+    box = axes.get_window_extent()
+    assert box.width / box.height == pytest.approx(chart.width / chart.height, rel=1e-6)
+    assert bar.get_window_extent().height > 90.0
+    assert bar.get_window_extent().x0 - box.x1 < 20.0, "beside the map"
+
+
+def test_lines_across_a_rectangle_follow_its_slopes():
+    image = slope(WIDE, 20, 40)
+    (_, across), (_, up), (name, diagonal) = line_figures.profile_lines(image[::-1], WIDE)
+    inside = slice(2, -2)  # between the centres of the outermost pixels
+    for (start, end), rise in ((across, 1.0), (up, 2.0)):
+        values = line_figures.along(image, start, end, WIDE)
+        length = float(np.linalg.norm(end - start))
+        expected = 1000.0 + rise * np.linspace(-0.5, 0.5, 80) * length
+        assert values[inside] == pytest.approx(expected[inside], abs=1e-9)
+    assert across[1].tolist() == [150.0, 0.0] and up[1].tolist() == [0.0, 75.0]
+    assert name.startswith("y =") and diagonal[1][0] == 150.0
+
+
+def test_light_on_a_rectangle_gathers_in_circles():
+    radius, share = line_figures.encircled_share(np.ones((200, 400)), WIDE)
+    inside = (radius > 20.0) & (radius < 75.0)
+    assert share[inside] == pytest.approx(np.pi * radius[inside] ** 2 / (300.0 * 150.0), rel=0.01)
+    assert radius[-1] == pytest.approx(np.hypot(150.0, 75.0), rel=0.01)
+
+
+def test_large_rectangles_are_drawn_as_area_means_of_their_shape():
+    image = np.random.default_rng(0).random((512, 1024))
+    drawn = irradiance_figures.drawn(image)
+    assert drawn == pytest.approx(image.reshape(256, 2, 512, 2).mean(axis=(1, 3)), abs=1e-6)
+    assert irradiance_figures.drawn(np.ones((2, 2000))).shape == (1, 512)
+
+
+def border(mask, chart):
+    axes = irradiance_figures.irradiance_map(np.ones((8, 8)), chart, 1.0, mask=mask).axes[0]
+    (contour,) = [item for item in axes.collections if hasattr(item, "levels")]
+    assert (axes.get_xlim(), axes.get_ylim()) == (chart.extent[:2], chart.extent[2:])
+    return np.concatenate([path.vertices for path in contour.get_paths()])
+
+
+def test_the_border_of_a_turned_mask_off_the_centre_lies_where_the_mask_is():
+    x, y = np.meshgrid(WIDE.x(600), WIDE.y(300))
+    mask = np.abs(x - 40.0) + np.abs(y + 10.0) <= 30.0
+    line = border(mask, WIDE)
+    assert np.abs(line[:, 0] - 40.0) + np.abs(line[:, 1] + 10.0) == pytest.approx(30.0, abs=1.0)
+
+
+def test_a_mask_as_large_as_the_receiver_has_its_border_at_the_edge():
+    line = border(np.ones((16, 16), dtype=bool), WIDE)
+    assert np.abs(line).max(axis=0) == pytest.approx([150.0, 75.0])
+
+
+def test_a_snapshot_in_the_far_field_has_its_unit_and_shape():
+    surface = np.stack(np.meshgrid(np.linspace(0.0, 1.0, 4), np.linspace(0.0, 1.0, 5), [1.0], indexing="ij"), axis=-1)
+    unit = light_unit(250.0, far_field=True)
+    figure = snapshot_figure(surface[:, :, 0], np.ones((4, 5)), np.ones((8, 4)), Chart(0.5, 1.0, far_field=True), unit)
+    light, bar = figure.axes[2:]
+    assert light.images[0].get_extent() == [-0.25, 0.25, -0.5, 0.5]
+    assert bar.get_xlabel() == "luminous intensity (cd)"

@@ -1,0 +1,233 @@
+"""Pages on lenses whose light falls on other receivers than one square: several of them, or the far field."""
+
+import numpy as np
+import pytest
+from page_text import Page, text_of
+from part_files import whole_results
+from result_folders import make_light, make_results, page_of, small_lens
+
+from lensforge.records import Conditions, Metric
+from lensforge.report.cards import cards
+from lensforge.report.compare_page import render_comparison
+from lensforge.report.compare_pictures import ComparedPictures
+from lensforge.report.light_pictures import first_picture, receiver_pictures
+from lensforge.report.numerals import unit_of_light
+from lensforge.report.other_conditions import light_pictures, light_rows
+from lensforge.report.receiver_table import receiver_rows
+from lensforge.report.referees import referee_rows
+from lensforge.report.stray_light import stray_sentence
+from lensforge.report.task import task
+from lensforge.results import Results
+
+BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
+WALL = {
+    "kind": "plane",
+    "name": "wall",
+    "centre_mm": (100.0, 0.0, 200.0),
+    "width_mm": 300.0,
+    "height_mm": 150.0,
+    "targets": ({"kind": "rectangle", "width_mm": 100.0, "height_mm": 60.0, "uniform_mm": 40.0, "rotation_deg": 45.0},),
+}
+SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 80.0, "targets": (BEAM,)}
+
+
+def far_lens(**changes):
+    return small_lens(wanted={"target": {**BEAM, "half_angle_deg": 80.0}}, **changes)
+
+
+def lens_with(*receivers):
+    return small_lens(wanted={"receivers": receivers})
+
+
+@pytest.fixture(scope="module")
+def both():
+    return make_results(("evaluate",), lens_with(WALL, SKY))
+
+
+@pytest.fixture(scope="module")
+def markup(both):
+    return page_of(both)
+
+
+def test_every_receiver_has_its_pictures_under_its_name(both, markup):
+    first, second = receiver_pictures(both)
+    assert (first.heading, second.heading) == ("wall, centred at (100, 0, 200) mm", "sky, in the far field, to 80°")
+    for each in (first, second):
+        titles = [picture.title for row in each.rows for picture in row]
+        assert titles[:3] == ["Target", "Simulated", "Simulated minus target"] and len(titles) == 9
+    text = Page(markup).text
+    assert text.index("wall, centred at") < text.index("sky, in the far field")
+    assert markup.count("<svg") == 1 + 2 * 9 + 2
+
+
+def test_ids_on_the_page_are_unique_and_those_of_the_first_receiver_have_no_number(markup):
+    ids = Page(markup).ids
+    assert len(ids) == len(set(ids))
+    for name in ("target", "simulated", "difference", "line0", "isolines", "encircled", "flux"):
+        assert f"{name}-figure_1" in ids and f"{name}-2-figure_1" in ids
+
+
+def test_each_receiver_is_shown_in_its_own_unit(both):
+    first, second = receiver_pictures(both)
+    assert "irradiance (W/m²)" in first.rows[0][0].svg
+    assert "intensity (W/sr)" in second.rows[0][0].svg
+    assert "position on the line (°)" in second.rows[1][0].svg
+    assert "16 × 8 pixels" in first.rows[0][1].caption and "16 × 16 pixels" in second.rows[0][1].caption
+
+
+def test_masks_are_named_by_their_size(both):
+    first, second = receiver_pictures(both)
+    assert "the mask of 40 mm." in first.rows[0][1].caption
+    assert "the mask of 10°." in second.rows[0][1].caption
+
+
+def test_several_receivers_have_a_table(both):
+    wall, sky = receiver_rows(both)
+    assert (wall.name, wall.place, wall.nmse) == ("wall", "centred at (100, 0, 200) mm", "0.0123 ± 0.0004")
+    assert (sky.name, sky.efficiency) == ("sky", "85.0\u2009% ± 0.020\u2009%")
+    assert receiver_rows(make_results(("evaluate",))) == []
+    first, *_ = cards(both)
+    assert first.note.startswith("on wall: ")
+
+
+def test_the_level_of_a_turned_mask_is_the_mean_in_it():
+    lens = lens_with({**WALL, "targets": ({**WALL["targets"][0], "centre_mm": (60.0, 0.0)},)}, SKY)
+    image = np.tile(np.arange(16.0), (8, 1))  # pixels of 18.75 mm
+    found = {card.label: card for card in cards(make_results(("evaluate",), lens, evaluate={"map": image}))}
+    card = found["Mean irradiance"]
+    assert card.note == "in the mask of 40 mm on wall"
+    assert float(card.value) == pytest.approx(7.5 + 60.0 / 18.75, abs=0.5)
+
+
+def test_one_receiver_in_the_far_field_is_shown_in_degrees_and_per_steradian():
+    results = make_results(("evaluate",), far_lens())
+    assert unit_of_light(results).symbol == "W/sr"
+    assert unit_of_light(make_results((), far_lens())).symbol == "W/sr"
+    assert first_picture(results).caption == "Simulated intensity in the far field, to 80°."
+    (only,) = receiver_pictures(results)
+    assert only.heading == ""
+    assert only.rows[2][2].caption == "Window: 80° from the axis."
+    assert "within 80° from the axis" in text_of(results)
+    found = {card.label: card for card in cards(results)}
+    assert found["Mean intensity"].unit == "W/sr"
+
+
+def test_candela_where_the_lumens_are_known():
+    results = make_results(("evaluate",), far_lens(lumens_per_watt=250.0))
+    assert "luminous intensity (cd)" in first_picture(results).svg
+    found = {card.label: card for card in cards(results)}
+    assert found["Mean luminous intensity"].unit == "cd"
+    assert found["Mean luminous intensity"].note.endswith("W/sr")
+
+
+TASKS = [
+    ({"kind": "text", "text": "π", "width_mm": 200.0}, "“π”, 200 mm wide"),
+    ({"kind": "flat_top", "half_width_mm": 30.0}, "square flat top, 60 mm wide"),
+    ({"kind": "flat_top", "half_width_mm": (30.0, 20.0)}, "flat top, 60 × 40 mm"),
+    ({"kind": "rectangle", "width_mm": 30.0, "height_mm": 20.0}, "rectangle, 30 × 20 mm"),
+    ({"kind": "disc", "diameter_mm": 30.0}, "disc, 30 mm wide"),
+    ({"kind": "ellipse", "width_mm": 30.0, "height_mm": 20.0}, "ellipse, 30 × 20 mm"),
+    ({"kind": "ring", "outer_diameter_mm": 30.0, "inner_diameter_mm": 20.0}, "ring, 20 to 30 mm wide"),
+    ({"kind": "polygon", "corners_mm": ((0.0, 0.0), (9.0, 0.0), (0.0, 9.0))}, "polygon with 3 corners"),
+    ({"kind": "cross", "length_mm": 30.0, "stroke_mm": 5.0}, "cross, 30 mm long"),
+    ({"kind": "spots", "columns": 5, "rows": 3, "diameter_mm": 4.0, "pitch_mm": 10.0}, "5 × 3 spots, 10 mm apart"),
+    ({"kind": "array", "values": np.eye(3), "width_mm": 30.0}, "given pattern, 30 mm wide"),
+    ({"kind": "image", "file": "/pictures/logo.png", "width_mm": 30.0}, "logo.png, 30 mm wide"),
+    ({"kind": "table", "file": "/tables/light.csv", "width_mm": 30.0}, "light.csv, 30 mm wide"),
+]
+FAR_TASKS = [
+    (BEAM, "beam 60° × 25°"),
+    ({"kind": "beam", "fwhm_deg": 30.0, "profile": "flat"}, "flat beam 30°"),
+    ({"kind": "batwing", "to_deg": 60.0}, "batwing to 60°"),
+    ({"kind": "photometric", "file": "/lamps/old.ies"}, "intensity of old.ies"),
+    ({"kind": "disc", "diameter_deg": 30.0}, "disc, 30° wide"),
+]
+
+
+@pytest.mark.parametrize(("target", "words"), TASKS)
+def test_targets_on_a_plane_are_told_in_a_few_words(target, words):
+    lens = small_lens(wanted={"target": {**target, "distance_mm": 150.0, "receiver_mm": 300.0}})
+    assert task(lens.spec).endswith(f" · {words} at 150 mm")
+
+
+@pytest.mark.parametrize(("target", "words"), FAR_TASKS)
+def test_targets_in_the_far_field_are_told_in_a_few_words(target, words):
+    lens = small_lens(wanted={"target": {**target, "half_angle_deg": 80.0}})
+    assert task(lens.spec).endswith(f" · {words} in the far field, to 80°")
+
+
+def test_tasks_on_several_receivers_stand_beside_each_other():
+    spots = tuple({"kind": "disc", "diameter_mm": each} for each in (10.0, 20.0))
+    two = task(lens_with({**WALL, "targets": spots}, SKY).spec)
+    assert two.endswith(
+        "disc, 10 mm wide and disc, 20 mm wide centred at (100, 0, 200) mm; beam 60° × 25° in the far field, to 80°"
+    )
+    assert " · 4 targets centred at" in task(lens_with({**WALL, "targets": 2 * spots}).spec)
+
+
+def test_the_spec_s_receivers_have_tables_of_what_was_given(markup):
+    text = Page(markup).text
+    assert "[receivers.wall]" in text and "[receivers.sky]" in text
+    assert "half_angle_deg 80 °" in text
+    assert "diameter_deg" not in text, "no target has one"
+
+
+def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receiver(both):
+    other = make_light(both.lens, conditions=Conditions.of(rays=64), nmse=Metric(value=0.5))
+    results = Results(both.lens, both.found, {}, {"evaluate_64rays": other})
+    assert [row.name for row in light_rows(results)] == [
+        "the lens’s own, wall", "the lens’s own, sky", "64rays, wall", "64rays, sky",
+    ]  # fmt: skip
+    pictures = light_pictures(results)
+    assert [picture.title for picture in pictures][2:] == ["64rays, wall", "64rays, sky"]
+    ids = Page(page_of(results)).ids
+    assert len(ids) == len(set(ids))
+
+
+def test_designs_on_receivers_of_different_kinds_have_no_common_scale():
+    designs = [make_results(("evaluate",)), make_results(("evaluate",), far_lens())]
+    pictures = ComparedPictures(("near", "far"), designs)
+    assert not pictures.one_scale
+    assert [each.caption for each in pictures.maps] == ["At 150 mm.", "In the far field, to 80°."]
+    assert [each.title for each in pictures.curves][::3] == [
+        "Along y = 0, at a distance",
+        "Along y = 0, in the far field",
+    ]
+    markup = render_comparison(designs, ["near", "far"])
+    ids = Page(markup).ids
+    assert len(ids) == len(set(ids)) and markup.count("<svg") == 2 + 6 + 2
+
+
+def test_far_fields_are_compared_on_one_scale_in_degrees():
+    narrow = small_lens(wanted={"target": {**BEAM, "half_angle_deg": 60.0}})
+    designs = [make_results(("evaluate",), lens) for lens in (narrow, far_lens())]
+    pictures = ComparedPictures(("narrow", "wide"), designs)
+    assert pictures.one_scale and pictures.lengths == "angles"
+    assert all("position on the line (°)" in each.svg for each in pictures.curves[:2])
+    assert "the same angles" in render_comparison(designs)
+
+
+def test_the_first_of_several_receivers_is_compared(both):
+    first, _ = ComparedPictures(("both", "one"), [both, make_results(("evaluate",))]).maps
+    assert first.caption == "Centred at (100, 0, 200) mm (wall), the first of 2 receivers."
+
+
+def test_a_lens_in_a_notebook_names_its_receivers():
+    assert "300 × 150 mm centred at (100, 0, 200) mm; in the far field, to 80°" in lens_with(WALL, SKY)._repr_html_()
+    assert "300 mm wide at 150 mm" in small_lens()._repr_html_()
+
+
+def test_verification_and_stray_light_are_shown_on_every_receiver():
+    results = whole_results(lens=lens_with(WALL, SKY))
+    page = Page(page_of(results))
+    assert len(page.ids) == len(set(page.ids))
+    for words in (
+        "Rays through the exported mesh, wall", "Rays through the exported mesh, sky", "Part minus design, sky",
+        "0.25 mm largest, at 1 m", "Ray by ray, sky", "Stray light on the receiver, sky", "those of directions at 1 m",
+        "NMSE against the design's intensity",
+    ):  # fmt: skip
+        assert words in page.text, words
+    names = [row.name.rpartition(", ")[2] for row in referee_rows(results)]
+    assert names == ["wall", "trimesh\u2019s own plain cast", "wall", "wall", "sky"]
+    sentence = stray_sentence(results)
+    assert "lands in the window of wall" in sentence and "On sky the sequential model is wrong" in sentence
