@@ -25,7 +25,8 @@ def run_compare_photo(
 ) -> PhotoComparison:
     """Compare a photograph with the simulation; also draws ``compare.png``."""
     light = open_run(folder).light
-    result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma)
+    lens = load_lens(folder / LENS_FILE)
+    result = compare(light, on=on, off=off, corners=corners, target_mm=target_mm, gamma=gamma, lens=lens)
     with replacing(folder / "compare.png") as temporary:
         temporary.write_bytes(photo_png(result))
     return write_result(result, folder)

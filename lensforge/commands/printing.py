@@ -31,7 +31,7 @@ def finish(
     results = (result, *also.values())
     for prefix, each in zip(("", *(f"{name}." for name in also)), results, strict=True):
         print_conditions(each, prefix)
-        print_table(each.model_dump(mode="json", exclude=_not_printed(each)), prefix)
+        print_table({key: value for key, value in each.plain().items() if key not in _NOT_NUMBERS}, prefix)
     conclude(directory, results, decides)
 
 
@@ -82,19 +82,21 @@ def printable(text: str) -> str:
     return "".join(each if each.isprintable() or each == "\t" else ascii(each)[1:-1] for each in text)
 
 
-def _not_printed(result: StageResult) -> set[str]:
-    """Names of arrays, files and parts of other stages' results, which are in the folder."""
-    return {*_NOT_NUMBERS, *type(result).stored_elsewhere()} & set(type(result).model_fields)
-
-
 def print_table(content: Mapping[str, object], prefix: str = "") -> None:
-    """One ``key<TAB>value`` line for each number, keys joined by dots: easy to read, grep and cut."""
+    """One ``key<TAB>value`` line for each number, keys joined by dots: easy to read, grep and cut.
+
+    Entries of a list that have names are found under these.
+    """
     for key, value in content.items():
         if isinstance(value, Mapping) and set(value) == _METRIC:
             click.echo(f"{prefix}{key}\t{value['value']}")
             click.echo(f"{prefix}{key}_standard_error\t{value['standard_error']}")
         elif isinstance(value, Mapping):
             print_table(value, f"{prefix}{key}.")
+        elif key == "receivers" and isinstance(value, list):
+            for entry in value:
+                rest = {name: each for name, each in entry.items() if name != "name"}
+                print_table(rest, f"{prefix}{key}.{entry['name']}.")
         else:
             shown = json.dumps(value) if isinstance(value, list | tuple) else value
             click.echo(printable(f"{prefix}{key}\t{shown}"))

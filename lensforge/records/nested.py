@@ -40,7 +40,9 @@ def with_arrays(kind: type[Record], content: Mapping[str, Any], arrays: Mapping[
     for name in own_arrays(kind):
         if name in content:
             raise ValueError(f"{name}: does not belong in the JSON file")
-    result |= {name: arrays[name] for name in own_arrays(kind) if name in arrays}
+    for name in own_arrays(kind):
+        if name in arrays or not kind.model_fields[name].is_required():
+            result[name] = arrays.get(name)
     for field, entry_kind in lists_with_arrays(kind).items():
         entries = _entries(content, field)
         if not entries:

@@ -88,6 +88,11 @@ class StageResult(Record):
             name for name, info in fields if any(marker(info, mark) is not None for mark in (Given, Array, InFile))
         )
 
+    def plain(self) -> dict[str, Any]:
+        """Numbers and texts as the JSON file holds them: without arrays, files and parts of other stages' results."""
+        elsewhere = dict.fromkeys(self.stored_elsewhere(), True) | excluded_arrays(type(self))
+        return self.model_dump(mode="json", exclude=elsewhere)
+
     @cached_property
     def sha256(self) -> str:
         """Hash of all fields except computing times and the program's version."""
@@ -126,23 +131,18 @@ class StageResult(Record):
 
     def contents(self, stem: str | None = None) -> dict[str, bytes]:
         """Content of every file of the result, by name: JSON, npz, and the files of marked fields."""
-        name, elsewhere, files = stem or self.stage, excluded_arrays(type(self)), {}
-        arrays = dict(arrays_of(self))
+        name, arrays, files = stem or self.stage, dict(arrays_of(self)), {}
         for field, info in type(self).model_fields.items():
             value = getattr(self, field)
-            if marker(info, Given) is not None:
-                elsewhere[field] = True
-            elif (own := marker(info, InFile)) is not None:
-                elsewhere[field] = True
-                if value is not None:
-                    files[own.beside(self.stage, name)] = value
+            if (own := marker(info, InFile)) is not None and value is not None:
+                files[own.beside(self.stage, name)] = value
         head = {"schema": self.schema_name()}
         if arrays:
             archive = io.BytesIO()
             np.savez_compressed(archive, **arrays)  # type: ignore[arg-type]  # its flag has another type
             files[f"{name}.npz"] = archive.getvalue()
             head[_ARRAYS] = hashlib.sha256(archive.getvalue()).hexdigest()
-        content = with_checksum({**head, **self.model_dump(mode="json", exclude=elsewhere)})
+        content = with_checksum({**head, **self.plain()})
         files[f"{name}.json"] = (json.dumps(content, indent=2, allow_nan=False) + "\n").encode()
         return files
 

@@ -25,7 +25,7 @@ from lensforge.report.referees import gap_pictures, referee_rows
 from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.stray_light import stray_pictures, stray_sentence
-from lensforge.report.tables import Row, plain, rows
+from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
 from lensforge.results import REPORT_FILE, Results
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -160,7 +160,7 @@ def _spec_tables(results: Results) -> dict[str, list[Row]]:
 
 def _number_tables(results: Results) -> dict[str, list[Row]]:
     """All values of each file, by its name; criteria, verdicts and the spec have their own tables."""
-    records = {stem: plain(result) for stem, result in {**results.found, **results.others}.items()}
+    records = {stem: result.plain() for stem, result in {**results.found, **results.others}.items()}
     tables = {"lens": results.lens.to_json(), **records}
     return {f"{stem}.json": rows(content, without=("criteria", "verdicts", "spec")) for stem, content in tables.items()}
 

@@ -29,7 +29,7 @@ class ShownReceiver:
 
     @property
     def place(self) -> str:
-        """Where it is; among several with its name."""
+        """Place of the receiver; among several with its name."""
         return f"{self.light.place} ({self.light.name})" if self.several else self.light.place
 
     @property

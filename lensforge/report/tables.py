@@ -4,10 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 
-from pydantic import JsonValue
-
-from lensforge.records import Metric, StageResult
-from lensforge.records.nested import excluded_arrays
+from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, anything, number, unit_of
 
 _SHORT = 6  # up to so many numbers share a cell; more become a block
@@ -23,12 +20,6 @@ class Row:
     value: str
     unit: str
     block: bool = False
-
-
-def plain(result: StageResult) -> dict[str, JsonValue]:
-    """The result as its JSON file holds it: without arrays, files and parts of other stages' results."""
-    elsewhere = {**dict.fromkeys(result.stored_elsewhere(), True), **excluded_arrays(type(result))}
-    return result.model_dump(mode="json", exclude=elsewhere)
 
 
 def rows(content: Mapping[str, object], without: Sequence[str] = ()) -> list[Row]:

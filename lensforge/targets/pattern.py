@@ -34,6 +34,7 @@ _KEPT_PATTERNS = 8  # a design asks for the same pattern of search and evaluatio
 
 Targets = tuple[Target, ...]
 Image = Float[np.ndarray, "h w"]
+Means = Float[np.ndarray, "p q"]
 
 
 def target_light(targets: Targets, receiver: Receiver) -> Image:
@@ -139,7 +140,7 @@ def _require_room(target: shapes.PictureTarget, size: tuple[float, float], grid:
         )
 
 
-def _softened_means(image: Image, edge: tuple[float, float], times: int) -> Image:
+def _softened_means(image: Image, edge: tuple[float, float], times: int) -> Means:
     """Means over ``times`` x ``times`` of ``image`` convolved with a Gaussian, dark outside it.
 
     ``edge``: its standard deviations along the rows' and the columns' number.
@@ -149,9 +150,9 @@ def _softened_means(image: Image, edge: tuple[float, float], times: int) -> Imag
     return _block_means(gaussian_filter(image, edge, mode="constant") if max(edge) > 0.0 else image, times)
 
 
-def _block_means(image: Image, times: int) -> Image:
+def _block_means(image: Image, times: int) -> Means:
     rows, columns = (size // times for size in image.shape)
-    means: Image = image.reshape(rows, times, columns, times).mean(axis=(1, 3))
+    means: Means = image.reshape(rows, times, columns, times).mean(axis=(1, 3))
     return means
 
 

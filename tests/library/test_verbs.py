@@ -70,7 +70,7 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
         result.save(tmp_path / f"{stem}.json")
         result.save(tmp_path / f"{stem}.png")
         assert (tmp_path / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
-        assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{result.stage}-2"
+        assert json.loads((tmp_path / f"{stem}.json").read_text())["schema"] == f"lensforge-{result.stage}-3"
         with pytest.raises(lf.InputError, match="saved as one of"):
             result.save(tmp_path / "result.docx")
     assert seen == {cls.__name__ for cls in (*STAGES, *EXTRAS.values())}
@@ -80,7 +80,7 @@ def test_every_kind_of_result_plots_saves_shows_itself_and_is_a_row(whole_run: l
 def test_records_name_schema_version_and_inputs(whole_run: lf.Run) -> None:
     for stem, result in whole_run.found.items():
         content = json.loads((whole_run.folder / f"{stem}.json").read_text(encoding="utf-8"))
-        assert content["schema"] == f"lensforge-{result.stage}-2"
+        assert content["schema"] == f"lensforge-{result.stage}-3"
         assert content["version"] == lf.__version__
         assert content["inputs"]["lens"] == whole_run.lens.sha256, stem
         assert result.inputs == content["inputs"]

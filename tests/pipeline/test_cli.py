@@ -184,7 +184,7 @@ def test_a_killed_design_resumes_to_the_same_lens(killed: Killed, designed: Path
     [
         ({"side_mm = 1.0": "side_mm = -1.0"}, "source.side_mm = -1.0"),
         ({"min_thickness_mm = 1.0": "min_thickness_mm = -0.1"}, "constraints.min_thickness_mm = -0.1"),
-        ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5.0"),
+        ({"distance_mm = 100.0": "distance_mm = 5.0"}, "target.distance_mm = 5 is inside the lens"),
         ({'kind = "flat_top"': 'kind = "fancy"'}, "target"),
         ({"half_width_mm = 80.0": "half_width_mm = nan"}, "half_width_mm"),
         ({"levels = [9, 25]": "levels = []"}, "levels"),

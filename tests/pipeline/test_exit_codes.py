@@ -16,7 +16,7 @@ from undrawn import undrawn
 import lensforge as lf
 from lensforge.cli import main
 from lensforge.geometry import acceptance
-from lensforge.spec.target import FlatTopTarget
+from lensforge.spec import FlatTopTarget
 
 TARGET = FlatTopTarget(half_width_mm=20.0, distance_mm=100.0, receiver_mm=200.0)
 

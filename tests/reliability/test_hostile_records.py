@@ -28,8 +28,8 @@ pytestmark = pytest.mark.usefixtures("no_warnings")
 DEEP = "[" * 3000 + "]" * 3000
 TEXTS = {
     "nested": '{"schema": ' + DEEP + "}",
-    "nested at its end": '{"schema": "lensforge-evaluate-2", "seed": ' + '{"a": ' * 900 + "1" + "}" * 901,
-    "digits": '{"schema": "lensforge-evaluate-2", "seed": 1' + "0" * 5000 + "}",
+    "nested at its end": '{"schema": "lensforge-evaluate-3", "seed": ' + '{"a": ' * 900 + "1" + "}" * 901,
+    "digits": '{"schema": "lensforge-evaluate-3", "seed": 1' + "0" * 5000 + "}",
     "many values": '{"schema": [' + "0," * 5_000_000 + "0]}",
     "many tables": '{"schema": [' + "{}," * 5_000_000 + "0]}",
     "no text": "\udcff\udcfe",
@@ -103,7 +103,13 @@ def test_nothing_but_a_lens_is_a_lens(folder: Path, where: str, value: object) -
 RECORD = {
     "rays": [10**18, -1, 10**400, 1e9, True],
     "pixels": [3, 1, 20_000, 0],
-    "receiver_mm": [1e300, 5e-324, 0.0, -300.0],
+    "receivers": [[], {}, None, [{}], 3],
+    "receivers.0.width": [1e300, 5e-324, 0.0, -300.0],
+    "receivers.0.kind": ["torus", "", None],
+    "receivers.0.nmse.value": [1e300, -1e300, 1e308 * 10, [], "0.1"],
+    "receivers.0.nmse.standard_error": [-1.0, 1e300],
+    "receivers.0.flux.detected": [-0.5, 1.5, 0.2],
+    "receivers.0.map": [[[1.0]], None],
     "nmse.value": [1e300, -1e300, 1e308 * 10, [], "0.1"],
     "nmse.standard_error": [-1.0, 1e300],
     "flux.detected": [-0.5, 1.5, 0.2],

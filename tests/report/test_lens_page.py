@@ -15,7 +15,7 @@ from result_folders import (
     small_lens,
 )
 
-from lensforge.report.tables import plain, rows
+from lensforge.report.tables import rows
 from lensforge.results import load_results
 from lensforge.spec.ray_source import RayfileSource
 
@@ -47,7 +47,7 @@ def test_links_and_ids_agree(page):
 
 
 def test_every_number_of_every_record_is_on_the_page(page, results):
-    content = {stem: plain(result) for stem, result in results.found.items()}
+    content = {stem: result.plain() for stem, result in results.found.items()}
     for stem, record in {**content, "lens": results.lens.to_json()}.items():
         for row in rows(record, without=("criteria", "verdicts", "spec")):
             assert folded(f"{row.path} {row.value}") in page.text, (stem, row.path)

@@ -15,7 +15,7 @@ from lensforge.report.compare_page import render_comparison
 from lensforge.report.referees import referee_rows
 from lensforge.report.search_figures import history
 from lensforge.report.stray_light import stray_sentence
-from lensforge.report.tables import plain, rows
+from lensforge.report.tables import rows
 from lensforge.results import load_results
 
 
@@ -37,7 +37,7 @@ def test_a_lens_without_these_results_has_none_of_these_sections():
 
 def test_every_number_of_these_results_is_on_the_page(page, results):
     for stem in (*EXTRAS, "verify"):
-        for row in rows(plain(results.found[stem]), without=("criteria",)):
+        for row in rows(results.found[stem].plain(), without=("criteria",)):
             assert folded(f"{row.path} {row.value}") in page.text, (stem, row.path)
 
 

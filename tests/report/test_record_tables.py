@@ -6,7 +6,7 @@ from part_files import whole_results
 
 from lensforge.records import Metric
 from lensforge.report.numerals import anything, number, percent, size, unit_of
-from lensforge.report.tables import plain, rows
+from lensforge.report.tables import rows
 from lensforge.spec import ArrayTarget
 
 
@@ -89,8 +89,8 @@ RESULTS = whole_results().found
 
 @pytest.mark.parametrize("stem", RESULTS)
 def test_every_value_of_every_record_is_in_its_table(stem):
-    content = {key: value for key, value in plain(RESULTS[stem]).items() if key not in ("criteria", "verdicts")}
-    table = rows(plain(RESULTS[stem]), without=("criteria", "verdicts"))
+    content = {key: value for key, value in RESULTS[stem].plain().items() if key not in ("criteria", "verdicts")}
+    table = rows(RESULTS[stem].plain(), without=("criteria", "verdicts"))
     texts = [text for row in table for text in row.value.split("  ")]
     assert len(texts) == leaves(content)
     assert len({row.path for row in table}) == len(table)
@@ -102,7 +102,7 @@ def test_a_table_holds_what_the_json_file_holds_and_no_more(stem):
     written = json.loads(result.contents(stem)[f"{stem}.json"])
     for key in ("arrays_sha256", "content_sha256"):  # of the files: no numbers of the result
         written.pop(key, None)
-    assert {"schema": written["schema"], **plain(result)} == written
+    assert {"schema": written["schema"], **result.plain()} == written
 
 
 def test_a_metric_is_one_row_in_its_own_unit():

@@ -9,7 +9,8 @@ from scenes import small_spec, sphere, table_of
 
 from lensforge.optics.materials import MATERIALS
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import TableGrid
@@ -18,7 +19,7 @@ from lensforge.tracing.exact import ExactSurface, trace_exact
 from lensforge.tracing.tables import Scene, trace_tables
 
 INNER, OUTER, Z = 3.0, 6.0, 100.0
-RECEIVER = PlaneReceiver(Z, PixelGrid(200.0, 16))
+RECEIVER = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, Z)), PixelGrid.square(200.0, 16))
 SHIFT = (1.2, -0.5, 0.0)
 
 

@@ -276,7 +276,7 @@ def test_light_and_photometry_have_the_lumens_of_the_rule(lumens):
     emitter = build_source(spec.source)
     light = lf.evaluate(lens, rays=4096)
     assert light.lumens_per_watt == pytest.approx(500.0 / emitter.flux_w, rel=1e-12)
-    landed_lm = light.lumens_per_watt * light.map.mean() * (1e-3 * light.receiver_mm) ** 2
+    landed_lm = light.lumens_per_watt * light.map.mean() * (1e-3 * light.first.width) ** 2
     assert landed_lm == pytest.approx(500.0 * light.flux.detected, rel=0.02)  # the filter moves light over the edge
     assert lf.photometry(lens, rays=4096).source_lm == pytest.approx(500.0, rel=1e-12)
     other = lf.evaluate(lens, source=lf.SquareSource(side_mm=0.5, flux_w=1.0), rays=4096)

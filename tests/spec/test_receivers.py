@@ -28,7 +28,7 @@ RECEIVERS = (
     lf.FarFieldReceiver(axis=(0.1, 0.0, 1.0), half_angle_deg=60.0, targets=(lf.BeamTarget(fwhm_deg=30.0),)),
     lf.CylinderReceiver(
         centre_mm=(0.0, 5.0, 0.0), facing=(1.0, 0.0, 1.0), radius_mm=90.0, width_mm=120.0, height_mm=60.0,
-        targets=(lf.TextTarget(text="A", width_mm=50.0), lf.DiscTarget(diameter_mm=9.0, centre_mm=(4.0, 0.0), level=0.5)),
+        targets=(lf.TextTarget(text="A", width_mm=50.0), lf.DiscTarget(diameter_mm=9.0, centre_mm=(4.0, 0.0))),
     ),
     lf.SphereReceiver(name="dome", radius_mm=90.0, half_angle_deg=70.0, targets=(lf.DiscTarget(diameter_mm=60.0),)),
 )  # fmt: skip
