@@ -16,7 +16,8 @@ from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.optics.materials import normal_transmittance
 from lensforge.receivers.pixels import PixelGrid
-from lensforge.receivers.plane import PlaneReceiver
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
 from lensforge.sources.build import build_source
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.rayfiles import read_rayfile
@@ -34,12 +35,16 @@ SYMMETRIC = replace(
 THROUGH = normal_transmittance(1.4936) ** 2
 
 
+def _plane_at(distance_mm: float) -> Plane:
+    return Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, distance_mm)), PixelGrid.square(100.0, 10))
+
+
 def test_exit_rays_go_where_the_tracer_says():
     """Carried on to any plane, they land where the tracer lands them; they start on the sphere, outwards."""
     traced = TracedLens.of(ROUGH, 4.0)
     rays = SquareEmitter(1.0).sample(4096, 3)
     out = exit_rays(traced, rays, 7.0)
-    third = PlaneReceiver(321.0, PixelGrid(100.0, 10)).land(traced.trace(rays))
+    third = _plane_at(321.0).land(traced.trace(rays))
     arrived = third.landed.numpy()
     start, way = out.rays.origins, out.rays.directions
     landed = start + way * ((321.0 - start[:, 2]) / way[:, 2])[:, None]
@@ -108,7 +113,7 @@ def test_the_ray_file_is_the_light_that_the_tracer_sees(tmp_path):
     start, way = rayfile.positions_mm.astype(float), rayfile.directions.astype(float)
     landed = (start + way * ((100.0 - start[:, 2]) / way[:, 2])[:, None])[:, :2]
     exits = TracedLens.of(ROUGH, 6.0).trace(build_source(ROUGH.spec.source).sample(2**15, 77))
-    seen_there = PlaneReceiver(100.0, PixelGrid(100.0, 10)).land(exits)
+    seen_there = _plane_at(100.0).land(exits)
     hits, flux = seen_there.hits.numpy(), seen_there.flux.numpy()
     for axis in (0, 1):
         seen = np.tanh(hits[:, axis] / 80.0 + 0.3) @ flux

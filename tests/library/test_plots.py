@@ -27,7 +27,7 @@ def refused(result, *args, **choice):
 
 for cls in (lf.Design, lf.Light, lf.Part, lf.Check, lf.StrayLight, lf.Sensitivity, lf.PhotoComparison, lf.Sweep,
             lf.RayFileSummary):
-    for name in list(inspect.signature(cls.plot).parameters)[2:]:
+    for name in set(list(inspect.signature(cls.plot).parameters)[2:]) - {"receiver"}:
         for value in ("foo", None, ["nmse"]):
             message = refused(cls.model_construct(), **{name: value})
             assert message.startswith(f"{name} = {value!r}: must be ") and "\\n" not in message, message
@@ -35,6 +35,11 @@ for result in lf.load(sys.argv[1]).found.values():
     for axes in ("map", 3, np.zeros(2)):
         message = refused(result, axes)
         assert message.startswith(f"axes: is of type {type(axes).__name__}, must be a matplotlib Axes"), message
+    if "receiver" in inspect.signature(result.plot).parameters:
+        assert result.plot(receiver=result.first.name) is not None
+        for value in ("foo", 3, ["nmse"]):
+            message = refused(result, receiver=value)
+            assert message.startswith(f"receiver = {value!r}: must be ") and "\\n" not in message, message
 print("all refused")
 """
 

@@ -199,7 +199,7 @@ def test_a_stage_that_is_run_again_mends_a_damaged_record(small_run: lf.Run, tmp
     elif damage == "other arrays":
         with np.load(folder / "evaluate.npz") as archive:
             arrays = dict(archive)
-        np.savez(folder / "evaluate.npz", **(arrays | {"map": 2.0 * arrays["map"]}))
+        np.savez(folder / "evaluate.npz", **(arrays | {"receivers.0.map": 2.0 * arrays["receivers.0.map"]}))
     elif damage == "other files":
         (folder / "evaluate.npz").write_bytes((folder / "check.npz").read_bytes())
     else:

@@ -219,25 +219,30 @@ def test_snapshots_are_bounded(tmp_path: Path) -> None:
     assert "30 snapshots" in refusal(lambda: load_snapshots(tmp_path, small_lens()))
 
 
+def _square(side: float) -> dict[str, Any]:
+    return {"width": side, "height": side, "window": {"width": side, "height": side, "radius": None}}
+
+
 def extreme_lights() -> dict[str, dict[str, Any]]:
     """Lights that every range allows, and no lens makes."""
     dark = {name: np.zeros((16, 16)) for name in ("map", "raw_map", "target_map")}
     spot = np.zeros((16, 16))
     spot[3, 5] = 1e30
-    one = {"map": np.ones((1, 1)), "raw_map": np.ones((1, 1)), "target_map": np.ones((1, 1)), "axis_mm": np.zeros(1)}
+    one = {"map": np.ones((1, 1)), "raw_map": np.ones((1, 1)), "target_map": np.ones((1, 1))}
     return {
         "dark": dark,
         "a spot": {"map": spot, "raw_map": spot, "target_map": spot[::-1].copy(), "lumens_per_watt": 1e30},
         "one pixel": {**one, "pixels": 1},
-        "faint": {name: np.full((16, 16), 1e-30) for name in dark} | {"receiver_mm": 1e-30, "window_mm": 1e-30},
-        "wide": {"receiver_mm": 1e30, "window_mm": 1e30, "distance_mm": 1e30},
-        "a mask below a pixel": {"uniform_mm": 1e-3},
+        "faint": {name: np.full((16, 16), 1e-30) for name in dark} | _square(1e-30),
+        "wide": _square(1e12),
+        "a mask below a pixel": {},
     }
 
 
 @pytest.mark.parametrize("changes", first_by_day(3, extreme_lights().values()), ids=extreme_lights())
 def test_a_page_shows_whatever_a_light_may_hold(changes: dict[str, Any]) -> None:
-    page = page_of(make_results(("evaluate",), evaluate=changes))
+    lens = small_lens() if changes else small_lens(uniform_mm=1e-3)
+    page = page_of(make_results(("evaluate",), lens, evaluate=changes))
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL).lower().split()
 
 
