@@ -9,6 +9,8 @@ import lensforge as lf
 from lensforge.pipeline import run_photometry, run_stray
 from lensforge.receivers.build import receivers_of
 
+pytestmark = pytest.mark.nightly("a minute; by day each stage knows several receivers by itself")
+
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": [80.0, 0.0, 60.0], "normal": [1.0, 0.0, 0.2],
     "width_mm": 240.0, "height_mm": 160.0, "pixel_aspect": 1.5,
