@@ -19,16 +19,22 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
 
     ``unions``: fields that hold one of several records by ``kind``; pydantic adds the kind to the path of a field.
     """
-    first = error.errors(include_url=False)[0]
+    errors = error.errors(include_url=False)
+    found = [each for each in errors if each["type"] != "too_short"] or errors  # a list whose only entry is wrong
+    first = found[0]
     location = first["loc"]
-    field = ".".join(
-        str(part) for before, part in zip((None, *location), location, strict=False) if before not in unions
-    )
+    before = zip((None, None, *location), (None, *location), location, strict=False)
+    field = ".".join(str(part) for two, one, part in before if not _is_kind(two, one, part, unions))
     field = shortened(field)
     message = shortened(" ".join(first["msg"].removeprefix("Value error, ").split()), _MOST_OF_MESSAGE)
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
     parts = [part for part in (origin, f"{field}{_given(first['input'])}" if field else "", f"{message}{more}") if part]
     return InputError(" ".join((": ".join(parts) + (f"; {remedy}" if remedy else "")).split()))
+
+
+def _is_kind(two_before: object, before: object, part: object, unions: Collection[str]) -> bool:
+    """True for the kind of a record that pydantic adds to the path of a field, after the field or its number."""
+    return isinstance(part, str) and (before in unions or (isinstance(before, int) and two_before in unions))
 
 
 def _given(value: object) -> str:

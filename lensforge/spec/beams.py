@@ -13,6 +13,8 @@ BeamAngle = Annotated[float, Field(ge=0.1, le=170.0)]
 class _FarFieldTarget(TargetSection):
     """Lengths are angles, whatever is given."""
 
+    far_field_only: ClassVar[bool] = True
+
     @property
     def unit(self) -> Literal["deg"]:
         """Degrees."""

@@ -112,6 +112,15 @@ class Spec(Section):
             require_outside(receiver, self.constraints, field)
         return self
 
+    @model_validator(mode="after")
+    def _window_is_of_a_plane(self) -> "Spec":
+        if self.evaluate.window_mm is not None and (self.target is None or self.target.distance_mm is None):
+            raise ValueError(
+                f"evaluate.window_mm = {self.evaluate.window_mm:g} goes with a target on a plane, target.distance_mm; "
+                "leave it out, or give a receiver of kind plane its own window_mm"
+            )
+        return self
+
     @property
     def all_receivers(self) -> tuple[AnyReceiver, ...]:
         """The receivers with their names; of a target alone the one that it implies."""
@@ -150,7 +159,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="the shipped specs are in examples/")
     content.setdefault("name", path.stem)
-    for section in ("source", "target", "base"):
+    for section in ("source", "target", "receivers", "base"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

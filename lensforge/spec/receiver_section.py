@@ -81,7 +81,8 @@ def _require_on_receiver(target: Target, extent: tuple[float, float]) -> None:
     """Raise ``ValueError`` for a target whose centre, or mask, or edge does not fit the receiver."""
     unit, (width, height) = target.unit, extent
     x, y = target.centre
-    if abs(x) > 0.5 * width or abs(y) > 0.5 * height:
+    off = x * x + y * y > 0.25 * width**2 if unit == "deg" else abs(x) > 0.5 * width or abs(y) > 0.5 * height
+    if off:
         raise ValueError(
             f"centre_{unit} = ({x:g}, {y:g}) is off the receiver, which reaches {0.5 * width:g} in x and "
             f"{0.5 * height:g} in y"

@@ -1,7 +1,9 @@
 """Receivers of a spec as a whole: the one that a target implies, and where receivers may not be."""
 
 from math import cos, radians
+from typing import TypeVar
 
+from lensforge.errors import InputError
 from lensforge.spec.receiver_section import Target
 from lensforge.spec.receivers import (
     AnyReceiver,
@@ -12,19 +14,26 @@ from lensforge.spec.receivers import (
 )
 from lensforge.spec.search import ConstraintsSection
 
+_Implied = TypeVar("_Implied", PlaneReceiver, FarFieldReceiver)
 _OF_RECEIVER = ("distance_mm", "receiver_mm", "half_angle_deg")  # fields of a target that stands alone
 
 
 def implied_receiver(target: Target) -> AnyReceiver:
     """The receiver that a target alone stands for. Raises ``ValueError`` where it names none."""
-    name = {"name": "light", "targets": (target,)}
     if target.half_angle_deg is not None:
-        return FarFieldReceiver(**name, half_angle_deg=target.half_angle_deg)
+        return _with(FarFieldReceiver, target, half_angle_deg=target.half_angle_deg)
     if target.distance_mm is None or target.receiver_mm is None:
         either = "half_angle_deg" if target.unit == "deg" else "distance_mm and receiver_mm"
         raise ValueError(f"target: its receiver is missing; give {either}, or put the target into [[receivers]]")
     side = target.receiver_mm
-    return PlaneReceiver(**name, centre_mm=(0.0, 0.0, target.distance_mm), width_mm=side, height_mm=side)
+    return _with(PlaneReceiver, target, centre_mm=(0.0, 0.0, target.distance_mm), width_mm=side, height_mm=side)
+
+
+def _with(kind: type[_Implied], target: Target, **place: object) -> _Implied:
+    try:
+        return kind(name="light", targets=(target,), **place)
+    except InputError as error:
+        raise ValueError(f"target: {str(error).removeprefix(f'{kind.__name__}: ')}") from None
 
 
 def named(receivers: tuple[AnyReceiver, ...]) -> tuple[AnyReceiver, ...]:

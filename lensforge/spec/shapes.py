@@ -2,13 +2,14 @@
 
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from lensforge.spec.section import Coordinate, Millimetres
 from lensforge.spec.target import DegreesOff, DegreesWide, Side, SideDegrees, SoftTarget, TargetSection
 
 _MOST_CORNERS, _MOST_SPOTS = 1000, 1000
-_LEAST_AREA = 1e-9  # of a polygon, in squares of its width: below, its corners lie on a line
+_LEAST_SPREAD = 1e-12  # of a polygon's corners about a line, squared: below, they lie on it
 
 
 class FlatTopTarget(TargetSection):
@@ -95,9 +96,9 @@ class PolygonTarget(SoftTarget):
     def _has_an_area(self) -> "PolygonTarget":
         if len(self.corners) < 3:
             raise ValueError(f"corners_{self.unit}: {len(self.corners)} corners, a polygon has three at least")
-        x, y = zip(*self.corners, strict=True)
-        width, height = max(x) - min(x), max(y) - min(y)
-        if width * height <= _LEAST_AREA * max(width, height) ** 2:
+        x, y = (np.array(each) - np.mean(each) for each in zip(*self.corners, strict=True))
+        xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+        if xx * yy - xy * xy <= _LEAST_SPREAD * (xx + yy) ** 2:
             raise ValueError(f"corners_{self.unit}: all lie on a line; a polygon has an area")
         return self
 

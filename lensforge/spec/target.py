@@ -34,6 +34,7 @@ class TargetSection(Section):
 
     needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
     takes: ClassVar[tuple[str, ...]] = ("centre", "uniform")  # and those that may be
+    far_field_only: ClassVar[bool] = False
 
     kind: str
     distance_mm: Millimetres | None = None
@@ -62,6 +63,8 @@ class TargetSection(Section):
             missing = "distance_mm" if self.distance_mm is None else "receiver_mm"
             raise ValueError(f"{missing}: missing; a plane on the axis has both distance_mm and receiver_mm")
         if self.on_receiver is not None and self.on_receiver != unit:
+            if self.far_field_only:
+                raise ValueError("it is light of the far field; give half_angle_deg, not distance_mm and receiver_mm")
             where = "on the far field lengths are in degrees" if unit == "mm" else "on a plane lengths are in mm"
             raise ValueError(f"{where}; give {', '.join(f'{name}_{self.on_receiver}' for name in self.needs)}")
         return self

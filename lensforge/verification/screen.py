@@ -157,6 +157,7 @@ def _equal_area(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
     across = np.hypot(vectors[:, 0], vectors[:, 1])
     radius = 2.0 * np.sin(0.5 * np.arctan2(across, vectors[:, 2]))
     chart: Float[np.ndarray, "n 2"] = vectors[:, :2] * (radius / np.where(across > 0.0, across, 1.0))[:, None]
+    chart[(across == 0.0) & (vectors[:, 2] < 0.0)] = np.nan  # straight back: no place on the chart
     return chart
 
 

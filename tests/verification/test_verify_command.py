@@ -30,7 +30,7 @@ def test_the_step_is_cast_beside_the_mesh(verified):
     brep = json.loads((folder / "verify_2048rays.json").read_text(encoding="utf-8"))["receivers"][0]["brep"]
     assert brep["rays"] == 1024
     assert brep["against_design"]["rms"] < 5e-5 * 100.0
-    assert float(printed["receivers.0.brep.against_design.rms"]) == brep["against_design"]["rms"]
+    assert float(printed["receivers.light.brep.against_design.rms"]) == brep["against_design"]["rms"]
 
 
 def test_no_array_is_printed(verified):
