@@ -7,11 +7,12 @@ from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.light import Flux, Light, MissedByCause, RawMetrics, TableErrors, light_criteria
-from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.simulate import MISSED_RECEIVER, Simulation, TracedLens, simulate
+from lensforge.jackknife import jackknife
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.pixels import gaussian3

@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.evaluation.light import PresetError, TableError
-from lensforge.evaluation.metrics import jackknife_metric, relative_square
+from lensforge.evaluation.metrics import relative_square
 from lensforge.evaluation.simulate import TracedLens
+from lensforge.jackknife import jackknife_metric
 from lensforge.lens import Lens
 from lensforge.receivers.pixels import flux_in_square, splat_flux
 from lensforge.receivers.plane import PlaneReceiver
