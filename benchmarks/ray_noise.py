@@ -17,10 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.metrics import jackknife_metric, nmse, relative_deviation, uniformity
+from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import _Choices, _halves, uniformity_without_noise
 from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.simulate import REPLICATES, TracedLens, simulate
+from lensforge.jackknife import jackknife_metric
 from lensforge.lens import load_lens
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import gaussian3

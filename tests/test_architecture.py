@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "untrusted",
-    "pictures", "kernels", "records", "criteria", "surfaces",
+    "pictures", "kernels", "records", "jackknife", "criteria", "surfaces",
     "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "optimisation",
     "evaluation", "tolerancing", "far_field", "geometry", "manufacturing", "verification", "screens", "measurement",
     "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "measured_part",

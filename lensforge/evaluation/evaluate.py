@@ -8,12 +8,13 @@ from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.light import Light, TableErrors, light_criteria
-from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
+from lensforge.jackknife import jackknife
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of

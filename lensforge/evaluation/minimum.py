@@ -24,7 +24,8 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.evaluation.metrics import jackknife_error, uniformity
+from lensforge.evaluation.metrics import uniformity
+from lensforge.jackknife import jackknife_error
 from lensforge.records import Metric
 
 _REPLICATES = 16

@@ -8,8 +8,9 @@ import numpy as np
 
 from lensforge import seeds
 from lensforge.evaluation.light import PresetError, TableError
-from lensforge.evaluation.metrics import jackknife_metric, relative_square
+from lensforge.evaluation.metrics import relative_square
 from lensforge.evaluation.simulate import TracedLens
+from lensforge.jackknife import jackknife_metric
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import flux_in, splat_flux

@@ -73,7 +73,6 @@ def _slices(sample: RayBundle) -> list[RayBundle]:
 
 def _judgement(merit: MeritFunction, lights: list[list[SampledLight]], missing: float, uniform: bool) -> Judgement:
     """The judgement of the light of both samples' slices, and of what is missing of the constraints' margins."""
-
     flux_w = [sum(part.emitted_w for part in parts) for parts in lights]
 
     def judged(left_out: int | None) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from lensforge.jackknife import jackknife_error
 from lensforge.records import Count, NotNegative, Number, Positive, Record
 
 SLICES = 8  # of the held rays: the error of a gain is then known to a quarter of itself
@@ -37,8 +38,7 @@ class Judgement(Record):
     def gain_of(self, later: "Judgement") -> Gain:
         """The gain of ``later``, relative to the error of this image; by jackknife, as both see the same rays."""
         lowered = np.array(self.without) - np.array(later.without)
-        error = float(np.sqrt((SLICES - 1) / SLICES * np.sum((lowered - lowered.mean()) ** 2)))
-        return Gain((self.merit - later.merit) / self.image, error / self.image)
+        return Gain((self.merit - later.merit) / self.image, jackknife_error(lowered) / self.image)
 
 
 class Outcome(Record):

@@ -5,7 +5,8 @@ from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
-from lensforge.evaluation.metrics import jackknife, nmse, relative_deviation, uniformity
+from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
+from lensforge.jackknife import jackknife
 from lensforge.lens import Lens
 from lensforge.optics.materials import normal_transmittance
 from lensforge.sources.build import build_source

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.metrics import jackknife_error
 from lensforge.evaluation.noise_free import Images, nmse_without_noise
+from lensforge.jackknife import jackknife_error
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import PixelGrid, bin_flux, gaussian3, splat_flux
 from lensforge.records import Metric

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge import seeds
-from lensforge.evaluation.metrics import jackknife, jackknife_error, relative_square
+from lensforge.evaluation.metrics import relative_square
+from lensforge.jackknife import jackknife, jackknife_error
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import splat_flux
