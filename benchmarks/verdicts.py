@@ -65,7 +65,7 @@ def cases() -> Iterator[tuple[str, lf.Spec, str]]:
 
 def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[str, ...]:
     """The figures on which the verdict rests, and the verdict."""
-    design = lf.design(spec, accuracy=accuracy)
+    design = lf.design(spec, accuracy=accuracy, anyway=True)
     light = lf.evaluate(design.lens)
     verdict = verdict_on(design.lens, design, light, None, None, None).light
     figures = (light.nmse.value, light.share_in_target.value, light.efficiency.value)

@@ -34,10 +34,13 @@ def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
     return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
 
 
-def warned_source(spec: Spec, warn: Callable[[str], None] | None, start: Lens | None = None) -> "Source":
+def warned_source(
+    spec: Spec, warn: Callable[[str], None] | None, start: Lens | None = None, *, anyway: bool = False
+) -> "Source":
     """The source of ``spec``, after ``warn`` was called with each warning on it and on the scene from ``start`` on.
 
-    By default they are Python's own warnings. Raises :class:`InputError` where no search can help.
+    By default they are Python's own warnings. Raises :class:`InputError` where no search can help and, unless
+    ``anyway``, where less than half of what the targets ask for is possible.
     """
     from lensforge.optimisation.scene_check import SceneCheck
     from lensforge.sources.build import summarise
@@ -45,7 +48,7 @@ def warned_source(spec: Spec, warn: Callable[[str], None] | None, start: Lens | 
     source = source_of(spec)
     room = source_clearance_warnings(spec, source)
     scene = SceneCheck.of(spec, source, start)
-    scene.require_light()
+    scene.require_light(anyway=anyway)
     for words in (*summarise(source, spec.source).warnings, *scene.warnings(), *room):
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)

@@ -50,6 +50,7 @@ def run(
     device: Literal["cpu", "cuda"] = "cpu",
     announce: Announce | None = None,
     warn: Callable[[str], None] | None = None,
+    anyway: bool = False,
 ) -> Run:
     """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
 
@@ -73,6 +74,7 @@ def run(
             progress=progress,
             device=device,
             warn=warn,
+            anyway=anyway,
         )
         write_design(result, folder)
         for name, stage in _AFTER_DESIGN.items():

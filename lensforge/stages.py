@@ -53,6 +53,7 @@ def design(
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     warn: Callable[[str], None] | None = None,
+    anyway: bool = False,
 ) -> Design:
     """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
 
@@ -62,6 +63,7 @@ def design(
     after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
     checkpoint. ``device``: where the rays of the search are traced (``cuda`` is experimental). ``warn`` is called with
     each warning on the source before the search begins; by default they are Python's own, :class:`SourceWarning`.
+    ``anyway``: search even where less than half of the light that a target asks for can reach it.
     Raises :class:`InputError` for invalid arguments.
     """
     from lensforge.optimisation.optimiser import search
@@ -77,7 +79,7 @@ def design(
         from lensforge.geometry.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
-    source = warned_source(spec, warn, start)
+    source = warned_source(spec, warn, start, anyway=anyway)
     with threads_of_torch(threads):
         return search(
             spec,
@@ -89,6 +91,7 @@ def design(
             checkpoint=path,
             resume=resume and path is not None and path.exists(),
             progress=progress,
+            anyway=anyway,
         )
 
 
@@ -119,11 +122,10 @@ def evaluate(
     preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, chosen)
     if conditions is not None and conditions.source is not None:
         conditions = conditions.model_copy(update={"warnings": summarise(emitter, chosen).warnings})
-    with threads_of_torch(threads):
-        light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed)
     efficacy = summarise(emitter, chosen).lumens_per_watt
-    inputs = inputs_of(lens, chosen)
-    return light.model_copy(update={"inputs": inputs, "lumens_per_watt": efficacy, "conditions": conditions})
+    with threads_of_torch(threads):
+        light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed, lumens_per_watt=efficacy)
+    return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
 
 
 def build(

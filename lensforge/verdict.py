@@ -1,6 +1,7 @@
 """The verdict on a lens: light (as specified), files (correct), cutting (possible).
 
-Where the spec sets no limits, light fails if the pattern is far from the target or too little of the light lands there.
+Light is judged by the limits of the spec. Where it sets none, it fails if the pattern is far from the target or too
+little of the light lands there.
 ``benchmarks/verdicts.py`` calibrates both bounds (docs/results.md): the worst of the shipped specs has an NMSE of 0.08
 as a draft, and puts 0.8 of what two faces transmit into its target; useless lenses (a 6 mm source in an 8 mm lens, a
 word finer than the image of its source, a lens of hardly more than cavity and wall, a target beyond the étendue of its
@@ -24,7 +25,7 @@ from lensforge.spec.target import IN_TARGET
 from lensforge.verification.proof import Proof
 
 LARGEST_NMSE = 0.10
-LEAST_SHARE = 0.7  # of the flux that two faces transmit at normal incidence must lie in the target
+LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
 _DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
 _CERTAIN = 2.0  # standard errors; within them of a bound, the verdict is undecided
 
@@ -96,9 +97,20 @@ def _failed(criteria: Iterable[Criterion]) -> Iterator[_Reason]:
 
 def _light(lens: Lens, light: Light) -> Iterator[_Reason]:
     yield from _failed(light.criteria)
+    if lens.spec.limits:
+        yield from _limits(light)
+        return
     transmittance = normal_transmittance(lens.refractive_index) ** 2
     for receiver in light.receivers:
         yield from _on_receiver(receiver, transmittance, f" on {receiver.name}" if len(light.receivers) > 1 else "")
+
+
+def _limits(light: Light) -> Iterator[_Reason]:
+    """Reasons by the limits of the spec, which are what its light must keep: no others count."""
+    for limit in light.limits:
+        if limit.state != "held":
+            state: State = "fail" if limit.state == "missed" else "undecided"
+            yield state, str(limit) if state == "fail" else f"{limit}, within two standard errors of it"
 
 
 def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iterator[_Reason]:
@@ -106,10 +118,12 @@ def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iter
     nmse, share = light.nmse.value, light.share_in_target.value
     words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
     yield from _above_bound(f"NMSE{where}", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
-    possible = transmittance * _wanted_in_target(light)
+    asked, possible = transmittance * _wanted_in_target(light), light.possible.share_in_target
+    what = "two faces transmit into the pattern" if asked <= possible else f"is possible (by {light.possible.law})"
+    possible = min(asked, possible)
     words = (
-        f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that two faces transmit into the pattern: a "
-        "larger lens, a smaller source or a wider target"
+        f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that {what}: a larger lens, a smaller source or "
+        "a wider target"
     )
     missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
     yield from _above_bound(f"share of the light in the target{where}", missing, error, words)

@@ -35,6 +35,31 @@ def light_contradictions(light: Light, lens: Lens) -> Iterator[str]:
     for own, section, receiver in zip(light.receivers, sections, built, strict=False):
         for words in _of_receiver(own, section, receiver):
             yield words if len(sections) == 1 else f"receivers: {section.name}: {words}"
+    if not any(own.map.shape != receiver.grid.shape for own, receiver in zip(light.receivers, built, strict=False)):
+        yield from _limits(light, lens, built)
+
+
+def _limits(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") -> Iterator[str]:
+    """Limits that are not those of the spec, or values that the pictures do not have."""
+    from lensforge.evaluation.limits import limit_value
+    from lensforge.targets.limits import light_limits
+
+    if not (lens.spec.limits or light.limits):
+        return
+    # the pictures hold light, not flux; a share is one of the flux in W, which no field of the record states
+    wanted = light_limits(lens.spec, receivers, light.lumens_per_watt or 1.0, 1.0)
+    yield from unlike("limits", len(light.limits), len(wanted), "the spec has")
+    for own, limit in zip(light.limits, wanted, strict=False):
+        where = f"limits: {limit.name}"
+        for name in ("name", "sense", "bound", "unit"):
+            yield from unlike(f"{where}: {name}", getattr(own, name), getattr(limit, name), "the spec has")
+        lit = light.receivers[limit.receiver]
+        yield from unlike(f"{where}: receiver", own.receiver, lit.name, "the spec has")
+        if limit.quantity == "share":
+            continue
+        value = limit_value(limit, lit.map[None] * receivers[limit.receiver].pixel_measure).value
+        room = _ERRORS * (own.value.standard_error or 0.0) + _EDGE * abs(value)
+        yield from beyond(f"{where}: value", own.value.value, value - room, value + room, _PICTURES)
 
 
 def _settings(light: Light, lens: Lens) -> Iterator[str]:

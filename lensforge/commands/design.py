@@ -22,6 +22,7 @@ from lensforge.spec import Accuracy, Spec, load_spec
 @SEED
 @click.option("--resume", is_flag=True, help="Continue from the checkpoint of an interrupted design.")
 @click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
+@click.option("--anyway", is_flag=True, help="Design even where less than half of what a target asks is possible.")
 @RAYS
 @THREADS
 @DEVICE
@@ -32,6 +33,7 @@ def design(
     seed: int,
     resume: bool,
     snapshots: bool,
+    anyway: bool,
     rays: int | None,
     threads: int | None,
     device: Literal["cpu", "cuda"],
@@ -49,6 +51,7 @@ def design(
         device=device,
         resume=resume,
         snapshots=snapshots,
+        anyway=anyway,
     )
     click.echo(f"report\t{directory / REPORT_FILE}")
     print_headline(run)
@@ -65,6 +68,7 @@ def run_with_progress(
     device: Literal["cpu", "cuda"] = "cpu",
     resume: bool = False,
     snapshots: bool = False,
+    anyway: bool = False,
 ) -> Run:
     """Call ``pipeline.run`` with its progress on stderr; ``resume``: from the checkpoint in ``directory``.
 
@@ -89,4 +93,5 @@ def run_with_progress(
             device=device,
             announce=reporter.on_stage,
             warn=reporter.on_warning,
+            anyway=anyway,
         )

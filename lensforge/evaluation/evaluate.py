@@ -1,6 +1,7 @@
 """Evaluation of a finished lens by the paper's protocol: rays in independent replicates, metrics, :class:`Light`."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -8,21 +9,23 @@ from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
 from lensforge.evaluation.light import Light, TableErrors, light_criteria
+from lensforge.evaluation.limits import judged_limits
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.preset_error import measure_preset
-from lensforge.evaluation.receiver_light import Flux, MissedByCause, RawMetrics, ReceiverLight, WindowSize
+from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.jackknife import jackknife
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import gaussian3
-from lensforge.receivers.receiver import Receiver
-from lensforge.records import Metric
+from lensforge.receivers.possible import PossibleLight, SourceLight
+from lensforge.records import Image, Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import AnyReceiver, Spec
+from lensforge.targets.limits import LightLimit, light_limits
 from lensforge.targets.pattern import target_light
 from lensforge.targets.region import in_target, uniform_region
 
@@ -35,36 +38,62 @@ def evaluate_lens(
     rays: int | None = None,
     pixels: int | None = None,
     seed: int | None = None,
+    lumens_per_watt: float | None = None,
 ) -> Light:
     """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
 
-    ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well.
+    ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well, and the
+    limits of the spec are judged: those in lux and candela by ``lumens_per_watt`` of ``source``.
     """
     traced = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
-    light = evaluate_traced(traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels)
+    side = pixels or lens.spec.evaluate.pixels
+    limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
+    light = evaluate_traced(
+        traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels=side, limits=limits
+    )
     design = TracedLens.of(lens, preset.nodes_per_sigma)
     error = measure_preset(lens, source, design, traced)
-    return light.model_copy(update={"preset_error": error, "inputs": {"lens": lens.sha256}})
+    settled = {"preset_error": error, "inputs": {"lens": lens.sha256}, "lumens_per_watt": lumens_per_watt}
+    return light.model_copy(update=settled)
 
 
 def evaluate_traced(
-    traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int, pixels: int | None = None
+    traced: TracedLens,
+    spec: Spec,
+    source: Source,
+    rays: int,
+    seed: int,
+    *,
+    pixels: int | None = None,
+    limits: Sequence[LightLimit] = (),
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
-    The luminous efficacy is left open: it is not one of the emitter.
+    ``limits`` on pictures of that many ``pixels`` are judged. The luminous efficacy is left open: it is not one of the
+    emitter.
     """
     started = time.perf_counter()
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
+    light, largest_mm = SourceLight.of(source, traced.scene.refractive_index), spec.constraints.max_radius_mm
     found = zip(spec.all_receivers, receivers, simulation.received, strict=True)
     lit = tuple(
-        receiver_light(section, receiver, received, simulation.emitted_w, spec.evaluate.filter_variance)
+        receiver_light(
+            section,
+            PossibleLight(light, receiver, largest_mm),
+            received,
+            simulation.emitted_w,
+            spec.evaluate.filter_variance,
+        )
         for section, receiver, received in found
+    )
+    pictures = (
+        [_filtered(received, spec.evaluate.filter_variance) for received in simulation.received] if limits else []
     )
     return Light(
         receivers=lit,
+        limits=judged_limits(limits, pictures, [each.name for each in lit]),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=lit[0].pixels,
@@ -80,10 +109,11 @@ def evaluate_traced(
 
 
 def receiver_light(
-    section: AnyReceiver, receiver: Receiver, received: ReceivedFlux, emitted_w: float, filter_variance: float
+    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, emitted_w: float, filter_variance: float
 ) -> ReceiverLight:
-    """Metrics and maps of the light on one receiver."""
-    images = np.stack([gaussian3(image, filter_variance) for image in received.images])
+    """Metrics and maps of the light on one receiver, with the bounds that physics sets there."""
+    receiver = physics.receiver
+    images = _filtered(received, filter_variance)
     target, mean, raw = target_light(section.targets, receiver), images.mean(axis=0), received.images.mean(axis=0)
     mask, measure = _lit(uniform_region(section.targets, receiver), mean), receiver.pixel_measure
     flux, missed = _flux_budget(received, emitted_w)
@@ -102,11 +132,31 @@ def receiver_light(
         rsd=None if mask is None else rsd_without_noise(images, mask),
         raw=_raw(mean, target, mask),
         nmse_of_noise=_noise(images),
+        possible=_possible(physics, target, float(mean.sum()) / emitted_w),
         flux=flux,
         missed_by_cause=missed,
         map=mean / measure,
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
+    )
+
+
+def _filtered(received: ReceivedFlux, variance: float) -> Images:
+    return np.stack([gaussian3(image, variance) for image in received.images])
+
+
+def _possible(physics: PossibleLight, target: Image, arriving: float) -> Possible:
+    """Bounds for a target with sum 1; ``arriving``: share of the flux on the pixels."""
+    region = in_target(target)
+    window, share = (
+        physics.in_region(pixels) for pixels in (physics.receiver.window.pixels(physics.receiver.grid), region)
+    )
+    return Possible(
+        efficiency=window.value,
+        share_in_target=share.value,
+        nmse=physics.least_nmse(target, region, arriving),
+        law=share.law,
+        luminance_estimated=physics.light.curve.estimated,
     )
 
 

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
 from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion, at_most
-from lensforge.evaluation.receiver_light import Flux, MissedByCause, Picture, RawMetrics, ReceiverLight
+from lensforge.evaluation.limit_result import LimitResult
+from lensforge.evaluation.receiver_light import Flux, MissedByCause, Picture, Possible, RawMetrics, ReceiverLight
 from lensforge.figures.light_unit import light_unit
 from lensforge.records import Count, Image, Metric, NotNegative, Positive, Record, SimulatedResult, Text, stated
 from lensforge.records.arrays import MOST_PIXELS
@@ -59,6 +60,7 @@ class Light(SimulatedResult):
     made_from: ClassVar[tuple[str, ...]] = ("lens", "source")
 
     receivers: Annotated[tuple[ReceiverLight, ...], Field(min_length=1)]
+    limits: tuple[LimitResult, ...] = ()
     rays: Annotated[Count, Field(ge=1)]
     replicates: Annotated[Count, Field(ge=1)]
     pixels: Annotated[Count, Field(ge=1, le=MOST_PIXELS)]
@@ -100,6 +102,11 @@ class Light(SimulatedResult):
     def rsd(self) -> Metric | None:
         """Standard deviation over mean in the first receiver's mask."""
         return self.first.rsd
+
+    @stated
+    def possible(self) -> Possible:
+        """Bounds that physics sets on the first receiver."""
+        return self.first.possible
 
     @stated
     def flux(self) -> Flux:

@@ -36,16 +36,25 @@ Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> Metric:
     """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased.
 
-    The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the
-    way from the estimate to v of the halves, the part that the extrapolation has taken off the rigorous upper bound.
-    Other than 16 replicates, or one without light: the uniformity of their mean, with its noise, and no standard error.
+    As :func:`least_without_noise`; with a replicate without light, too, the uniformity of the mean, with its noise.
     """
     inside = images[:, mask]
     means = inside.mean(axis=1)
     if len(images) != _REPLICATES or not (means > 0.0).all():
         return Metric(value=uniformity(images.mean(axis=0), mask))
-    relative = inside / means[:, None]
-    halves, quarters = (_Choices.of(relative, blocks) for blocks in (_halves(), _quarters()))
+    return least_without_noise(inside / means[:, None])
+
+
+def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
+    """Least of the values at ``k`` places, of which each replicate is an unbiased reading with noise.
+
+    The standard error has two parts: that of the estimate by the jackknife, with the slope h held, and the rest of the
+    way from the estimate to v of the halves, the part that the extrapolation has taken off the rigorous upper bound.
+    Other than 16 replicates: the least of their mean, with its noise, and no standard error.
+    """
+    if len(readings) != _REPLICATES:
+        return Metric(value=float(readings.mean(axis=0).min()))
+    halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _slope(halves, quarters)
     value = float(halves.extrapolated(slope))
     taken_off = halves.read - value

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from lensforge.figures.chart import Chart
-from lensforge.records import Irradiance, Metric, NotNegative, Positive, Record, Share, Text
+from lensforge.records import Flag, Irradiance, Metric, NotNegative, Positive, Record, Share, Text
 
 _FLUX_ADDS_UP = 1e-9
 Picture = Literal["map", "raw_map", "target_map"]
@@ -46,6 +46,20 @@ class RawMetrics(Record):
     rsd: NotNegative | None
 
 
+class Possible(Record):
+    """Bounds that physics sets to light on the same pixels from any lens that keeps the largest radius.
+
+    ``efficiency``, ``share_in_target``: at most, by ``law``; ``nmse``: at least, of the light that arrives.
+    ``luminance_estimated``: the source's is an estimate from its rays, and so are the bounds by étendue.
+    """
+
+    efficiency: Share
+    share_in_target: Share
+    nmse: NotNegative
+    law: Text
+    luminance_estimated: Flag
+
+
 class WindowSize(Record):
     """The window of a receiver: a centred rectangle, or in the far field and on a sphere a circle; in its unit."""
 
@@ -82,6 +96,7 @@ class ReceiverLight(Record):
     rsd: Metric | None
     raw: RawMetrics
     nmse_of_noise: NotNegative | None
+    possible: Possible
     flux: Flux
     missed_by_cause: MissedByCause
     map: Irradiance

@@ -4,7 +4,7 @@ Sources: Winston, Minano and Benitez, *Nonimaging Optics* (2005), chapter 2, for
 of a sphere seen from a small area is ``pi (r/D)^2 cos(angle)``, Howell's catalogue of view factors, B-42.
 """
 
-from math import acos, pi
+from math import pi
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -41,14 +41,6 @@ def etendue_from_ball(radius_mm: float, solid_angle_sr: float) -> float:
     ``pi r^2`` is what the ball shows to each direction.
     """
     return pi * radius_mm**2 * solid_angle_sr
-
-
-def largest_deviation_rad(refractive_index: float) -> float:
-    """Largest angle by which two refractions turn a ray, into a body and out of it: twice ``acos(1/n)``.
-
-    Each turns it by at most the difference between grazing incidence and the critical angle.
-    """
-    return 2.0 * acos(1.0 / refractive_index)
 
 
 def cone_around(

@@ -107,8 +107,13 @@ def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin
     Uniformity is least over mean: a variance is insensitive to the one corner that decides it. The image is smoothed by
     the 3 x 3 Gaussian of the evaluation first, so that ray noise does not count as a shortfall.
     """
+    inside = smoothed(flux)[mask]
+    return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)
+
+
+def smoothed(flux: Image) -> Image:
+    """The picture after the 3 x 3 Gaussian of variance 1 pixel^2, as the evaluation filters it."""
     taps = torch.tensor([math.exp(-0.5), 1.0, math.exp(-0.5)], dtype=flux.dtype)
     kernel = torch.outer(taps, taps) / taps.sum() ** 2
     padded = torch.nn.functional.pad(flux[None, None], (1, 1, 1, 1), mode="replicate")
-    inside = torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0][mask]
-    return torch.mean(torch.clamp(1.0 - margin - inside / _scale(inside), min=0.0) ** 2)
+    return torch.nn.functional.conv2d(padded, kernel[None, None])[0, 0]

@@ -12,8 +12,10 @@ from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
 from lensforge.optimisation.image_terms import ImageTerms, nmse_loss
 from lensforge.optimisation.light_path import LightPath
+from lensforge.optimisation.limit_terms import LimitTerm, limit_terms
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.receivers.build import receivers_of
+from lensforge.sources.build import summarise
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.tracing.tables import Scene
@@ -58,6 +60,7 @@ class MeritFunction:
     parametrisation: Parametrisation
     light: LightPath
     terms: tuple[ImageTerms, ...]
+    limits: tuple[LimitTerm, ...] = ()
 
     @staticmethod
     def of(
@@ -76,7 +79,9 @@ class MeritFunction:
             for section, receiver in zip(sections, receivers, strict=True)
         )
         scene = Scene(spec.lens.refractive_index, parametrisation.grid, fresnel)
-        return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms)
+        efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
+        limits = limit_terms(spec, receivers, efficacy, source.flux_w)
+        return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)
 
     def evaluate(
         self,
@@ -94,7 +99,7 @@ class MeritFunction:
         efficiency = sum(terms.share * float(image.detach().sum()) for terms, image in pairs) / emitted_w
         nmse = sum(terms.share * nmse_loss(image.detach(), terms.wanted).item() for terms, image in pairs)
         loss = torch.stack([terms.share * terms.loss(image, uniform) for terms, image in pairs]).sum()
-        loss = loss + self._flux_term(light) / emitted_w
+        loss = loss + self._flux_term(light) / emitted_w + self._limit_term(images)
         fields = constraints.fields(inner, outer)
         return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
 
@@ -110,7 +115,16 @@ class MeritFunction:
         parts = zip(self.terms, first.images, second.images, strict=True)
         error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
         of_flux = 0.5 * (first.terms / first.emitted_w + second.terms / second.emitted_w)
+        error = error + self._limit_term(
+            tuple(0.5 * (one + other) for one, other in zip(first.images, second.images, strict=True))
+        )
         return float(error + of_flux), float(error)
+
+    def _limit_term(self, images: tuple[Float[Tensor, "h w"], ...]) -> Float[Tensor, ""]:
+        """Excess over the limits; that of the joined picture, whose noise is small, in a judgement."""
+        if not self.limits:
+            return torch.zeros((), dtype=torch.float64)
+        return torch.stack([limit.loss(images) for limit in self.limits]).sum()
 
     def _images(self, light: tuple[Collected, ...]) -> tuple[Float[Tensor, "h w"], ...]:
         return tuple(terms.image(each) for terms, each in zip(self.terms, light, strict=True))

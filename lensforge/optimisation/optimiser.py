@@ -43,6 +43,7 @@ def search(
     checkpoint: Path | None = None,
     resume: bool = False,
     progress: Observer | None = None,
+    anyway: bool = False,
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
@@ -51,10 +52,10 @@ def search(
     ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one, unless
     ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it returns
     False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the lens, or a
-    target that no lens can light.
+    target of which no lens can light half, unless ``anyway``.
     """
     clock, scene = Stopwatch(), SceneCheck.of(spec, source, start)
-    scene.require_light()
+    scene.require_light(anyway=anyway)
     preset, spec = PRESETS[accuracy], settled_symmetry(spec, source)
     schedule = _schedule(spec, source, preset, start)
     problems = Problems(spec, source, preset.nodes_per_sigma, device)

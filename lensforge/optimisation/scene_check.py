@@ -13,22 +13,18 @@ import torch
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.receivers.build import receivers_of
-from lensforge.receivers.possible import LargestShare, largest_share
+from lensforge.optimisation.asked_light import LEAST_POSSIBLE, AskedLight, AskedShare, asked_light
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.spec import AnyReceiver, Spec
+from lensforge.spec import Spec
 from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.spline import grid_for, tabulate
 from lensforge.surfaces.surface import Surface
-from lensforge.targets.pattern import target_light
-from lensforge.targets.region import in_target
 from lensforge.tracing.tables import Scene, trace_tables
 
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
-_LEAST_POSSIBLE = 0.01  # of the flux: less of it in the target is no design but a wrong unit
-_WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares of the flux that a user should know of before waiting for a search
+_WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -38,16 +34,16 @@ _LOST = {
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Shares of the source's flux: ``entering`` the starting lens, ``lost`` before it, ``possible`` in the targets.
+    """Shares of the source's flux: ``entering`` the starting lens and ``lost`` before it; the light that is asked for.
 
-    ``possible``: at most, in those of each receiver, by :func:`~lensforge.receivers.possible.largest_share`.
-    ``mean_direction``: of the flux.
+    ``targets``: of each receiver. ``limits``: that ask for light. ``mean_direction``: of the flux.
     """
 
     spec: Spec
     entering: float
     lost: dict[Fate, float]
-    possible: tuple[LargestShare, ...]
+    targets: tuple[AskedShare, ...]
+    limits: tuple[AskedLight, ...]
     mean_direction: tuple[float, float, float]
 
     @staticmethod
@@ -57,21 +53,23 @@ class SceneCheck:
         by_fate = _shares_by_fate(spec, rays, start)
         lost = {fate: by_fate.pop(fate) for fate in _LOST}
         x, y, z = (rays.flux @ rays.directions / rays.flux.sum()).tolist()
-        return SceneCheck(spec, sum(by_fate.values()), lost, _possible_shares(spec, rays), (x, y, z))
+        return SceneCheck(spec, sum(by_fate.values()), lost, *asked_light(spec, source), (x, y, z))
 
-    def require_light(self) -> None:
-        """Raise :class:`InputError` where no light enters the lens, or none can reach the target."""
+    def require_light(self, *, anyway: bool = False) -> None:
+        """Raise :class:`InputError` where no light enters the lens or, unless ``anyway``, less than half can do.
+
+        That is half of what the target asks for. A luminance that is an estimate refuses nothing.
+        """
         if self.entering < _LEAST_ENTERING:
             raise InputError(
                 f"source: {_percent(self.entering)} of the light enters the starting lens, at least "
                 f"{_percent(_LEAST_ENTERING)} must: {self._causes()}; try {', '.join(self._remedies())}"
             )
-        for receiver, possible in zip(self.spec.all_receivers, self.possible, strict=True):
-            if possible.value < _LEAST_POSSIBLE:
+        for field, asked in self._asked():
+            if asked.met < LEAST_POSSIBLE and asked.certain and not anyway:
                 raise InputError(
-                    f"{self._named(receiver)}: {possible} of the light can reach it {self._through(receiver)}, at "
-                    f"least {_percent(_LEAST_POSSIBLE)} must; check the units of {self._distance()}, of the target's "
-                    "size and of the source's, or raise constraints.max_radius_mm or lens.refractive_index"
+                    f"{field}: {asked.possible_words} {self._through()}, less than half of the {asked.asked_words}: "
+                    f"{self._help(asked)}; or design it all the same: --anyway, in a script anyway=True"
                 )
 
     def warnings(self) -> tuple[str, ...]:
@@ -84,13 +82,22 @@ class SceneCheck:
                 f"{_percent(self.entering)} of the light enters the starting lens: {self._causes()}; "
                 f"try {', '.join(self._remedies())}"
             )
-        for receiver, possible in zip(self.spec.all_receivers, self.possible, strict=True):
-            if possible.value < _WARN_POSSIBLE:
-                name = "the target" if self.spec.target is not None else f"the target on {receiver.name}"
-                yield (
-                    f"{possible} of the light can reach {name} {self._through(receiver)}; try a larger "
-                    "constraints.max_radius_mm, a smaller source or a larger target"
-                )
+        for field, asked in self._asked():
+            if asked.met < _WARN_POSSIBLE:
+                yield f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}"
+
+    def _asked(self) -> Iterator[tuple[str, AskedLight]]:
+        """Targets and limits by the names of their fields."""
+        for receiver, target in zip(self.spec.all_receivers, self.targets, strict=True):
+            yield "target" if self.spec.target is not None else f"receivers: target on {receiver.name}", target
+        for limit in self.limits:
+            yield f"limits: {limit.name}", limit
+
+    def _help(self, asked: AskedLight) -> str:
+        """Changes to try: of the source where most of its light is lost before the lens, else lens or target."""
+        if self.entering < LEAST_POSSIBLE:
+            return f"{self._causes()}; try {', '.join(self._remedies())}"
+        return f"try {asked.remedies()}"
 
     def _causes(self) -> str:
         return ", ".join(f"{_percent(share)} {_LOST[fate]}" for fate, share in self.lost.items() if share > 0.0)
@@ -108,17 +115,11 @@ class SceneCheck:
                 cavity = "lens.inner_offset_mm" if self.spec.lens.fixed_inner is None else "lens.fixed_inner"
                 yield ", ".join([*places, f"or a larger {cavity}"])
 
-    def _named(self, receiver: AnyReceiver) -> str:
-        return "target" if self.spec.target is not None else f"receivers: target on {receiver.name}"
-
-    def _distance(self) -> str:
-        return "its distance" if self.spec.target is None else "target.distance_mm"
-
-    def _through(self, receiver: AnyReceiver) -> str:
+    def _through(self) -> str:
         largest = f"through a lens of constraints.max_radius_mm = {self.spec.constraints.max_radius_mm:g}"
         if self.spec.target is not None and self.spec.target.distance_mm is not None:
             return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
-        return f"{largest} {receiver.place}"
+        return largest
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
@@ -135,15 +136,6 @@ def _starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
     inner, outer = (sphere(radius_mm) for radius_mm in spec.lens.start_mm)
     fixed_inner, fixed_outer = spec.lens.fixed
     return fixed_inner or inner, fixed_outer or outer
-
-
-def _possible_shares(spec: Spec, rays: RayBundle) -> tuple[LargestShare, ...]:
-    """The largest share in the targets of each receiver."""
-    largest_mm, index = spec.constraints.max_radius_mm, spec.lens.refractive_index
-    return tuple(
-        largest_share(rays, in_target(target_light(section.targets, receiver)), receiver, largest_mm, index)
-        for section, receiver in zip(spec.all_receivers, receivers_of(spec, spec.evaluate.pixels), strict=True)
-    )
 
 
 def _percent(share: float) -> str:

@@ -11,6 +11,7 @@ from lensforge.receivers.posed import PosedReceiver
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 from lensforge.surfaces.symmetry import NAMES, contains, generators
+from lensforge.targets.limits import light_limits
 from lensforge.targets.pattern import target_light
 
 _SAME = 1e-9  # of a mirrored frame, and of a centre relative to its distance
@@ -35,14 +36,22 @@ def settled_symmetry(spec: Spec, source: Source) -> Spec:
 
 
 def _in_targets(spec: Spec, name: str) -> bool:
-    for section, receiver in zip(spec.all_receivers, receivers_of(spec, spec.optimise.pixels), strict=True):
-        mirrors = chart_mirrors(receiver, name)
-        if mirrors is None:
-            return False
-        wanted = torch.from_numpy(target_light(section.targets, receiver))
-        if not torch.allclose(mirrored_light(wanted, mirrors), wanted, rtol=1e-6, atol=1e-6 * float(wanted.max())):
-            return False
-    return True
+    """True where the targets have the symmetry, and the places of each limit."""
+    receivers = receivers_of(spec, spec.optimise.pixels)
+    every = [chart_mirrors(receiver, name) for receiver in receivers]
+    wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
+    pictures = list(enumerate(wanted))
+    for limit in light_limits(spec, receivers, 1.0, 1.0):  # whatever the lumens: only the places count
+        places = np.asarray(limit.readings.sum(axis=0)).reshape(receivers[limit.receiver].grid.shape)
+        pictures.append((limit.receiver, places))
+    return all(_has_mirrors(picture, every[index]) for index, picture in pictures)
+
+
+def _has_mirrors(picture: Float[np.ndarray, "h w"], mirrors: ChartMirrors | None) -> bool:
+    if mirrors is None:
+        return False
+    own = torch.from_numpy(picture)
+    return torch.allclose(mirrored_light(own, mirrors), own, rtol=1e-6, atol=1e-6 * float(own.max()))
 
 
 def chart_mirrors(receiver: PosedReceiver, name: str) -> ChartMirrors | None:

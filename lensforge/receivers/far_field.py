@@ -45,6 +45,14 @@ class FarField(PosedReceiver):
         scale = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))) / np.where(radius > 0.0, radius, 1.0)
         return scale * x, scale * y
 
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Chart of degrees from the axis along x and y."""
+        gamma = np.hypot(x, y)
+        scale = 2.0 * np.sin(0.5 * np.radians(gamma)) / np.where(gamma > 0.0, gamma, 1.0)
+        return scale * x, scale * y
+
 
 def chart_radius(gamma_deg: float) -> float:
     """Radius on the chart of the directions at an angle from the axis."""

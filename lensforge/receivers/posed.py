@@ -107,6 +107,12 @@ class PosedReceiver(ABC):
         """Places on the chart as targets state them: mm, the chart's own."""
         return x, y
 
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places as targets state them on the chart: the same."""
+        return x, y
+
 
 def from_equal_area(x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 3"]:
     """Unit vectors at places on the equal-area chart; beyond its rim, at a radius of 2, the direction -z."""

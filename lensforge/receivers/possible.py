@@ -1,19 +1,27 @@
-"""Largest share of a source's light that any lens of a given size brings into a part of a receiver."""
+"""Upper bounds of the light that any lens of a given size brings to a receiver: what physics allows."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball, largest_deviation_rad
+from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball
+from lensforge.optics.two_refractions import best_transmittance
 from lensforge.receivers.posed import PosedReceiver
-from lensforge.sources.bundle import RayBundle
+from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.etendue import EtendueCurve
+
+_RAYS, _SEED = 2**14, 0  # in benchmarks/possible.py four times as many move no bound by 0.5 %
+_BISECTIONS = 60  # of the level that fills a target: to the last digits
+
+Image = Float[np.ndarray, "h w"]
+Region = Bool[np.ndarray, "h w"]
 
 
 @dataclass(frozen=True)
 class LargestShare:
-    """Upper bounds of a share of the source's flux: by étendue, and by the largest deviation in two refractions."""
+    """Upper bounds of a share of the source's flux: by étendue, and by what two refractions turn and transmit."""
 
     by_etendue: float
     by_refraction: float
@@ -23,43 +31,126 @@ class LargestShare:
         """The lower one."""
         return min(self.by_etendue, self.by_refraction)
 
+    @property
+    def law(self) -> str:
+        """The law that sets it, in words."""
+        return "étendue" if self.by_etendue <= self.by_refraction else "the turn and loss of two refractions"
+
     def __str__(self) -> str:
-        law = "étendue" if self.by_etendue <= self.by_refraction else "the largest deviation in two refractions"
-        return f"at most {100.0 * self.value:.3g} % (by {law})"
+        return f"at most {100.0 * self.value:.3g} % (by {self.law})"
 
 
-def largest_share(
-    rays: RayBundle,
-    pixels: Bool[np.ndarray, "h w"],
-    receiver: PosedReceiver,
-    max_radius_mm: float,
-    refractive_index: float,
-) -> LargestShare:
-    """Bound the share of the flux of ``rays`` that lands in ``pixels`` [row y, column x], by two laws.
+@dataclass(frozen=True)
+class SourceLight:
+    """A sample of a source's rays, its étendue, and the refractive indices of a lens for them."""
 
-    Étendue: the light comes out of the ball of ``max_radius_mm`` about the origin, so that what reaches the pixels has
-    at most the étendue from the ball to them, and the flux of the brightest light of the source of that étendue.
-    Refraction: two surfaces turn a ray by ``2 acos(1/n)`` at most. Fresnel losses come on top of both, and so does
-    whatever the lens cannot do. 1 for a source without extent and an index that turns rays far enough.
+    rays: RayBundle
+    curve: EtendueCurve
+    refractive_indices: Float[np.ndarray, " n"]
+
+    @staticmethod
+    def of(source: Source, refractive_index: float, count: int = _RAYS) -> "SourceLight":
+        """Sample ``source``; rays without an index of their own have ``refractive_index``."""
+        count = min(count, source.ray_count or count)
+        rays, curve = source.sample(count, _SEED), EtendueCurve.of_source(source, count, _SEED)
+        own = rays.refractive_indices
+        return SourceLight(rays, curve, np.full(len(rays), refractive_index) if own is None else own)
+
+    @cached_property
+    def transmittance(self) -> float:
+        """Transmittance of two faces at normal incidence, for the light that they transmit best."""
+        return float(best_transmittance(np.zeros(1), self.refractive_indices.min())[0])
+
+
+@dataclass(frozen=True)
+class PossibleLight:
+    """Light that a lens within ``max_radius_mm`` of the origin can bring to ``receiver`` from a source, at most.
+
+    Étendue: the light comes out of the ball of that radius, so that what reaches a pixel has at most the étendue from
+    the ball to it, and at most the flux of the brightest light of the source of that étendue (Winston, Minano and
+    Benitez, Nonimaging Optics, 2005, chapter 2), times what two faces transmit at normal incidence. Refraction: to
+    reach a region a ray must turn by the angle from its direction to the cone around the region, and two faces that
+    turn it so far transmit :func:`~lensforge.optics.two_refractions.best_transmittance` of it.
     """
-    if not pixels.any():
-        return LargestShare(0.0, 0.0)
-    corners = receiver.corners()
-    solid_angle = float(cell_solid_angles(corners)[pixels].sum())
-    held = EtendueCurve.of(rays).share_within(etendue_from_ball(max_radius_mm, solid_angle))
-    axis, half_rad = cone_around(corners, pixels)
-    indices = rays.refractive_indices
-    index = refractive_index if indices is None else float(indices.max())
-    within = half_rad + _parallax_rad(receiver, corners, max_radius_mm) + largest_deviation_rad(index)
-    turned = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) <= within
-    return LargestShare(held, float(rays.flux[turned].sum() / rays.flux.sum()))
+
+    light: SourceLight
+    receiver: PosedReceiver
+    max_radius_mm: float
+
+    @cached_property
+    def _corners(self) -> Float[np.ndarray, "m n 3"]:
+        return self.receiver.corners()
+
+    @cached_property
+    def _solid_angles_sr(self) -> Image:
+        return cell_solid_angles(self._corners)
+
+    @cached_property
+    def on_pixels(self) -> Image:
+        """Largest share of the source's flux on each pixel, by étendue: the brightness theorem."""
+        etendue = etendue_from_ball(self.max_radius_mm, 1.0) * self._solid_angles_sr
+        caps: Image = self.light.transmittance * self.light.curve.shares_within(etendue)
+        return caps
+
+    def in_region(self, pixels: Region) -> LargestShare:
+        """Largest share in ``pixels`` [row y, column x]: of a source without extent by refraction alone."""
+        if not pixels.any():
+            return LargestShare(0.0, 0.0)
+        rays, etendue = self.light.rays, self._etendue_mm2_sr(pixels, self.max_radius_mm)
+        held = self.light.transmittance * self.light.curve.share_within(etendue)
+        axis, half_rad = cone_around(self._corners, pixels)
+        turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad()
+        passed = rays.flux @ best_transmittance(turns, self.light.refractive_indices)
+        return LargestShare(held, float(passed / rays.flux.sum()))
+
+    def radius_for(self, pixels: Region, share: float) -> float:
+        """Radius (mm) of the smallest lens whose étendue lets ``share`` into ``pixels``; infinite where none does."""
+        curve = self.light.curve
+        wanted = share / self.light.transmittance
+        if not pixels.any() or wanted > 1.0 + 1e-9:
+            return float("inf")
+        needed = float(np.interp(min(wanted, 1.0), curve.share, curve.etendue_mm2_sr))
+        return float(np.sqrt(needed / self._etendue_mm2_sr(pixels, 1.0)))
+
+    def least_nmse(self, target: Image, in_target: Region, arriving: float) -> float:
+        """Lower bound of the NMSE of a pattern that holds the share ``arriving`` of the source's flux.
+
+        ``target``: with sum 1. Of all patterns that keep the bound of each pixel and that of the region ``in_target``
+        the nearest one: the target raised by one level inside the region, by another one outside, cut at the bounds.
+        """
+        if not arriving > 0.0:
+            return 0.0
+        caps = self.on_pixels / arriving
+        nearest, most = _filled(target, caps, 1.0), self.in_region(in_target).value / arriving
+        if nearest[in_target].sum() > most:
+            nearest = target.copy()
+            nearest[in_target] = _filled(target[in_target], caps[in_target], most)
+            nearest[~in_target] = _filled(target[~in_target], caps[~in_target], 1.0 - most)
+        return float(np.sum((nearest - target) ** 2) / np.sum(target**2))
+
+    def _etendue_mm2_sr(self, pixels: Region, radius_mm: float) -> float:
+        return etendue_from_ball(radius_mm, float(self._solid_angles_sr[pixels].sum()))
+
+    def _parallax_rad(self) -> float:
+        """Most by which a point of the receiver, seen from within the ball, lies off its direction from the origin."""
+        if self.receiver.kind == "far_field":
+            return 0.0
+        nearest_mm = float(np.linalg.norm(self._corners, axis=-1).min())
+        if self.receiver.kind == "plane":  # between the corners it may be nearer
+            pose = self.receiver.pose
+            nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
+        return float(np.arcsin(min(1.0, self.max_radius_mm / nearest_mm)))
 
 
-def _parallax_rad(receiver: PosedReceiver, corners: Float[np.ndarray, "m n 3"], max_radius_mm: float) -> float:
-    """Most by which a point of the receiver, seen from within the ball, lies off its direction from the origin."""
-    if receiver.kind == "far_field":
-        return 0.0
-    nearest_mm = float(np.linalg.norm(corners, axis=-1).min())
-    if receiver.kind == "plane":  # between the corners it may be nearer
-        nearest_mm = abs(float(receiver.pose.axes[2] @ receiver.pose.centre_mm))
-    return float(np.arcsin(min(1.0, max_radius_mm / nearest_mm)))
+def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:
+    """``target`` plus one level, cut at 0 and at ``caps``, with the sum ``total``; ``caps`` where theirs is less."""
+    if not target.size:
+        return target
+    low, high = -float(target.max()), float(max(np.max(caps - target), 0.0))
+    if not np.isfinite(high):
+        low, high = -float(target.max()), max(total, 1.0)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.clip(target + middle, 0.0, caps).sum() < total else (low, middle)
+    found: Float[np.ndarray, "*n"] = np.clip(target + high, 0.0, caps)
+    return found

@@ -77,6 +77,12 @@ class Receiver(Protocol):
         """Places on the chart as targets state them: mm, or degrees from the axis of a far field."""
         ...
 
+    def chart_coordinates(
+        self, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]
+    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        """Places as targets state them on the chart: the inverse."""
+        ...
+
 
 @dataclass(frozen=True)
 class Hits:

@@ -26,6 +26,10 @@ class Area(Protocol):
         """Map points of the unit square to start points (mm); equal areas get equal flux."""
         ...
 
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per mm^2 at ``points`` (mm) of the area; infinite where it has no extent."""
+        ...
+
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """A convex polygon (mm) around the area."""
         ...
@@ -42,6 +46,10 @@ class Disc:
         """Take the radius from the square root of the first number, the azimuth from the second."""
         radius, azimuth = self.radius_mm * np.sqrt(points[:, 0]), 2.0 * np.pi * points[:, 1]
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=1)
+
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """The same everywhere."""
+        return np.full(len(points), 1.0 / (np.pi * self.radius_mm**2))
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """A polygon of 64 corners around the disc."""
@@ -77,6 +85,14 @@ class Rectangles:
         inside = np.stack([rest, points[:, 1]], axis=1) - 0.5
         placed: Float[np.ndarray, "n 2"] = self.centres[index] + inside * self.sides[index]
         return placed
+
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Sum over the rectangles in which a point lies."""
+        found = np.zeros(len(points))
+        for centre, side, share in zip(self.centres, self.sides, self.shares, strict=True):
+            inside = (np.abs(points - centre) <= 0.5 * side + _SAME_MM).all(axis=1)
+            found[inside] += share / float(np.prod(side))
+        return found
 
     def corners(self) -> Float[np.ndarray, "k 2"]:
         """Convex hull of all rectangles."""

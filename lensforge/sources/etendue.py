@@ -1,31 +1,55 @@
-"""Étendue of a source from a sample of its rays: how much of its flux a given étendue can hold.
+"""Étendue of a source: how much of its flux a given étendue can hold.
 
-Rays are points of phase space: where their lines cross a plane z = const, and their direction cosines along x and y,
-in which an element of étendue is ``dx dy dp dq``. The sample is divided at medians into cells of equally many rays;
-flux over volume is the radiance there. No optics raises radiance, so that an étendue G holds at most the flux of the
-brightest cells that add up to G.
+No optics raises radiance, so that an étendue G holds at most the flux of the brightest light that adds up to G. Where
+the radiance of an emitter is known, a ray stands for the étendue ``flux / radiance``. Otherwise it is estimated. Rays
+are points of phase space: where their lines cross a plane z = const, and their direction cosines along x and y, in
+which an element of étendue is ``dx dy dp dq``. The sample is divided at medians into cells of equally many rays; flux
+over volume is the radiance there, to the noise of 32 rays and as the mean over the cell.
 """
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.sources.bundle import RayBundle
+from lensforge.sources.bundle import ChangedSource, RayBundle, Source
 
 _RAYS_PER_CELL = 32  # fewer: the noise of a cell's radiance; more: cells average over radiance that differs
 _LEVEL = 1e-3  # rays closer than this to z = const cross no plane nearby
 
 
+@runtime_checkable
+class KnownRadiance(Protocol):
+    """A source that can say the radiance of each of its rays."""
+
+    def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
+        """Radiance (W/(mm^2 sr)) where each ray of ``sample(count, seed)`` starts; infinite for a point."""
+        ...
+
+
 @dataclass(frozen=True)
 class EtendueCurve:
-    """Largest share of a source's flux within an étendue: corners of a concave curve from brightest to darkest cells.
+    """Largest share of a source's flux within an étendue: corners of a concave curve, from brightest to darkest light.
 
-    ``share[0]`` at étendue 0 is light without extent, such as that of a point source: it has no bound.
+    ``share[0]`` at étendue 0 is light without extent, such as that of a point source: it has no bound. ``estimated``:
+    from cells of rays, not from known radiances.
     """
 
     etendue_mm2_sr: Float[np.ndarray, " k"]
     share: Float[np.ndarray, " k"]
+    estimated: bool
+
+    @staticmethod
+    def of_source(source: Source, count: int, seed: int) -> "EtendueCurve":
+        """The curve of ``source`` from a sample of its rays: of its radiances where it knows them."""
+        rays, emitter = source.sample(count, seed), source
+        while isinstance(emitter, ChangedSource):
+            emitter = emitter.source  # changes move rays and disperse them; none changes a radiance
+        if not isinstance(emitter, KnownRadiance):
+            return EtendueCurve.of(rays)
+        radiances = emitter.radiances(count, seed)
+        return _curve(rays.flux / radiances, rays.flux, estimated=False)
 
     @staticmethod
     def of(rays: RayBundle) -> "EtendueCurve":
@@ -35,17 +59,26 @@ class EtendueCurve:
         for side in (rise > _LEVEL, rise < -_LEVEL):
             own_volume, own_flux = _cells(rays, side)
             volume, flux = np.concatenate([volume, own_volume]), np.concatenate([flux, own_flux])
-        without_extent = volume <= 0.0
-        volume, found = volume[~without_extent], flux[~without_extent]
-        order = np.argsort(volume / np.where(found > 0.0, found, np.finfo(float).tiny))
-        first = flux[without_extent].sum()
-        total = flux.sum()
-        share = np.concatenate([[first], first + np.cumsum(found[order])]) / total
-        return EtendueCurve(np.concatenate([[0.0], np.cumsum(volume[order])]), share)
+        return _curve(volume, flux, estimated=True)
 
     def share_within(self, etendue_mm2_sr: float) -> float:
         """Largest share of the flux that fits into ``etendue_mm2_sr``."""
         return float(np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share))
+
+    def shares_within(self, etendue_mm2_sr: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """The same for each of many."""
+        shares: Float[np.ndarray, "*n"] = np.interp(etendue_mm2_sr, self.etendue_mm2_sr, self.share)
+        return shares
+
+
+def _curve(volume: Float[np.ndarray, " c"], flux: Float[np.ndarray, " c"], *, estimated: bool) -> EtendueCurve:
+    """The curve of cells of étendue ``volume``, each with its flux."""
+    without_extent = volume <= 0.0
+    extended, found = volume[~without_extent], flux[~without_extent]
+    order = np.argsort(extended / np.where(found > 0.0, found, np.finfo(float).tiny))
+    first, total = flux[without_extent].sum(), flux.sum()
+    share = np.concatenate([[first], first + np.cumsum(found[order])]) / total
+    return EtendueCurve(np.concatenate([[0.0], np.cumsum(extended[order])]), share, estimated)
 
 
 def _cells(rays: RayBundle, chosen: Bool[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " c"], Float[np.ndarray, " c"]]:

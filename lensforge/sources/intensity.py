@@ -29,6 +29,10 @@ class IntensityProfile(Protocol):
         """Map points of the unit square to unit directions; equal areas get equal flux."""
         ...
 
+    def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per sr in each of the unit ``directions``, all of which the profile lights."""
+        ...
+
 
 @dataclass(frozen=True)
 class CosinePower:
@@ -40,6 +44,11 @@ class CosinePower:
     def aim(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
         """Invert by ``cos(gamma) = (1 - u)^(1/(power+1))``: with u in [0, 1) no ray skims the plane."""
         return _directions((1.0 - points[:, 0]) ** (1.0 / (self.power + 1.0)), 2.0 * np.pi * points[:, 1])
+
+    def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per sr."""
+        found: Float[np.ndarray, " n"] = (self.power + 1.0) / (2.0 * np.pi) * directions[:, 2] ** self.power
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +112,21 @@ class TabulatedIntensity:
         cell, rest = _invert(cumulative, low, between, points[:, 0])
         cosine = np.cos(gamma)
         return _directions(cosine[cell] + rest * (cosine[cell + 1] - cosine[cell]), azimuth)
+
+    def intensity(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per sr, bilinear between the half-planes."""
+        gamma = np.arccos(np.clip(directions[:, 2], -1.0, 1.0))
+        turn = np.arctan2(directions[:, 1], directions[:, 0]) % (2.0 * np.pi)
+        nodes = np.deg2rad(self.gamma_deg)
+        planes = np.stack([np.interp(gamma, nodes, plane) for plane in self.values])
+        if len(self.c_deg) == 1:
+            found: Float[np.ndarray, " n"] = planes[0] / self.flux()
+            return found
+        place = np.interp(turn, np.deg2rad(self.c_deg), np.arange(len(self.c_deg)))
+        low, each = np.minimum(place.astype(int), len(self.c_deg) - 2), np.arange(len(gamma))
+        between = planes[low, each] + (place - low) * (planes[low + 1, each] - planes[low, each])
+        blended: Float[np.ndarray, " n"] = between / self.flux()
+        return blended
 
     @cached_property
     def _fine(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "c f"]]:

@@ -52,6 +52,14 @@ class LuminanceImage:
         y = 0.5 * height - (row + down)
         return self.pitch_mm * np.stack([x, y], axis=1)
 
+    def density(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Share of the flux per mm^2 in the pixel in which each point (mm) lies."""
+        height, width = self.values.shape
+        column = np.clip(np.floor(points[:, 0] / self.pitch_mm + 0.5 * width), 0, width - 1).astype(int)
+        row = np.clip(np.floor(0.5 * height - points[:, 1] / self.pitch_mm), 0, height - 1).astype(int)
+        found: Float[np.ndarray, " n"] = self.values[row, column] / self.pitch_mm**2
+        return found
+
     def corners(self) -> Float[np.ndarray, "4 2"]:
         """Rectangle (mm) around the pixels that emit."""
         height, width = self.values.shape

@@ -45,6 +45,13 @@ class PlanarEmitter:
         origins[:, :2] = self.area.place(points[:, :2])
         return RayBundle(origins, self.profile.aim(points[:, 2:]), np.full(count, self.flux_w / count))
 
+    def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
+        """Radiance (W/(mm^2 sr)) of each ray of ``sample(count, seed)``: emittance times intensity over its cosine."""
+        rays = self.sample(count, seed)
+        intensity = self.profile.intensity(rays.directions) / np.abs(rays.directions[:, 2])
+        found: Float[np.ndarray, " n"] = self.flux_w * self.area.density(rays.origins[:, :2]) * intensity
+        return found
+
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Polygon (mm) around the area."""
         corners = self.area.corners()

@@ -35,6 +35,11 @@ class SquareEmitter:
         np.sqrt(1.0 - points[:, 2], out=directions[:, 2])
         return RayBundle(origins, directions, np.full(count, self.flux_w / count))
 
+    def radiances(self, count: int, seed: int) -> Float[np.ndarray, " n"]:
+        """Radiance (W/(mm^2 sr)) of each ray of a sample: the same in all places and directions."""
+        area = np.pi * self.side_mm**2
+        return np.full(count, self.flux_w / area if area > 0.0 else np.inf)
+
     def outline(self) -> Float[np.ndarray, "4 3"]:
         """Corners (mm) of the square."""
         half = self.side_mm / 2.0

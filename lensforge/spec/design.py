@@ -16,6 +16,7 @@ from lensforge.records.validation import its_type
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
+from lensforge.spec.light_limits import LightLimitSpec, require_limit_fits
 from lensforge.spec.part import BaseSection, ManufactureSection
 from lensforge.spec.receiver_section import Target
 from lensforge.spec.receivers import AnyReceiver
@@ -25,7 +26,7 @@ from lensforge.spec.section import Section, spec_error
 from lensforge.spec.source import SourceSpec
 from lensforge.spec.toml_file import read_toml
 
-_MOST_RECEIVERS = 16
+_MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
 _OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of optimise
 
@@ -33,7 +34,7 @@ _OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of 
 class Spec(Section):
     """One design: source, starting lens, constraints and target, and the settings of every stage.
 
-    ``target``: with the receiver that it names; or ``receivers``, each with its targets.
+    ``target``: with the receiver that it names; or ``receivers``, each with its targets. ``limits``: on the light.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
@@ -42,6 +43,7 @@ class Spec(Section):
     constraints: ConstraintsSection
     target: Target | None = None
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
+    limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
     base: BaseSection = Field(default_factory=BaseSection)
@@ -110,6 +112,20 @@ class Spec(Section):
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
             require_outside(receiver, self.constraints, field)
+        return self
+
+    @model_validator(mode="after")
+    def _limits_fit_their_receivers(self) -> "Spec":
+        receivers = {receiver.name: receiver for receiver in self.all_receivers}
+        for number, limit in enumerate(self.limits):
+            name = limit.receiver or next(iter(receivers))
+            if name not in receivers:
+                known = ", ".join(str(each) for each in receivers)
+                raise ValueError(f"limits.{number}.receiver = {name!r}: there is none of that name; known: {known}")
+            try:
+                require_limit_fits(limit, receivers[name].unit, receivers[name].extent, f"receiver {name!r}")
+            except ValueError as error:
+                raise ValueError(f"limits.{number}: {error}") from None
         return self
 
     @model_validator(mode="after")

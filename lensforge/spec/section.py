@@ -9,7 +9,19 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from lensforge.errors import InputError
 from lensforge.records.validation import input_error, same
 
-_UNIONS = ("source", "target", "targets", "receivers", "intensity", "spectrum", "fixed_inner", "fixed_outer", "levels")
+_UNIONS = (
+    "source",
+    "target",
+    "targets",
+    "receivers",
+    "limits",
+    "zone",
+    "intensity",
+    "spectrum",
+    "fixed_inner",
+    "fixed_outer",
+    "levels",
+)
 _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 

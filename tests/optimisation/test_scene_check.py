@@ -11,6 +11,7 @@ import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
+from lensforge.optics.materials import normal_transmittance
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.scene_check import SceneCheck
 from lensforge.sources.build import build_source
@@ -34,7 +35,7 @@ def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: o
 
 def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
     found = check(small_spec())
-    assert found.entering == 1.0 and found.possible[0].value > 0.99
+    assert found.entering == 1.0 and 0.9 < found.targets[0].possible < normal_transmittance(1.4936) ** 2
     assert found.warnings() == ()
     found.require_light()
 
@@ -53,7 +54,9 @@ def test_shares_of_a_disc_that_is_wider_than_the_cavity_are_those_of_its_area() 
 
 def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> None:
     most = check(small_spec().replace(source=beam((0.0, 0.0, 1.0), backward=0.98)))
-    most.require_light()
+    most.require_light(anyway=True)
+    with pytest.raises(InputError, match=r"less than half of the .*98 % goes backward.*anyway"):
+        most.require_light()
     assert most.lost[Fate.BACKWARD] == pytest.approx(0.98)
     assert any("2 % of the light enters" in words and "98 % goes backward" in words for words in most.warnings())
     with pytest.raises(InputError, match=r"0 % of the light enters.*100 % goes backward.*source\.axis") as refusal:
@@ -69,14 +72,17 @@ def test_light_that_goes_backward_is_a_warning_until_there_is_none_left() -> Non
     ("changes", "message"),
     [
         ({"source__tilt_deg": [180.0, 0.0]}, r"100 % goes backward, towards -z; try source\.tilt_deg"),
-        ({"target__distance_mm": 1e5}, r"target: at most 0\.0\d+ % \(by étendue\).*at least 1 %.*target\.distance_mm"),
+        (
+            {"target__distance_mm": 1e5},
+            r"target: at most 0\.0\d+ % \(by étendue\).*target\.distance_mm.*less than half of the",
+        ),
         (
             {"target__half_width_mm": 0.08, "target__receiver_mm": 0.2, "target__uniform_mm": 0.1},
             r"at most 0\.0\d+ % \(by étendue\)",
         ),
         (
             {"lens__refractive_index": 1.0, "lens__material": "nothing", "target__distance_mm": 2000.0},
-            r"by the largest deviation in two refractions",
+            r"by the turn and loss of two refractions",
         ),
     ],
 )
@@ -98,7 +104,46 @@ def test_the_search_itself_refuses_too_and_at_once() -> None:
 
 
 def test_a_point_source_has_no_etendue_and_so_no_bound() -> None:
-    assert check(small_spec(source__side_mm=0.0, target__distance_mm=1e5)).possible[0].value == 1.0
+    found = check(small_spec(source__side_mm=0.0, target__distance_mm=1e5)).targets[0]
+    assert found.bounds.by_etendue == pytest.approx(normal_transmittance(1.4936) ** 2) and found.met > 0.8
+
+
+def cob(**changes: object) -> Spec:
+    """A board of chips of 3 mm in a lens of 12 mm, for 60 x 40 mm at 500 mm: étendue allows a fifth of the light."""
+    content = {
+        "source": {"kind": "disc", "diameter_mm": 3.0},
+        "lens": {"inner_offset_mm": 4.0, "outer_offset_mm": 8.0},
+        "constraints": {"cavity_radius_mm": 2.0, "cavity_height_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0},
+        "target": {
+            "kind": "rectangle", "width_mm": 60.0, "height_mm": 40.0, "distance_mm": 500.0, "receiver_mm": 100.0
+        },
+    }  # fmt: skip
+    return Spec.model_validate(content).replace(changes)
+
+
+def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_that_would_do() -> None:
+    spec = cob()
+    target = check(spec).targets[0]
+    transmitted = normal_transmittance(spec.lens.refractive_index) ** 2
+    closed_form = transmitted * 12.0**2 * (60.0 * 40.0 / 500.0**2) / (np.pi * 1.5**2)
+    assert target.bounds.by_etendue == pytest.approx(closed_form, rel=0.05)
+    with pytest.raises(InputError) as refusal:
+        lf.design(spec, accuracy="draft")
+    words = str(refusal.value)
+    assert "by étendue" in words and "anyway" in words and "\n" not in words
+    radius_mm = float(words.partition(">= ")[2].split()[0])
+    assert 25.0 < radius_mm < 29.0
+    assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
+    check(spec).require_light(anyway=True)
+
+
+def test_an_estimated_luminance_warns_and_stops_nothing() -> None:
+    rays = build_source(cob().source).sample(20_000, 1)
+    spec = cob().replace(source=RaySource(positions_mm=rays.origins, directions=rays.directions, flux_w=1.0))
+    found = check(spec)
+    assert found.targets[0].estimated and found.targets[0].met < 0.5
+    found.require_light()
+    assert any("estimate of the source's luminance" in words for words in found.warnings())
 
 
 def test_warnings_stand_in_the_record_of_the_design() -> None:

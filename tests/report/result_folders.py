@@ -226,6 +226,13 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         "rsd": None,
         "raw": {"nmse": 0.0125, "uniformity": None, "rsd": None},
         "nmse_of_noise": None,
+        "possible": {
+            "efficiency": 0.92,
+            "share_in_target": 0.9,
+            "nmse": 0.001,
+            "law": "étendue",
+            "luminance_estimated": False,
+        },
         "flux": Flux(
             detected=0.85, outside=0.02, missed=0.03, total_reflection=0.01, not_converged=0.0, reflected=0.09
         ),

@@ -1,13 +1,24 @@
 """Étendue of a source from its rays, against sources whose radiance is known."""
 
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.etendue import EtendueCurve
 from lensforge.sources.square import SquareEmitter
+from lensforge.spec.source import (
+    ChipArraySource,
+    DiscSource,
+    LuminanceSource,
+    RectangleSource,
+    SourceSpec,
+    SquareSource,
+)
 
 RAYS = 2**14
 
@@ -69,3 +80,44 @@ def test_weights_of_rays_are_flux() -> None:
     curve = EtendueCurve.of(RayBundle.joined([apart, dim]))
     assert curve.share_within(1.15 * 0.04 * pi) == pytest.approx(0.5, rel=0.1)
     assert curve.share_within(0.04 * pi + 2.0 * pi) == pytest.approx(0.75, rel=0.1)
+
+
+SOURCES = [
+    SquareSource(side_mm=2.0),
+    RectangleSource(width_mm=2.0, height_mm=1.0, intensity={"kind": "cosine", "power": 3.0}, tilt_deg=(20.0, 0.0)),
+    DiscSource(diameter_mm=1.5, position_mm=(0.3, 0.0, 0.1)),
+    ChipArraySource(columns=3, rows=2, width_mm=0.5, height_mm=0.4, pitch_mm=(0.7, 0.6)),
+    DiscSource(
+        diameter_mm=1.5, intensity={"kind": "table", "gamma_deg": [0.0, 30.0, 70.0], "intensity": [1.0, 2.0, 0.0]}
+    ),
+]
+
+
+@pytest.mark.parametrize("spec", SOURCES, ids=lambda spec: f"{spec.kind}")
+def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec: SourceSpec) -> None:
+    """Over all rays, flux over radiance is the étendue of the lit phase space; no ray is without radiance."""
+    source = build_source(spec)
+    known = EtendueCurve.of_source(source, RAYS, 3)
+    cells = EtendueCurve.of(source.sample(RAYS, 3))
+    assert cells.estimated and not known.estimated
+    assert (
+        known.share[-1] == pytest.approx(1.0) and known.share[0] == 0.0 and (np.diff(known.etendue_mm2_sr) > 0.0).all()
+    )
+    for share in (0.2, 0.5, 0.8):
+        etendue = float(np.interp(share, known.share, known.etendue_mm2_sr))
+        assert cells.share_within(etendue) == pytest.approx(share, rel=0.2)
+
+
+def test_the_whole_etendue_of_uniform_emitters_is_pi_times_their_area() -> None:
+    for spec, area in ((SOURCES[0], 4.0), (SOURCES[2], pi * 0.75**2), (SOURCES[3], 6 * 0.2)):
+        known = EtendueCurve.of_source(build_source(spec), RAYS, 3)
+        assert known.etendue_mm2_sr[-1] == pytest.approx(pi * area, rel=1e-9)
+
+
+def test_a_luminance_image_has_the_radiance_of_its_pixels(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[200, 100], [0, 50]], dtype=np.uint8)).save(tmp_path / "chip.png")
+    source = build_source(LuminanceSource(file=tmp_path / "chip.png", width_mm=2.0))
+    known = EtendueCurve.of_source(source, RAYS, 3)
+    assert known.share_within(pi) == pytest.approx(200.0 / 350.0, rel=0.01)
+    assert known.share_within(2.0 * pi) == pytest.approx(300.0 / 350.0, rel=0.01)
+    assert known.etendue_mm2_sr[-1] == pytest.approx(3.0 * pi, rel=0.01)

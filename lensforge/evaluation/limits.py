@@ -1,0 +1,99 @@
+"""Limits on the light, judged: the value that decides each, without ray noise, with its standard error."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.criteria import Sense
+from lensforge.evaluation.limit_result import LimitResult
+from lensforge.evaluation.minimum import least_without_noise
+from lensforge.jackknife import jackknife_metric
+from lensforge.records import Metric
+from lensforge.targets.limits import LightLimit
+
+Readings = Float[np.ndarray, "r k"]
+
+
+def judged_limits(
+    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "r h w"]], names: Sequence[str]
+) -> tuple[LimitResult, ...]:
+    """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
+    return tuple(_judged(limit, images[limit.receiver], names[limit.receiver]) for limit in limits)
+
+
+def _judged(limit: LightLimit, images: Float[np.ndarray, "r h w"], receiver: str) -> LimitResult:
+    return LimitResult(
+        name=limit.name,
+        receiver=receiver,
+        quantity=_WORDS[limit.quantity],
+        value=limit_value(limit, images),
+        sense=limit.sense,
+        bound=limit.bound,
+        unit=limit.unit,
+    )
+
+
+_WORDS = {
+    "light": "light",
+    "relative": "light over its maximum",
+    "min_over_mean": "least over mean light",
+    "min_over_max": "least over largest light",
+    "share": "share of the flux",
+    "beam_angle": "beam angle",
+}
+
+
+def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric:
+    """The value that decides, in the limit's unit."""
+    readings = limit.of(images)
+    match limit.quantity:
+        case "share":
+            return jackknife_metric(readings, lambda mean: float(mean[0]))
+        case "beam_angle":
+            return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
+        case "light":
+            return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
+        case "min_over_mean":
+            means = readings.mean(axis=1, keepdims=True)
+            return _extreme(readings / np.where(means > 0.0, means, 1.0), ">=")
+    whole = readings if limit.quantity == "min_over_max" else images.reshape(len(images), -1) / _pixel_measure(limit)
+    return _ratio(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
+
+
+def _pixel_measure(limit: LightLimit) -> float:
+    """Measure of a pixel: the readings of a picture of ones are its inverse."""
+    return 1.0 / float(limit.readings[[0]].sum())
+
+
+def _extreme(readings: Readings, sense: Sense) -> Metric:
+    """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
+    if sense == ">=":
+        return least_without_noise(readings)
+    found = least_without_noise(-readings)
+    return found.model_copy(update={"value": -found.value})
+
+
+def _ratio(above: Metric, below: Metric) -> Metric:
+    if not below.value > 0.0:
+        return Metric(value=0.0)
+    value = above.value / below.value
+    if above.standard_error is None or below.standard_error is None:
+        return Metric(value=value)
+    error = np.hypot(above.standard_error, value * below.standard_error) / below.value
+    return Metric(value=value, standard_error=float(error))
+
+
+def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
+    """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
+    assert limit.angles_deg is not None
+    angles, least = limit.angles_deg, limit.level * float(light.max())
+    bright = np.flatnonzero(light >= least)
+    if not least > 0.0:
+        return 0.0
+    first, last = int(bright[0]), int(bright[-1])
+    left = angles[0] if first == 0 else np.interp(least, light[[first - 1, first]], angles[[first - 1, first]])
+    right = (
+        angles[-1] if last == len(light) - 1 else np.interp(least, light[[last + 1, last]], angles[[last + 1, last]])
+    )
+    return float(right - left)

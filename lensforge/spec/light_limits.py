@@ -1,0 +1,248 @@
+"""``[[limits]]``: light that must be at least, or at most, so much: at points, on a line, in a zone, by its angles."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from lensforge.spec.section import Coordinate, Label, Section
+from lensforge.spec.shapes import DiscTarget, EllipseTarget, PolygonTarget, RectangleTarget, RingTarget
+from lensforge.spec.target import DegreesOff, Unit
+
+Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
+Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
+Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
+LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
+LIGHT_UNITS: tuple[LightUnitName, ...] = ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
+OF_FAR_FIELD = ("w_per_sr", "cd")
+_MOST_POINTS = 1000
+_ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
+_OF_PICTURES = (
+    "distance_mm", "receiver_mm", "half_angle_deg", "level", "uniform_mm", "uniform_deg", "edge_mm", "edge_deg",
+)  # fmt: skip
+
+
+class LimitSection(Section):
+    """Fields of every limit. ``receiver``: by its name, by default the first; ``name``: in records and on pages.
+
+    Bounds on the light itself have one unit: ``_w_per_m2`` and ``_lx`` on surfaces, ``_w_per_sr`` and ``_cd`` in the
+    far field, ``_relative`` to the maximum on the receiver. Light is that of the evaluation's picture, after its
+    filter, bilinear between pixels.
+    """
+
+    others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
+
+    kind: str
+    name: Label | None = None
+    receiver: Annotated[str, Field(max_length=64)] | None = None
+    at_least_w_per_m2: Amount | None = None
+    at_most_w_per_m2: Amount | None = None
+    at_least_lx: Amount | None = None
+    at_most_lx: Amount | None = None
+    at_least_w_per_sr: Amount | None = None
+    at_most_w_per_sr: Amount | None = None
+    at_least_cd: Amount | None = None
+    at_most_cd: Amount | None = None
+    at_least_relative: Fraction | None = None
+    at_most_relative: Fraction | None = None
+
+    @property
+    def unit(self) -> Unit | None:
+        """Unit of its places; None where it names none."""
+        names = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        found = {"deg" if name.endswith("_deg") else "mm" for name in names if name in self.places}
+        return found.pop() if len(found) == 1 else None  # type: ignore[return-value]  # one of the two
+
+    places: ClassVar[tuple[str, ...]] = ()  # fields that are places on the receiver
+
+    @property
+    def light_unit(self) -> LightUnitName | None:
+        """Unit of its bounds on the light; None where there are none."""
+        return next((unit for unit in LIGHT_UNITS if any(self.bounds(unit))), None)
+
+    def bounds(self, quantity: str) -> tuple[float | None, float | None]:
+        """Least and largest value of ``quantity``, a unit of light or one of ``others``; None where it has no bound."""
+        return getattr(self, f"at_least_{quantity}", None), getattr(self, f"at_most_{quantity}", None)
+
+    def quantities(self) -> Iterator[str]:
+        """The quantities that are bounded."""
+        yield from (name for name in (*LIGHT_UNITS, *self.others) if any(self.bounds(name)))
+
+    @model_validator(mode="after")
+    def _bounds_something_once(self) -> "LimitSection":
+        bounded = list(self.quantities())
+        if not bounded:
+            either = ", ".join(f"at_least_{name}" for name in (*self.others, *LIGHT_UNITS) if self._knows(name))
+            raise ValueError(f"it bounds nothing; give one of {either} or the same as at_most_*")
+        units = [name for name in bounded if name in LIGHT_UNITS]
+        if len(units) > 1:
+            raise ValueError(f"its bounds on the light are in {' and '.join(units)}; give one unit, or two limits")
+        for name in bounded:
+            least, most = self.bounds(name)
+            if least is not None and most is not None and least > most:
+                raise ValueError(f"at_least_{name} = {least:g} is above at_most_{name} = {most:g}: no light is both")
+        return self
+
+    def _knows(self, quantity: str) -> bool:
+        return f"at_least_{quantity}" in type(self).model_fields
+
+
+class PointsLimit(LimitSection):
+    """Light at each of some points (x, y)."""
+
+    places: ClassVar[tuple[str, ...]] = ("at_mm", "at_deg")
+
+    kind: Literal["points"] = "points"
+    at_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None = (
+        None
+    )
+    at_deg: (
+        Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
+    ) = None
+
+    @property
+    def points(self) -> tuple[tuple[float, float], ...]:
+        """The points, in their unit."""
+        return self.at_mm or self.at_deg or ()
+
+    @model_validator(mode="after")
+    def _has_points(self) -> "PointsLimit":
+        if (self.at_mm is None) == (self.at_deg is None):
+            raise ValueError("at_mm or at_deg: give one of them, a list of places (x, y)")
+        return self
+
+
+class LineLimit(LimitSection):
+    """Light everywhere on a line between two places."""
+
+    places: ClassVar[tuple[str, ...]] = ("from_mm", "to_mm", "from_deg", "to_deg")
+
+    kind: Literal["line"] = "line"
+    from_mm: tuple[Coordinate, Coordinate] | None = None
+    to_mm: tuple[Coordinate, Coordinate] | None = None
+    from_deg: tuple[DegreesOff, DegreesOff] | None = None
+    to_deg: tuple[DegreesOff, DegreesOff] | None = None
+
+    @property
+    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Both ends, in their unit."""
+        start, end = (self.from_mm, self.to_mm) if self.unit == "mm" else (self.from_deg, self.to_deg)
+        assert start is not None and end is not None, "validated"
+        return start, end
+
+    @model_validator(mode="after")
+    def _has_two_ends(self) -> "LineLimit":
+        given = [name for name in self.places if getattr(self, name) is not None]
+        if given not in (["from_mm", "to_mm"], ["from_deg", "to_deg"]):
+            raise ValueError("from_mm and to_mm, or from_deg and to_deg: give both of one unit")
+        return self
+
+
+class ZoneLimit(LimitSection):
+    """Light in a zone, by default the whole window of the receiver: everywhere in it, how even it is, and its share.
+
+    ``min_over_mean``, ``min_over_max``: least light over the mean, and over the largest, in the zone. ``share``: of the
+    flux of the source.
+    """
+
+    others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
+
+    kind: Literal["zone"] = "zone"
+    zone: Annotated[_ZONES, Field(discriminator="kind")] | None = None
+    at_least_min_over_mean: Fraction | None = None
+    at_least_min_over_max: Fraction | None = None
+    at_least_share: Fraction | None = None
+    at_most_share: Fraction | None = None
+
+    @property
+    def unit(self) -> Unit | None:
+        """Unit of the zone; None for the whole window."""
+        return None if self.zone is None else self.zone.unit
+
+    @model_validator(mode="after")
+    def _zone_is_a_shape(self) -> "ZoneLimit":
+        wrong = () if self.zone is None else sorted(self.zone.model_fields_set & set(_OF_PICTURES))
+        if wrong:
+            raise ValueError(f"zone.{wrong[0]}: a zone is a shape on the limit's receiver; leave it out")
+        return self
+
+
+class GlareLimit(LimitSection):
+    """Intensity in all directions of the far field at ``from_deg`` and more from its axis: at most so much."""
+
+    places: ClassVar[tuple[str, ...]] = ("from_deg",)
+
+    kind: Literal["glare"] = "glare"
+    from_deg: Annotated[float, Field(ge=0.0, le=180.0)]
+
+    @model_validator(mode="after")
+    def _caps(self) -> "GlareLimit":
+        if any(self.bounds(name)[0] is not None for name in LIGHT_UNITS):
+            raise ValueError("glare has a largest intensity, no least one; give at_most_cd, _w_per_sr or _relative")
+        return self
+
+
+class BeamAngleLimit(LimitSection):
+    """Full angle in the far field over which the intensity is above ``level`` of its maximum, in one plane.
+
+    ``azimuth_deg``: of the plane through the axis, from x towards y. Between the outermost directions of that level.
+    """
+
+    others: ClassVar[tuple[str, ...]] = ("deg",)
+    places: ClassVar[tuple[str, ...]] = ("at_least_deg", "at_most_deg")
+
+    kind: Literal["beam_angle"] = "beam_angle"
+    azimuth_deg: Azimuth = 0.0
+    level: Annotated[float, Field(ge=0.01, le=0.99)] = 0.5
+    at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
+    at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
+
+    @model_validator(mode="after")
+    def _bounds_the_angle(self) -> "BeamAngleLimit":
+        if self.light_unit is not None:
+            raise ValueError("a beam angle is bounded by at_least_deg and at_most_deg")
+        return self
+
+
+LightLimitSpec = Annotated[
+    PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit, Field(discriminator="kind")
+]
+
+
+def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
+    """Raise ``ValueError`` for units that ``receiver`` does not have, or places off it.
+
+    ``unit``, ``extent``: of its places.
+    """
+    far_field = unit == "deg"
+    if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
+        raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
+    if limit.unit is not None and limit.unit != unit:
+        words = "degrees" if far_field else "mm"
+        raise ValueError(f"its places are in {limit.unit}, on {receiver} they are in {words}")
+    light = limit.light_unit
+    if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
+        allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
+        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
+    for x, y in _places(limit):
+        off = (
+            x * x + y * y > 0.25 * extent[0] ** 2 if far_field else abs(x) > 0.5 * extent[0] or abs(y) > 0.5 * extent[1]
+        )
+        if off:
+            reach = (
+                f"{0.5 * extent[0]:g} {unit}" if far_field else f"{0.5 * extent[0]:g} in x and {0.5 * extent[1]:g} in y"
+            )
+            raise ValueError(f"the place ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
+
+
+def _places(limit: LimitSection) -> tuple[tuple[float, float], ...]:
+    match limit:
+        case PointsLimit():
+            return limit.points
+        case LineLimit():
+            return limit.ends
+        case ZoneLimit(zone=zone) if zone is not None:
+            return (zone.centre,)
+        case GlareLimit():
+            return ((limit.from_deg, 0.0),)
+    return ()

@@ -1,0 +1,54 @@
+"""Limits of two refractions: against Snell's law and Fresnel's formulas at both faces, and every split of the turn."""
+
+from math import asin, pi
+
+import numpy as np
+import pytest
+import torch
+
+from lensforge.optics.dielectric import fresnel_transmittance
+from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import best_transmittance, face_transmittance, largest_deviation_rad
+
+INDICES = [1.0, 1.2, 1.4936, 2.0, 3.5]
+
+
+@pytest.mark.parametrize("index", INDICES)
+def test_two_refractions_turn_a_ray_by_no_more_and_almost_as_much(index: float) -> None:
+    """Snell's law at both faces, each between grazing and normal incidence in air."""
+    air = np.linspace(0.0, 0.5 * pi, 2001)
+    one = np.abs(air - np.arcsin(np.sin(air) / index))
+    assert 2.0 * one.max() == pytest.approx(largest_deviation_rad(index), abs=1e-12)
+    assert largest_deviation_rad(index) == pytest.approx(pi - 2.0 * asin(1.0 / index))
+
+
+@pytest.mark.parametrize("index", INDICES[1:])
+def test_a_face_transmits_what_fresnel_says_at_the_angle_that_turns_so_far(index: float) -> None:
+    air = np.linspace(0.0, 0.4999 * pi, 301)
+    turned = air - np.arcsin(np.sin(air) / index)
+    expected = fresnel_transmittance(torch.from_numpy(np.cos(air)), 1.0 / index).numpy()
+    assert np.abs(face_transmittance(turned, index) - expected).max() < 1e-9
+    inside = fresnel_transmittance(torch.from_numpy(np.cos(air - turned)), index).numpy()
+    assert np.abs(face_transmittance(turned, index) - inside).max() < 1e-9, "the same in both directions"
+
+
+@pytest.mark.parametrize("index", INDICES)
+def test_no_split_of_the_turn_transmits_more_than_halves(index: float) -> None:
+    turns, parts = np.linspace(0.0, largest_deviation_rad(index), 101), np.linspace(0.0, 1.0, 1001)
+    every = [
+        face_transmittance(parts * turn, index) * face_transmittance((1.0 - parts) * turn, index) for turn in turns
+    ]
+    best = best_transmittance(turns, index)
+    assert np.abs(np.max(every, axis=1) - best).max() < 1e-12
+    assert (np.diff(best) <= 0.0).all(), "a larger turn never transmits more"
+    assert best[0] == pytest.approx(normal_transmittance(index) ** 2, abs=1e-15)
+
+
+def test_no_light_turns_further_and_an_index_of_one_turns_none() -> None:
+    assert not best_transmittance(largest_deviation_rad(1.5) + np.array([1e-9, 0.1, 3.0]), 1.5).any()
+    assert best_transmittance(np.array([-0.2, 0.0, 1e-9]), 1.0).tolist() == [1.0, 1.0, 0.0]
+    each = best_transmittance(np.array([0.3, 0.3]), np.array([1.3, 1.6]))
+    assert (
+        each[0] == best_transmittance(np.array([0.3]), 1.3)[0]
+        and each[1] == best_transmittance(np.array([0.3]), 1.6)[0]
+    )
