@@ -4,6 +4,8 @@ from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
 from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
 from lensforge.evaluation.light import Light
+from lensforge.evaluation.limit_result import LimitResult
+from lensforge.evaluation.receiver_light import Possible
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
@@ -38,6 +40,7 @@ from lensforge.spec.emission import (
     TableSpectrum,
 )
 from lensforge.spec.lens import FixedAsphere, FixedSphere
+from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PointsLimit, ZoneLimit
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.receivers import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -75,6 +78,7 @@ __all__ = [
     "ArrayTarget",
     "BaseSection",
     "BatwingTarget",
+    "BeamAngleLimit",
     "BeamTarget",
     "Cancelled",
     "Check",
@@ -98,6 +102,7 @@ __all__ = [
     "FixedAsphere",
     "FixedSphere",
     "FlatTopTarget",
+    "GlareLimit",
     "Handover",
     "ImageTarget",
     "InputError",
@@ -105,6 +110,8 @@ __all__ = [
     "LensSection",
     "LensforgeError",
     "Light",
+    "LimitResult",
+    "LineLimit",
     "LineSpectrum",
     "LuminanceSource",
     "ManufactureSection",
@@ -118,7 +125,9 @@ __all__ = [
     "PhotometricTarget",
     "Photometry",
     "PlaneReceiver",
+    "PointsLimit",
     "PolygonTarget",
+    "Possible",
     "Progress",
     "Proof",
     "RadianceSource",
@@ -148,6 +157,7 @@ __all__ = [
     "Tool",
     "Tradeoff",
     "Verdict",
+    "ZoneLimit",
     "__version__",
     "build",
     "check",

@@ -21,7 +21,6 @@ from lensforge.optics.materials import normal_transmittance
 from lensforge.optimisation.design import Design
 from lensforge.records import Record, State, Text
 from lensforge.spec import Spec
-from lensforge.spec.target import IN_TARGET
 from lensforge.verification.proof import Proof
 
 LARGEST_NMSE = 0.10
@@ -118,7 +117,7 @@ def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iter
     nmse, share = light.nmse.value, light.share_in_target.value
     words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
     yield from _above_bound(f"NMSE{where}", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
-    asked, possible = transmittance * _wanted_in_target(light), light.possible.share_in_target
+    asked, possible = transmittance * light.wanted_in_target, light.possible.share_in_target
     what = "two faces transmit into the pattern" if asked <= possible else f"is possible (by {light.possible.law})"
     possible = min(asked, possible)
     words = (
@@ -127,13 +126,6 @@ def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iter
     )
     missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
     yield from _above_bound(f"share of the light in the target{where}", missing, error, words)
-
-
-def _wanted_in_target(light: ReceiverLight) -> float:
-    """Share of the target's own light that counts as in the target: a picture may have much in its dark parts."""
-    wanted = light.target_map
-    total = float(wanted.sum())
-    return float(wanted[wanted > IN_TARGET * wanted.max()].sum()) / total if total > 0.0 else 1.0
 
 
 def _above_bound(name: str, excess: float, error: float | None, words: str) -> Iterator[_Reason]:

@@ -10,7 +10,9 @@ from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.lens import Lens
+from lensforge.optics.materials import normal_transmittance
 from lensforge.spec import AnyReceiver
+from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.target import IN_TARGET
 
 if TYPE_CHECKING:
@@ -35,8 +37,31 @@ def light_contradictions(light: Light, lens: Lens) -> Iterator[str]:
     for own, section, receiver in zip(light.receivers, sections, built, strict=False):
         for words in _of_receiver(own, section, receiver):
             yield words if len(sections) == 1 else f"receivers: {section.name}: {words}"
+    yield from _possible(light, lens, built)
     if not any(own.map.shape != receiver.grid.shape for own, receiver in zip(light.receivers, built, strict=False)):
         yield from _limits(light, lens, built)
+
+
+def _possible(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") -> Iterator[str]:
+    """Bounds of physics that the verdict rests on, and that are not those of the source.
+
+    Those below what two faces transmit; of the spec's own source, and not of ray files, which would be read each time.
+    """
+    from lensforge.receivers.possible import PossibleLight, SourceLight
+    from lensforge.sources.build import build_source
+    from lensforge.targets.region import in_target
+
+    asked = [normal_transmittance(lens.refractive_index) ** 2 * own.wanted_in_target for own in light.receivers]
+    lower = [own.possible.share_in_target < most for own, most in zip(light.receivers, asked, strict=True)]
+    other = light.conditions is not None and light.conditions.source is not None
+    if other or not any(lower) or isinstance(lens.spec.source, RayfileSource | RayfilesSource | RaySource):
+        return
+    source = SourceLight.of(build_source(lens.spec.source, lens.spec.lens.dispersion), lens.refractive_index)
+    for own, receiver, rests in zip(light.receivers, receivers, lower, strict=False):
+        if rests and own.target_map.shape == receiver.grid.shape:
+            physics = PossibleLight(source, receiver, lens.spec.constraints.max_radius_mm)
+            found = physics.in_region(in_target(own.target_map)).value
+            yield from differing("possible.share_in_target", own.possible.share_in_target, found, "source and lens")
 
 
 def _limits(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") -> Iterator[str]:

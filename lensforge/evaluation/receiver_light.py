@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from lensforge.figures.chart import Chart
 from lensforge.records import Flag, Irradiance, Metric, NotNegative, Positive, Record, Share, Text
+from lensforge.spec.target import IN_TARGET
 
 _FLUX_ADDS_UP = 1e-9
 Picture = Literal["map", "raw_map", "target_map"]
@@ -102,6 +103,13 @@ class ReceiverLight(Record):
     map: Irradiance
     raw_map: Irradiance
     target_map: Irradiance
+
+    @property
+    def wanted_in_target(self) -> float:
+        """Share of the target's own light that counts as in the target: a picture may have much in its dark parts."""
+        wanted = self.target_map
+        total = float(wanted.sum())
+        return float(wanted[wanted > IN_TARGET * wanted.max()].sum()) / total if total > 0.0 else 1.0
 
     @property
     def chart(self) -> Chart:

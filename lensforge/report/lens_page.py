@@ -16,6 +16,7 @@ from lensforge.manufacturing.result import Check
 from lensforge.report import headline, pictures, proof
 from lensforge.report.cards import cards
 from lensforge.report.light_pictures import first_picture, receiver_pictures
+from lensforge.report.light_tables import asked_rows, limit_rows
 from lensforge.report.measured import measured
 from lensforge.report.numerals import size
 from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
@@ -83,6 +84,8 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "cast_facts": proof.cast_facts(results),
         "first": first_picture(results),
         "receivers": receiver_rows(results),
+        "limits": limit_rows(results),
+        "asked": asked_rows(results),
         "pictures": _pictures(results, taken),
         "referees": referee_rows(results),
         "stray_sentence": stray_sentence(results),

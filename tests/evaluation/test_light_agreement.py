@@ -117,3 +117,48 @@ def test_the_verdict_names_the_receiver(several) -> None:
     assert [words.split(" = ")[0] for words in found.reasons.light] == ["NMSE on cylinder"]
     alone = light.model_copy(update={"receivers": light.receivers[2:3]})
     assert verdict_on(lens, None, alone, None, None, None).reasons.light[0].startswith("NMSE = 0.5, at most 0.1: ")
+
+
+LIMITS = [
+    {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": 0.01},
+    {"kind": "zone", "at_most_w_per_sr": 9.0, "at_least_share": 0.1},
+    {"kind": "beam_angle", "at_most_deg": 110.0},
+]
+
+
+@pytest.fixture(scope="module")
+def limited() -> tuple[lf.Light, lf.Lens]:
+    spec = small_spec(target={"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}).replace(limits=LIMITS)
+    lens = lf.Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec, 0, "draft")
+    return lf.evaluate(lens, rays=2**14), lens
+
+
+def with_limit(light: lf.Light, number: int, **fields: object) -> lf.Light:
+    limits = list(light.limits)
+    limits[number] = limits[number].model_copy(update=fields)
+    return light.model_copy(update={"limits": tuple(limits)})
+
+
+def test_limits_agree_with_spec_and_pictures(limited) -> None:
+    light, lens = limited
+    assert [limit.quantity for limit in light.limits] == ["light", "light", "share of the flux", "beam angle"]
+    assert list(light_contradictions(light, lens)) == []
+
+
+def test_limits_that_were_changed_are_named(limited) -> None:
+    light, lens = limited
+    brighter = Metric(value=2.0 * light.limits[0].value.value, standard_error=light.limits[0].value.standard_error)
+    for other, words in (
+        (with_limit(light, 0, bound=0.001), "limits: axis: bound = 0.001, but the spec has 0.01"),
+        (with_limit(light, 0, value=brighter), "limits: axis: value = "),
+        (with_limit(light, 1, name="other"), "limits: limits.1: name = 'other'"),
+        (light.model_copy(update={"limits": light.limits[1:]}), "limits = 3, but the spec has 4"),
+    ):
+        assert next(light_contradictions(other, lens)).startswith(words)
+
+
+def test_a_bound_of_physics_that_the_verdict_rests_on_is_that_of_the_source(limited) -> None:
+    light, lens = limited
+    lower = light.first.possible.model_copy(update={"share_in_target": 0.5 * light.share_in_target.value})
+    found = next(light_contradictions(changed(light, 0, possible=lower), lens))
+    assert found.startswith("possible.share_in_target = ") and "source and lens say" in found

@@ -113,7 +113,9 @@ def cob(**changes: object) -> Spec:
     content = {
         "source": {"kind": "disc", "diameter_mm": 3.0},
         "lens": {"inner_offset_mm": 4.0, "outer_offset_mm": 8.0},
-        "constraints": {"cavity_radius_mm": 2.0, "cavity_height_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0},
+        "constraints": {
+            "cavity_radius_mm": 2.0, "cavity_height_mm": 1.0, "min_thickness_mm": 1.0, "max_radius_mm": 12.0
+        },
         "target": {
             "kind": "rectangle", "width_mm": 60.0, "height_mm": 40.0, "distance_mm": 500.0, "receiver_mm": 100.0
         },

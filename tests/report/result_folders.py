@@ -227,8 +227,8 @@ def make_receiver_light(section, rows=PIXELS, columns=PIXELS, **changes):
         "raw": {"nmse": 0.0125, "uniformity": None, "rsd": None},
         "nmse_of_noise": None,
         "possible": {
-            "efficiency": 0.92,
-            "share_in_target": 0.9,
+            "efficiency": 0.95,
+            "share_in_target": 0.95,
             "nmse": 0.001,
             "law": "étendue",
             "luminance_estimated": False,

@@ -6,11 +6,13 @@ from page_text import Page, text_of
 from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
 
+from lensforge.evaluation.limit_result import LimitResult
 from lensforge.records import Conditions, Metric
 from lensforge.report.cards import cards
 from lensforge.report.compare_page import render_comparison
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.light_pictures import first_picture, receiver_pictures
+from lensforge.report.light_tables import asked_rows, limit_rows
 from lensforge.report.numerals import unit_of_light
 from lensforge.report.other_conditions import light_pictures, light_rows
 from lensforge.report.receiver_table import receiver_rows
@@ -231,3 +233,19 @@ def test_verification_and_stray_light_are_shown_on_every_receiver():
     assert names == ["wall", "trimesh\u2019s own plain cast", "wall", "wall", "sky"]
     sentence = stray_sentence(results)
     assert "lands in the window of wall" in sentence and "On sky the sequential model is wrong" in sentence
+
+
+def test_limits_and_what_is_possible_have_tables():
+    limit = LimitResult(
+        name="HV", receiver="light", quantity="light", value=Metric(value=61.5, unit="cd", standard_error=0.5),
+        sense=">=", bound=60.0, unit="cd",
+    )  # fmt: skip
+    results = make_results(("evaluate",), evaluate={"limits": (limit,)})
+    (row,) = limit_rows(results)
+    assert (row.bound, row.value, row.state, row.badge) == ("≥ 60 cd", "61.5 ± 0.5 cd", "held", "pass")
+    share, window, pattern = asked_rows(results)
+    assert share.got.startswith("81.2") and share.possible == "≤ 95.0\u2009%" and share.law == "étendue"
+    assert pattern.possible == "≥ 0.001" and window.asked == "92.3\u2009%"
+    text = text_of(results)
+    assert "Value that decides" in text and "Bound by" in text and "held" in text
+    assert "Value that decides" not in text_of(make_results(("evaluate",)))

@@ -6,6 +6,8 @@ from result_folders import PIXELS, criterion, make_results, small_lens
 from result_folders import finding as any_finding
 
 from lensforge.errors import CriterionMissed
+from lensforge.evaluation.limit_result import LimitResult
+from lensforge.evaluation.receiver_light import Possible
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Finding
 from lensforge.records import Metric
@@ -67,6 +69,33 @@ def test_the_share_in_the_target_is_judged_against_what_two_faces_transmit(exces
     verdict = lit(share=metric(LEAST_SHARE * TRANSMITTED + excess, 0.001))
     assert verdict.light == state
     assert all("share of the light" in reason for reason in verdict.reasons.light)
+
+
+def test_a_share_is_judged_by_what_is_possible_where_that_is_less() -> None:
+    """Étendue leaves 30 %: 22 % of the light are more than 0.7 of that, and 20 % are less."""
+    for share, state in ((0.22, "pass"), (0.2, "fail")):
+        possible = Possible(efficiency=0.9, share_in_target=0.3, nmse=0.0, law="étendue", luminance_estimated=False)
+        light = {"nmse": metric(0.01), "share_in_target": metric(share), "target_map": FLAT, "possible": possible}
+        verdict = make_results(evaluate=light).verdict
+        assert verdict.light == state
+        assert state == "pass" or "of the 0.3 that is possible (by étendue)" in verdict.reasons.light[0]
+
+
+def test_limits_decide_alone_where_a_spec_has_them() -> None:
+    """The pattern is hopeless; what counts is that the one limit is held, missed, or too close to call."""
+    spec = parse_spec(
+        small_lens().spec.model_dump(exclude_unset=True)
+        | {"limits": [{"kind": "points", "name": "axis", "at_mm": [[0, 0]], "at_least_w_per_m2": 1.0}]},
+        "test",
+    )
+    lens = small_lens()
+    lens = Lens(lens.inner, lens.outer, spec, lens.seed, lens.accuracy)
+    content = {"name": "axis", "receiver": "light", "quantity": "light", "sense": ">=", "bound": 1.0, "unit": "W/m²"}
+    for value, state in ((1.3, "pass"), (1.1, "undecided"), (0.5, "fail")):
+        limit = LimitResult(value=Metric(value=value, unit="W/m²", standard_error=0.1), **content)
+        verdict = make_results(lens=lens, evaluate={"nmse": metric(0.9), "limits": (limit,)}).verdict
+        assert verdict.light == state
+        assert all("axis: light" in reason and ">= 1" in reason for reason in verdict.reasons.light)
 
 
 def test_a_picture_with_much_light_in_its_dark_parts_is_judged_by_its_bright_ones() -> None:

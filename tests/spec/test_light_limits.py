@@ -1,0 +1,72 @@
+"""Limits in a spec: what they may say, in which units, and where they may lie; each mistake is one line."""
+
+import tomllib
+
+import pytest
+from scenes import small_spec
+
+from lensforge.errors import InputError
+from lensforge.spec import Spec, parse_spec
+
+FAR = {"target": {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}}
+
+
+def far(*limits: dict[str, object]) -> Spec:
+    return small_spec(**FAR).replace(limits=limits)
+
+
+GOOD = [
+    {"kind": "points", "at_deg": [[0, 0], [10, -5]], "at_least_cd": 10.0, "at_most_cd": 20.0},
+    {"kind": "line", "from_deg": [-10, 0], "to_deg": [10, 0], "at_least_relative": 0.5},
+    {"kind": "zone", "at_most_w_per_sr": 3.0},
+    {"kind": "zone", "zone": {"kind": "ring", "inner_diameter_deg": 20.0, "outer_diameter_deg": 40.0},
+     "at_least_min_over_mean": 0.5, "at_least_share": 0.2},
+    {"kind": "glare", "from_deg": 45.0, "at_most_cd": 2.0, "name": "glare", "receiver": "light"},
+    {"kind": "beam_angle", "at_least_deg": 20.0, "at_most_deg": 40.0, "azimuth_deg": 90.0},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("limit", GOOD, ids=lambda limit: str(limit["kind"]))
+def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) -> None:
+    spec = far(limit)
+    assert parse_spec(tomllib.loads(spec.to_toml()), "again") == spec
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"kind": "points", "at_deg": [[0, 0]]}, "bounds nothing"),
+        ({"kind": "points", "at_least_cd": 1.0}, "at_mm or at_deg"),
+        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 1.0, "at_most_w_per_sr": 2.0}, "one unit"),
+        ({"kind": "points", "at_deg": [[0, 0]], "at_least_cd": 3.0, "at_most_cd": 2.0}, "no light is both"),
+        ({"kind": "points", "at_deg": [[0, 0]], "at_least_lx": 3.0}, "in one of w_per_sr, cd"),
+        ({"kind": "points", "at_mm": [[0, 0]], "at_least_cd": 3.0}, "they are in degrees"),
+        ({"kind": "points", "at_deg": [[50, 50]], "at_least_cd": 3.0}, "reaches 60 deg"),
+        ({"kind": "line", "from_deg": [0, 0], "at_least_cd": 3.0}, "give both of one unit"),
+        ({"kind": "zone", "zone": {"kind": "disc", "diameter_deg": 5.0, "level": 2.0}, "at_most_cd": 1.0},
+         "zone.level"),
+        ({"kind": "glare", "from_deg": 70.0, "at_most_cd": 1.0}, "reaches 60 deg"),
+        ({"kind": "glare", "from_deg": 50.0, "at_least_cd": 1.0}, "no least one"),
+        ({"kind": "beam_angle", "at_most_cd": 1.0}, "at_least_deg and at_most_deg"),
+        ({"kind": "zone", "at_most_cd": 1.0, "receiver": "wall"}, "none of that name; known: light"),
+        ({"kind": "zone", "at_most_cd": -1.0}, "greater than or equal"),
+    ],
+)  # fmt: skip
+def test_a_wrong_limit_is_refused_in_one_line(limit: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words) as refusal:
+        far(limit)
+    assert "\n" not in str(refusal.value) and "limits.0" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"kind": "glare", "from_deg": 5.0, "at_most_relative": 0.1}, "one of the far field"),
+        ({"kind": "beam_angle", "at_least_deg": 5.0}, "one of the far field"),
+        ({"kind": "points", "at_mm": [[0, 0]], "at_least_cd": 3.0}, "in one of w_per_m2, lx"),
+        ({"kind": "points", "at_mm": [[1000, 0]], "at_least_lx": 3.0}, "is off receiver 'light'"),
+    ],
+)
+def test_on_a_plane_light_is_irradiance_and_has_no_angles(limit: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        small_spec().replace(limits=[limit])
