@@ -34,11 +34,17 @@ def small() -> dict[str, Any]:
 @cache
 def _texts(every_example: bool = True) -> list[str]:
     """The specs as JSON: short ones as a user writes them, and each again with all of its fields."""
-    written = [_without_none({**small(), **changes}) for changes in ({}, *_samples()["other"])]
+    written = [_with(changes) for changes in ({}, *_samples()["other"])]
     if every_example:
         written += [tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(EXAMPLES.glob("*.toml"))]
     whole = [_without_none(parse_spec(content, "sample").model_dump(mode="json")) for content in written]
     return [json.dumps(content) for content in (*written, *whole)]
+
+
+def _with(changes: dict[str, Any]) -> Any:
+    """The small spec with other sections; receivers stand in place of its target."""
+    kept = {name: value for name, value in small().items() if not (name == "target" and "receivers" in changes)}
+    return _without_none({**kept, **changes})
 
 
 def _without_none(value: Any) -> Any:

@@ -161,9 +161,10 @@ class ZoneLimit(LimitSection):
 
     @model_validator(mode="after")
     def _zone_is_a_shape(self) -> "ZoneLimit":
-        wrong = () if self.zone is None else sorted(self.zone.model_fields_set & set(_OF_PICTURES))
-        if wrong:
-            raise ValueError(f"zone.{wrong[0]}: a zone is a shape on the limit's receiver; leave it out")
+        zone = self.zone
+        for name in () if zone is None else _OF_PICTURES:
+            if getattr(zone, name) != type(zone).model_fields[name].default:
+                raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
         return self
 
 

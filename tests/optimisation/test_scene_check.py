@@ -8,7 +8,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge.errors import InputError
+from lensforge.errors import Cancelled, InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.optics.materials import normal_transmittance
@@ -136,7 +136,31 @@ def test_a_target_of_which_less_than_half_is_possible_is_refused_with_the_lens_t
     radius_mm = float(words.partition(">= ")[2].split()[0])
     assert 25.0 < radius_mm < 29.0
     assert check(spec.replace({"constraints.max_radius_mm": radius_mm})).targets[0].bounds.by_etendue >= 0.92
-    check(spec).require_light(anyway=True)
+    said: list[str] = []
+    with pytest.raises(Cancelled):
+        lf.design(spec, accuracy="draft", anyway=True, progress=lambda _: False, warn=said.append)
+    assert any("by étendue" in each for each in said), "it says so all the same"
+
+
+def test_a_limit_beyond_half_of_what_the_luminance_allows_is_refused_by_its_name() -> None:
+    """A Lambertian square of 1 mm and 1 W: at most L pi R^2 in any direction, times what two faces transmit."""
+    target = {"kind": "beam", "fwhm_deg": 30.0, "half_angle_deg": 60.0}
+    transmitted = normal_transmittance(1.4936) ** 2
+
+    def asking(intensity: float) -> SceneCheck:
+        limit = {"kind": "points", "name": "axis", "at_deg": [[0, 0]], "at_least_w_per_sr": intensity}
+        return check(small_spec(target=target).replace(limits=[limit]))
+
+    radius_mm = small_spec().constraints.max_radius_mm
+    most = transmitted * radius_mm**2 / 1.0
+    assert asking(1.0).limits[0].possible == pytest.approx(most, rel=0.01)
+    asking(1.9 * most).require_light()
+    assert any(words.startswith("limits: axis: at most") for words in asking(1.9 * most).warnings())
+    with pytest.raises(
+        InputError, match=r"limits: axis: at most .* W/sr \(by étendue\).*a larger lens \(>= "
+    ) as refusal:
+        asking(2.1 * most).require_light()
+    assert "\n" not in str(refusal.value)
 
 
 def test_an_estimated_luminance_warns_and_stops_nothing() -> None:

@@ -30,6 +30,7 @@ GOOD = [
 def test_a_limit_survives_the_round_trip_through_toml(limit: dict[str, object]) -> None:
     spec = far(limit)
     assert parse_spec(tomllib.loads(spec.to_toml()), "again") == spec
+    assert parse_spec(spec.model_dump(mode="json"), "with all defaults") == spec
 
 
 @pytest.mark.parametrize(
