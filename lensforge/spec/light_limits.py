@@ -162,8 +162,11 @@ class ZoneLimit(LimitSection):
     @model_validator(mode="after")
     def _zone_is_a_shape(self) -> "ZoneLimit":
         zone = self.zone
-        for name in () if zone is None else _OF_PICTURES:
-            if getattr(zone, name) != type(zone).model_fields[name].default:
+        if zone is None:
+            return self
+        for name in _OF_PICTURES:
+            field = type(zone).model_fields.get(name)
+            if field is not None and getattr(zone, name) != field.default:
                 raise ValueError(f"zone.{name}: a zone is a shape on the limit's receiver; leave it out")
         return self
 
