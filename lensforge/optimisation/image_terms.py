@@ -25,6 +25,7 @@ _UNIFORM_MARGIN = 0.03
 _UNIFORM_IMAGE = 0.2
 
 Image = Float[Tensor, "h w"]
+Images = tuple[Float[Tensor, "_ _"], ...]  # of receivers, each with a shape of its own
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optimisation.image_terms import Image, smoothed
+from lensforge.optimisation.image_terms import Image, Images, smoothed
 from lensforge.receivers.posed import PosedReceiver
 from lensforge.spec import Spec
 from lensforge.targets.limits import LightLimit, light_limits
@@ -34,7 +34,7 @@ class LimitTerm:
         matrix = torch.sparse_coo_tensor(places, torch.from_numpy(coo.data), coo.shape, check_invariants=False)
         return LimitTerm(limit, matrix.coalesce(), min(_OF_EACH * coo.shape[0], _AT_MOST))
 
-    def loss(self, images: tuple[Image, ...]) -> Float[Tensor, ""]:
+    def loss(self, images: Images) -> Float[Tensor, ""]:
         """Mean of e^2/(1+e) over the places, e what is missing to the bound or above it, relative to the bound."""
         picture = smoothed(images[self.limit.receiver])
         light = torch.mv(self.readings, picture.reshape(-1))

@@ -10,7 +10,7 @@ from torch import Tensor
 from lensforge.optics.materials import normal_transmittance
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
-from lensforge.optimisation.image_terms import ImageTerms, nmse_loss
+from lensforge.optimisation.image_terms import Images, ImageTerms, nmse_loss
 from lensforge.optimisation.light_path import LightPath
 from lensforge.optimisation.limit_terms import LimitTerm, limit_terms
 from lensforge.optimisation.parameters import Parametrisation
@@ -40,7 +40,7 @@ class Evaluated:
 class SampledLight:
     """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted."""
 
-    images: tuple[Float[Tensor, "h w"], ...]
+    images: Images
     terms: Float[Tensor, ""]
     emitted_w: float
 
@@ -120,13 +120,13 @@ class MeritFunction:
         )
         return float(error + of_flux), float(error)
 
-    def _limit_term(self, images: tuple[Float[Tensor, "h w"], ...]) -> Float[Tensor, ""]:
+    def _limit_term(self, images: Images) -> Float[Tensor, ""]:
         """Excess over the limits; that of the joined picture, whose noise is small, in a judgement."""
         if not self.limits:
             return torch.zeros((), dtype=torch.float64)
         return torch.stack([limit.loss(images) for limit in self.limits]).sum()
 
-    def _images(self, light: tuple[Collected, ...]) -> tuple[Float[Tensor, "h w"], ...]:
+    def _images(self, light: tuple[Collected, ...]) -> Images:
         return tuple(terms.image(each) for terms, each in zip(self.terms, light, strict=True))
 
     def _flux_term(self, light: tuple[Collected, ...]) -> Float[Tensor, ""]:

@@ -120,8 +120,10 @@ class PossibleLight:
         """
         if not arriving > 0.0:
             return 0.0
-        caps = self.on_pixels / arriving
-        nearest, most = _filled(target, caps, 1.0), self.in_region(in_target).value / arriving
+        caps, most = self.on_pixels / arriving, self.in_region(in_target).value / arriving
+        if (target <= caps).all() and target[in_target].sum() <= most:
+            return 0.0  # the target itself is possible
+        nearest = _filled(target, caps, 1.0)
         if nearest[in_target].sum() > most:
             nearest = target.copy()
             nearest[in_target] = _filled(target[in_target], caps[in_target], most)
