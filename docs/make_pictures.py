@@ -20,7 +20,7 @@ from lensforge.report.section_figures import lens_section
 from lensforge.report.solid_view import Rendering
 from lensforge.run_folder import load
 
-HEIGHT = 420
+HEIGHT, IN_ROW = 420, 5
 WHITE = (255, 255, 255)
 
 
@@ -37,11 +37,13 @@ def panel(source: Figure | bytes) -> Image.Image:
     return ground.convert("RGB").resize(size, Image.Resampling.LANCZOS)
 
 
-def light_of(directory: Path) -> Figure:
-    """The light of one result on its first receiver."""
-    light = load(directory).light.first
-    unit = light_unit(None, far_field=light.chart.far_field)
-    return irradiance_map(light.map, light.chart, float(light.map.max()), unit=unit)
+def light_of(directory: Path) -> list[Figure]:
+    """The light of one result on each of its receivers."""
+    found = []
+    for light in load(directory).light.receivers:
+        unit = light_unit(None, far_field=light.chart.far_field)
+        found.append(irradiance_map(light.map, light.chart, float(light.map.max()), unit=unit))
+    return found
 
 
 def panels_of(directory: Path) -> list[Figure | bytes]:
@@ -51,17 +53,20 @@ def panels_of(directory: Path) -> list[Figure | bytes]:
     views = rendering.result()
     rendering.close()
     section = lens_section(run.lens, 0.0, np.array(run.design.source_outline_mm))
-    return [views.pictures["above"], section, light_of(directory)]
+    return [views.pictures["above"], section, *light_of(directory)]
 
 
 def save(parts: Sequence[Figure | bytes], name: str) -> None:
-    """Write all parts side by side as docs/<name>.png."""
+    """Write all parts as docs/<name>.png, in rows of five at most."""
     panels = [panel(part) for part in parts]
-    sheet = Image.new("RGB", (sum(each.width for each in panels), HEIGHT), WHITE)
-    position = 0
-    for each in panels:
-        sheet.paste(each, (position, 0))
-        position += each.width
+    rows = [panels[first : first + IN_ROW] for first in range(0, len(panels), IN_ROW)]
+    width = max(sum(each.width for each in row) for row in rows)
+    sheet = Image.new("RGB", (width, HEIGHT * len(rows)), WHITE)
+    for number, row in enumerate(rows):
+        position = 0
+        for each in row:
+            sheet.paste(each, (position, HEIGHT * number))
+            position += each.width
     target = Path(__file__).parent / f"{name}.png"
     with replacing(target) as temporary:
         sheet.quantize(256).save(temporary, optimize=True)
@@ -75,7 +80,7 @@ def main() -> None:
     parser.add_argument("--together", metavar="NAME")
     options = parser.parse_args()
     if options.together:
-        save([light_of(folder) for folder in options.folders], options.together)
+        save([part for folder in options.folders for part in light_of(folder)], options.together)
     else:
         for folder in options.folders:
             save(panels_of(folder), folder.name)

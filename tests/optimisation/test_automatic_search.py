@@ -117,6 +117,7 @@ def test_a_level_that_is_left_out_at_the_very_end_leaves_its_functions_out(
         assert "25 functions more lower the error by" in str(found.ended)
 
 
+@pytest.mark.nightly("two long searches, 12 s")
 def test_a_search_from_a_lens_begins_with_as_many_functions_and_never_ends_worse(
     monkeypatch: pytest.MonkeyPatch, few_steps: None
 ) -> None:
@@ -253,6 +254,7 @@ def test_no_search_ends_above_what_held_rays_have_accepted(
     assert last <= min(seen[:-1]) + 1e-4, "a margin of a constraint may still have been missing"
 
 
+@pytest.mark.nightly("a long search, 14 s")
 def test_the_own_pattern_of_a_sphere_needs_no_more_than_spheres() -> None:
     """Two hemispheres about a small source turn no light, and all of it lands: nothing is left to gain."""
     near = {"distance_mm": 10.0, "receiver_mm": 80.0}

@@ -29,7 +29,7 @@ def starting_lens(spec: Spec, outer: float = 1.0) -> Lens:
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_the_starting_lens_of_each_shipped_scene_keeps_the_bounds(path: Path) -> None:
-    require_possible(lf.evaluate(starting_lens(load_spec(path)), rays=2**14, pixels=64))
+    require_possible(lf.evaluate(starting_lens(load_spec(path)), rays=2**13, pixels=32))
 
 
 @pytest.mark.nightly("drafts of all shipped specs take half an hour")

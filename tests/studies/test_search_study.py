@@ -13,6 +13,7 @@ from lensforge.studies.tradeoff.search import search_study
 FEW = SearchEffort(25, (4, 6), (256, 512), 512, 0.5, 0.0)
 
 
+@pytest.mark.nightly("searches of every level, 12 s")
 def test_levels_are_those_of_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], effort=FEW))
     spec = small_spec(optimise__uniformity_steps=2)
