@@ -10,6 +10,7 @@ from lensforge.records import Metric
 from lensforge.report.cards import cards
 from lensforge.report.compare_pictures import ComparedPictures
 from lensforge.report.headline import headline
+from lensforge.report.numerals import number_with_error
 from lensforge.report.page import template
 from lensforge.report.tables import rows
 from lensforge.report.task import task
@@ -52,7 +53,7 @@ def render_comparison(designs: Sequence[Results], names: Sequence[str] | None = 
         names=names,
         tasks=[task(design.spec) for design in designs],
         headlines=[headline(design) for design in designs],
-        numbers=number_lines(designs),
+        numbers=[*number_lines(designs), *receiver_lines(designs)],
         differences=difference_lines(designs),
         pictures=ComparedPictures(names, designs),
         version=__version__,
@@ -107,6 +108,20 @@ def _best(label: str, designs: Sequence[Results]) -> int | None:
     values = [None if metric is None else metric.value for metric in metrics]
     known = [value for value in values if value is not None]
     return values.index(_BETTER[label](known)) if known else None
+
+
+def receiver_lines(designs: Sequence[Results]) -> list[Line]:
+    """The metrics on every receiver but the first, whose are among the headline numbers; by the receivers' names."""
+    lights = [design.find(Light) for design in designs]
+    tables = [{each.name: each for each in light.receivers[1:]} if light else {} for light in lights]
+    lines = []
+    for name in dict.fromkeys(name for table in tables for name in table):
+        for label, digits in (("nmse", 3), ("efficiency", 4), ("uniformity", 3)):
+            metrics: list[Metric | None] = [getattr(table.get(name), label, None) for table in tables]
+            if any(metric is not None for metric in metrics):
+                cells = tuple(Cell(number_with_error(metric, digits)) for metric in metrics)
+                lines.append(Line(f"{'NMSE' if label == 'nmse' else label.capitalize()} on {name}", cells))
+    return lines
 
 
 def difference_lines(designs: Sequence[Results]) -> list[Line]:

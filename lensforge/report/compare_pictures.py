@@ -20,7 +20,7 @@ from lensforge.report.measured import RELATIVE
 from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture, source_outline
 from lensforge.report.section_figures import lens_section, reach_mm
-from lensforge.report.shown_receivers import capitalised, shown_receivers
+from lensforge.report.shown_receivers import capitalised, receivers_in
 from lensforge.results import Results
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, "#8a5cc9", "#c2569b", GREY, INK)
@@ -31,7 +31,7 @@ _DARK = "#000004"  # the darkest of the map's colours, outside the receiver
 
 @dataclass(frozen=True)
 class _Lit:
-    """The light of one design on its first receiver."""
+    """The light of one design on one of its receivers."""
 
     name: str
     light: ReceiverLight
@@ -53,7 +53,7 @@ class _Lit:
 class ComparedPictures:
     """The pictures of ``designs``, labelled ``names``; of light, only for those that have been simulated.
 
-    Light is that on each design's first receiver.
+    Light is that on every receiver; of several it is labelled with their names, too.
     """
 
     def __init__(self, names: Sequence[str], designs: Sequence[Results]) -> None:
@@ -61,16 +61,21 @@ class ComparedPictures:
         found = ((name, design, design.find(Light)) for name, design in self._designs)
         lights = [(name, design, light) for name, design, light in found if light is not None]
         lumens_known = all(light.lumens_per_watt is not None for _, _, light in lights)
+        shown = [
+            (f"{name}, {each.light.name}" if each.several else name, each.light, light)
+            for name, design, light in lights
+            for each in receivers_in(light, design.spec)
+        ]
         self._lit = [
             _Lit(
                 name,
-                light.first,
-                light_unit(light.lumens_per_watt if lumens_known else None, far_field=light.first.chart.far_field),
+                receiver,
+                light_unit(light.lumens_per_watt if lumens_known else None, far_field=receiver.chart.far_field),
                 _COLOURS[index % len(_COLOURS)],
                 _DASHES[index % len(_DASHES)],
-                _caption(design),
+                f"{capitalised(receiver.place)}.",
             )
-            for index, (name, design, light) in enumerate(lights)
+            for index, (name, receiver, light) in enumerate(shown)
         ]
 
     @cached_property
@@ -97,7 +102,7 @@ class ComparedPictures:
             max(each.chart.width for each in shown), max(each.chart.height for each in shown), lit.chart.far_field
         )
         top = max(each.peak for each in shown) or 1.0
-        width = WIDE if len(self._designs) == 2 else NARROW
+        width = WIDE if len(self._lit) <= 2 else NARROW
         figure = irradiance_map(
             lit.light.map, lit.chart, top / lit.unit.per_watt, unit=lit.unit, width=width, frame=frame
         )
@@ -144,13 +149,6 @@ class ComparedPictures:
             picture(f"body{index}", lens_section(design.lens, 0.0, source_outline(design), reach), name)
             for index, (name, design) in enumerate(self._designs)
         ]
-
-
-def _caption(design: Results) -> str:
-    """Place of the first receiver; its name where there are several."""
-    shown = shown_receivers(design)
-    count = f", the first of {len(shown)} receivers" if len(shown) > 1 else ""
-    return f"{capitalised(shown[0].place)}{count}."
 
 
 @in_report_style

@@ -209,9 +209,13 @@ def test_far_fields_are_compared_on_one_scale_in_degrees():
     assert "the same angles" in render_comparison(designs)
 
 
-def test_the_first_of_several_receivers_is_compared(both):
-    first, _ = ComparedPictures(("both", "one"), [both, make_results(("evaluate",))]).maps
-    assert first.caption == "Centred at (100, 0, 200) mm (wall), the first of 2 receivers."
+def test_every_receiver_is_compared(both):
+    designs = [both, make_results(("evaluate",))]
+    pictures = ComparedPictures(("both", "one"), designs)
+    assert [each.title for each in pictures.maps] == ["both, wall", "both, sky", "one"]
+    assert pictures.maps[0].caption == "Centred at (100, 0, 200) mm."
+    text = Page(render_comparison(designs)).text
+    assert "NMSE on sky" in text and "Efficiency on sky" in text and "NMSE on wall" not in text
 
 
 def test_a_lens_in_a_notebook_names_its_receivers():
