@@ -71,7 +71,7 @@ def measured(spec: Spec) -> Source:
 @pytest.mark.parametrize(
     ("light", "changes", "stop_at"),
     first_by_day(
-        2,
+        1,
         [
             (measured, {}, 9),
             (square, {"target__uniform_mm": 60.0}, 18),

@@ -71,7 +71,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize(
-    "command", first_by_day(2, [(command,) for command in COMMANDS], "ten seconds each"), ids=" ".join
+    "command", first_by_day(1, [(command,) for command in COMMANDS], "ten seconds each"), ids=" ".join
 )
 def test_no_command_runs_code_of_the_folder_that_it_is_started_in(
     command: tuple[str, ...], small_run: lf.Run, tmp_path: Path
