@@ -10,6 +10,7 @@ from lensforge.errors import CriterionMissed
 from lensforge.records import Number, Record, Text
 
 Sense = Literal["<=", ">="]
+CERTAIN = 2.0  # standard errors; within them of a bound, nothing is decided
 
 
 def within(value: float | None, sense: Sense, limit: float | None) -> bool:
@@ -22,6 +23,16 @@ def within(value: float | None, sense: Sense, limit: float | None) -> bool:
     if limit is None:
         return True
     return value <= limit if sense == "<=" else value >= limit
+
+
+def beyond_doubt(excess: float, error: float | None) -> bool | None:
+    """True where a value is above its bound by ``excess``, False where below it; None where that is not certain.
+
+    It is not within two standard errors of the bound, nor without a standard ``error``.
+    """
+    if error is None or abs(excess) <= CERTAIN * error:
+        return None
+    return excess > 0.0
 
 
 class Judged(Record):

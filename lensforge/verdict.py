@@ -10,7 +10,7 @@ source) have an NMSE from 0.2 to 0.75, and put 0.07 to 0.66 of it there.
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from lensforge.criteria import Criterion
+from lensforge.criteria import Criterion, beyond_doubt
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.receiver_light import ReceiverLight
@@ -26,7 +26,6 @@ from lensforge.verification.proof import Proof
 LARGEST_NMSE = 0.10
 LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
 _DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
-_CERTAIN = 2.0  # standard errors; within them of a bound, the verdict is undecided
 
 _Reason = tuple[State, str]
 
@@ -106,10 +105,12 @@ def _light(lens: Lens, light: Light) -> Iterator[_Reason]:
 
 def _limits(light: Light) -> Iterator[_Reason]:
     """Reasons by the limits of the spec, which are what its light must keep: no others count."""
+    if not light.limits:
+        yield "undecided", "the limits of the spec have not been judged in this light"
     for limit in light.limits:
-        if limit.state != "held":
-            state: State = "fail" if limit.state == "missed" else "undecided"
-            yield state, str(limit) if state == "fail" else f"{limit}, within two standard errors of it"
+        yield from _above_bound(
+            f"{limit.name}: {limit.quantity}", limit.excess, limit.value.standard_error, limit.words
+        )
 
 
 def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iterator[_Reason]:
@@ -132,9 +133,11 @@ def _above_bound(name: str, excess: float, error: float | None, words: str) -> I
     """A reason where a value is above its bound (``excess`` > 0), or is within two standard errors of it."""
     if error is None:
         yield "undecided", f"{name} has no standard error, because the rays are a single sample: {words}"
-    elif abs(excess) <= _CERTAIN * error:
+        return
+    above = beyond_doubt(excess, error)
+    if above is None:
         yield "undecided", f"{name} is within two standard errors of its bound: {words}"
-    elif excess > 0.0:
+    elif above:
         yield "fail", f"{name} = {words}"
 
 

@@ -77,23 +77,15 @@ def evaluate_traced(
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
     light, largest_mm = SourceLight.of(source, traced.scene.refractive_index), spec.constraints.max_radius_mm
-    found = zip(spec.all_receivers, receivers, simulation.received, strict=True)
+    images = [_filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
+    found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
     lit = tuple(
-        receiver_light(
-            section,
-            PossibleLight(light, receiver, largest_mm),
-            received,
-            simulation.emitted_w,
-            spec.evaluate.filter_variance,
-        )
-        for section, receiver, received in found
-    )
-    pictures = (
-        [_filtered(received, spec.evaluate.filter_variance) for received in simulation.received] if limits else []
+        receiver_light(section, PossibleLight(light, receiver, largest_mm), received, filtered, simulation.emitted_w)
+        for section, receiver, received, filtered in found
     )
     return Light(
         receivers=lit,
-        limits=judged_limits(limits, pictures, [each.name for each in lit]),
+        limits=judged_limits(limits, images, [each.name for each in lit]),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
         pixels=lit[0].pixels,
@@ -109,11 +101,13 @@ def evaluate_traced(
 
 
 def receiver_light(
-    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, emitted_w: float, filter_variance: float
+    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, images: Images, emitted_w: float
 ) -> ReceiverLight:
-    """Metrics and maps of the light on one receiver, with the bounds that physics sets there."""
+    """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
+
+    ``images``: those of ``received``, filtered.
+    """
     receiver = physics.receiver
-    images = _filtered(received, filter_variance)
     target, mean, raw = target_light(section.targets, receiver), images.mean(axis=0), received.images.mean(axis=0)
     mask, measure = _lit(uniform_region(section.targets, receiver), mean), receiver.pixel_measure
     flux, missed = _flux_budget(received, emitted_w)

@@ -2,11 +2,10 @@
 
 from typing import Literal
 
-from lensforge.criteria import Sense
+from lensforge.criteria import Sense, beyond_doubt
 from lensforge.records import Metric, Number, Record, Text, stated
 
 LimitState = Literal["held", "missed", "undecided"]
-CERTAIN = 2.0  # standard errors; within them of a bound, a limit is undecided
 
 
 class LimitResult(Record):
@@ -24,15 +23,23 @@ class LimitResult(Record):
     bound: Number
     unit: Text
 
+    @property
+    def excess(self) -> float:
+        """Distance of the value from the bound, on the wrong side of it; below 0 on the right one."""
+        above = self.value.value - self.bound
+        return above if self.sense == "<=" else -above
+
     @stated
     def state(self) -> LimitState:
         """The judgement, by value, standard error and bound."""
-        inside = (self.value.value - self.bound) * (1.0 if self.sense == ">=" else -1.0)
-        error = self.value.standard_error
-        if error is None or abs(inside) <= CERTAIN * error:
-            return "undecided"
-        return "held" if inside > 0.0 else "missed"
+        missed = beyond_doubt(self.excess, self.value.standard_error)
+        return "undecided" if missed is None else "missed" if missed else "held"
+
+    @property
+    def words(self) -> str:
+        """The value, and what it must be."""
+        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
+        return f"{self.value}, must be {self.sense} {self.bound:g}{unit}"
 
     def __str__(self) -> str:
-        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
-        return f"{self.name}: {self.quantity} {self.value}, must be {self.sense} {self.bound:g}{unit}"
+        return f"{self.name}: {self.quantity} {self.words}"

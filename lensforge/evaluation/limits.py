@@ -12,11 +12,12 @@ from lensforge.jackknife import jackknife_metric
 from lensforge.records import Metric
 from lensforge.targets.limits import LightLimit
 
+Images = Float[np.ndarray, "_ _ _"]  # of each replicate; each receiver has a shape of its own
 Readings = Float[np.ndarray, "r k"]
 
 
 def judged_limits(
-    limits: Sequence[LightLimit], images: Sequence[Float[np.ndarray, "r h w"]], names: Sequence[str]
+    limits: Sequence[LightLimit], images: Sequence[Images], names: Sequence[str]
 ) -> tuple[LimitResult, ...]:
     """Judge ``limits`` on the filtered pictures of flux (W) of every replicate, one stack for each receiver."""
     return tuple(_judged(limit, images[limit.receiver], names[limit.receiver]) for limit in limits)
@@ -57,13 +58,8 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
         case "min_over_mean":
             means = readings.mean(axis=1, keepdims=True)
             return _extreme(readings / np.where(means > 0.0, means, 1.0), ">=")
-    whole = readings if limit.quantity == "min_over_max" else images.reshape(len(images), -1) / _pixel_measure(limit)
+    whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
     return _ratio(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
-
-
-def _pixel_measure(limit: LightLimit) -> float:
-    """Measure of a pixel: the readings of a picture of ones are its inverse."""
-    return 1.0 / float(limit.readings[[0]].sum())
 
 
 def _extreme(readings: Readings, sense: Sense) -> Metric:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.possible import LargestShare, PossibleLight, SourceLight
@@ -21,7 +21,7 @@ LEAST_POSSIBLE = 0.5  # of what is asked for: with less, no search comes near it
 
 @dataclass(frozen=True)
 class AskedLight:
-    """Light that is asked for, and the most that is ``possible``, in ``unit``.
+    """Light that a limit asks for at its worst place, and the most that is ``possible`` there, in ``unit``.
 
     ``radius_mm``: of the smallest lens whose étendue suffices. ``estimated``: the source's luminance is an estimate
     from its rays, which stops no search.
@@ -47,30 +47,35 @@ class AskedLight:
     @property
     def possible_words(self) -> str:
         """The bound in words."""
-        return f"{self._about}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
+        return f"{_about(self.estimated)}at most {self.possible:.3g} {self.unit} (by étendue) can be reached"
 
     @property
     def asked_words(self) -> str:
         """The demand in words."""
         return f"{self.asked:g} {self.unit} that it asks for"
 
-    @property
-    def _about(self) -> str:
-        return "by an estimate of the source's luminance " if self.estimated else ""
-
     def remedies(self) -> str:
         """Changes that would raise the bound."""
-        return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), a smaller or brighter source, or a lower bound"
+        return f"{_larger_lens(self.radius_mm)}, a smaller or brighter source, or a lower bound"
 
 
 @dataclass(frozen=True)
-class AskedShare(AskedLight):
-    """Share of the source's flux asked for in a target: all that two faces transmit into its bright part.
+class AskedShare:
+    """Share of the source's flux that a target or a limit asks for, and its ``bounds``; all else as above.
 
-    ``bounds``: of :class:`~lensforge.receivers.possible.PossibleLight`.
+    A target asks for all that two faces transmit into its bright part.
     """
 
+    name: str
+    asked: float
     bounds: LargestShare
+    radius_mm: float
+    estimated: bool
+
+    @property
+    def met(self) -> float:
+        """Largest part of what is asked."""
+        return self.bounds.value / self.asked
 
     @property
     def certain(self) -> bool:
@@ -80,7 +85,7 @@ class AskedShare(AskedLight):
     @property
     def possible_words(self) -> str:
         """The bound in words."""
-        return f"{self._about}{self.bounds} of the light can reach it"
+        return f"{_about(self.estimated)}{self.bounds} of the light can reach it"
 
     @property
     def asked_words(self) -> str:
@@ -90,11 +95,14 @@ class AskedShare(AskedLight):
     def remedies(self) -> str:
         """Changes that would raise the bound."""
         if self.bounds.by_etendue <= self.bounds.by_refraction and isfinite(self.radius_mm):
-            return f"a larger lens (>= {rounded_up(self.radius_mm)} mm), a smaller source or a larger target"
+            return f"{_larger_lens(self.radius_mm)}, a smaller source or a larger target"
         return "a larger lens.refractive_index, or a target nearer to the source's axis"
 
 
-def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tuple[AskedLight, ...]]:
+Asked = AskedLight | AskedShare
+
+
+def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tuple[Asked, ...]]:
     """The light asked for by the targets of each receiver, and by the limits of ``spec``.
 
     Raises :class:`InputError` for limits that contradict each other, or whose unit the source does not have.
@@ -111,19 +119,30 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tup
 
 def _of_target(wanted: Float[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
     region = in_target(wanted)
-    asked, bounds = physics.light.transmittance * float(wanted[region].sum()), physics.in_region(region)
-    radius_mm = physics.radius_for(region, asked)
-    return AskedShare("target", asked, bounds.value, "", radius_mm, physics.light.curve.estimated, bounds)
+    return _share("target", physics.light.transmittance * float(wanted[region].sum()), region, physics)
 
 
-def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> AskedLight | None:
-    """The place at which least of a lower bound on light or a share is possible; None for other limits."""
+def _share(name: str, asked: float, region: Bool[np.ndarray, "h w"], physics: PossibleLight) -> AskedShare:
+    estimated = physics.light.curve.estimated
+    return AskedShare(name, asked, physics.in_region(region), physics.radius_for(region, asked), estimated)
+
+
+def _of_limit(limit: LightLimit, physics: PossibleLight, flux_w: float) -> Asked | None:
+    """The share, or the light at the place at which least of it is possible; None for other limits, and upper ones."""
     if limit.sense != ">=" or limit.quantity not in ("light", "share"):
         return None
-    possible = float(limit.of(physics.on_pixels[None] * flux_w).min())
     if limit.quantity == "share":
-        pixels = np.zeros(physics.on_pixels.size, dtype=bool)
-        pixels[limit.readings.indices] = True
-        possible = physics.in_region(pixels.reshape(physics.on_pixels.shape)).value
+        region = np.zeros(physics.on_pixels.shape, dtype=bool)
+        region.flat[limit.readings.indices] = True
+        return _share(limit.name, limit.bound, region, physics)
+    possible = float(limit.of(physics.on_pixels[None] * flux_w).min())
     radius_mm = physics.max_radius_mm * sqrt(limit.bound / max(possible, np.finfo(float).tiny))
     return AskedLight(limit.name, limit.bound, possible, limit.unit, radius_mm, physics.light.curve.estimated)
+
+
+def _about(estimated: bool) -> str:
+    return "by an estimate of the source's luminance " if estimated else ""
+
+
+def _larger_lens(radius_mm: float) -> str:
+    return f"a larger lens (>= {rounded_up(radius_mm)} mm)"

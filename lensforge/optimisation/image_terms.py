@@ -97,9 +97,12 @@ def uniformity_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"]) -> Fl
 
 
 def _scale(inside: Float[Tensor, " k"]) -> Float[Tensor, ""]:
-    """The mean; 1 where all is dark, so that the loss of a mask without rays is large, not undefined."""
-    mean = inside.mean()
-    return torch.where(mean > 0.0, mean, 1.0)
+    return not_dark(inside.mean())
+
+
+def not_dark(scale: Float[Tensor, ""]) -> Float[Tensor, ""]:
+    """``scale``; 1 where all is dark, so that a loss relative to it is large, not undefined."""
+    return torch.where(scale > 0.0, scale, 1.0)
 
 
 def shortfall_loss(flux: Float[Tensor, "h w"], mask: Bool[Tensor, "h w"], margin: float) -> Float[Tensor, ""]:

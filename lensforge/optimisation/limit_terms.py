@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optimisation.image_terms import Image, Images, smoothed
+from lensforge.optimisation.image_terms import Image, Images, not_dark, smoothed
 from lensforge.receivers.posed import PosedReceiver
 from lensforge.spec import Spec
 from lensforge.targets.limits import LightLimit, light_limits
@@ -48,28 +48,26 @@ class LimitTerm:
             case "light" | "share":
                 scale: Tensor | float = 1.0
             case "relative":
-                scale = _not_dark(picture.detach().max() * self._per_flux())
+                scale = not_dark(picture.detach().max() * limit.light_per_flux)
             case "min_over_mean":
-                scale = _not_dark(light.mean())
+                scale = not_dark(light.mean())
             case "min_over_max":
-                scale = _not_dark(light.detach().max())
+                scale = not_dark(light.detach().max())
             case "beam_angle":
                 return self._beside_the_beam(light)
-        relative = light / (scale * limit.bound)
-        return 1.0 + _MARGIN - relative if limit.sense == ">=" else relative - (1.0 - _MARGIN)
+        return self._beyond(light / (scale * limit.bound))
+
+    def _beyond(self, relative: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
+        """Excess of light relative to its bound over that with its margin."""
+        return 1.0 + _MARGIN - relative if self.limit.sense == ">=" else relative - (1.0 - _MARGIN)
 
     def _beside_the_beam(self, light: Float[Tensor, " k"]) -> Float[Tensor, " k"]:
         """Light within a least angle must be above the level, light outside of a largest one below it."""
         limit = self.limit
         assert limit.angles_deg is not None
         off = torch.from_numpy(np.abs(limit.angles_deg)) - 0.5 * limit.bound
-        relative = light / (limit.level * _not_dark(light.detach().max()))
-        wrong = 1.0 + _MARGIN - relative if limit.sense == ">=" else relative - (1.0 - _MARGIN)
-        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, wrong, 0.0)
-
-    def _per_flux(self) -> float:
-        """Light that a pixel shows per W on it."""
-        return float(self.limit.readings[[0]].sum())
+        beyond = self._beyond(light / (limit.level * not_dark(light.detach().max())))
+        return torch.where(off < 0.0 if limit.sense == ">=" else off > 0.0, beyond, 0.0)
 
 
 def limit_terms(
@@ -77,8 +75,3 @@ def limit_terms(
 ) -> tuple[LimitTerm, ...]:
     """Terms of all limits of ``spec``. Raises :class:`InputError` for limits that no light keeps."""
     return tuple(LimitTerm.of(limit) for limit in light_limits(spec, receivers, lumens_per_watt, flux_w))
-
-
-def _not_dark(scale: Tensor) -> Tensor:
-    """The scale; 1 where all is dark, so that the excess is that of darkness, not undefined."""
-    return torch.where(scale > 0.0, scale, 1.0)

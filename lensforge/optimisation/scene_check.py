@@ -13,7 +13,7 @@ import torch
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optimisation.asked_light import LEAST_POSSIBLE, AskedLight, AskedShare, asked_light
+from lensforge.optimisation.asked_light import LEAST_POSSIBLE, Asked, AskedShare, asked_light
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.surfaces.conic import sphere
@@ -43,7 +43,7 @@ class SceneCheck:
     entering: float
     lost: dict[Fate, float]
     targets: tuple[AskedShare, ...]
-    limits: tuple[AskedLight, ...]
+    limits: tuple[Asked, ...]
     mean_direction: tuple[float, float, float]
 
     @staticmethod
@@ -86,14 +86,14 @@ class SceneCheck:
             if asked.met < _WARN_POSSIBLE:
                 yield f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}"
 
-    def _asked(self) -> Iterator[tuple[str, AskedLight]]:
+    def _asked(self) -> Iterator[tuple[str, Asked]]:
         """Targets and limits by the names of their fields."""
         for receiver, target in zip(self.spec.all_receivers, self.targets, strict=True):
             yield "target" if self.spec.target is not None else f"receivers: target on {receiver.name}", target
         for limit in self.limits:
             yield f"limits: {limit.name}", limit
 
-    def _help(self, asked: AskedLight) -> str:
+    def _help(self, asked: Asked) -> str:
         """Changes to try: of the source where most of its light is lost before the lens, else lens or target."""
         if self.entering < LEAST_POSSIBLE:
             return f"{self._causes()}; try {', '.join(self._remedies())}"
@@ -124,7 +124,7 @@ class SceneCheck:
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:
     """Shares of the flux by fate in the starting lens."""
-    inner, outer = _starting_surfaces(spec) if start is None else (start.inner, start.outer)
+    inner, outer = starting_surfaces(spec) if start is None else (start.inner, start.outer)
     grid = grid_for(min(inner.detail_rad, outer.detail_rad), _NODES_PER_SIGMA)
     inner_table, outer_table = (torch.from_numpy(tabulate(grid, surface)) for surface in (inner, outer))
     exits = trace_tables(inner_table, outer_table, Scene(spec.lens.refractive_index, grid), rays)
@@ -132,7 +132,8 @@ def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fat
     return {fate: float(by_fate[fate]) for fate in Fate}
 
 
-def _starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
+def starting_surfaces(spec: Spec) -> tuple[Surface, Surface]:
+    """Inner and outer surface from which a search begins: two spheres, or those that the spec fixes."""
     inner, outer = (sphere(radius_mm) for radius_mm in spec.lens.start_mm)
     fixed_inner, fixed_outer = spec.lens.fixed
     return fixed_inner or inner, fixed_outer or outer

@@ -52,7 +52,12 @@ class SourceLight:
     def of(source: Source, refractive_index: float, count: int = _RAYS) -> "SourceLight":
         """Sample ``source``; rays without an index of their own have ``refractive_index``."""
         count = min(count, source.ray_count or count)
-        rays, curve = source.sample(count, _SEED), EtendueCurve.of_source(source, count, _SEED)
+        rays = source.sample(count, _SEED)
+        return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), refractive_index)
+
+    @staticmethod
+    def of_rays(rays: RayBundle, curve: EtendueCurve, refractive_index: float) -> "SourceLight":
+        """The same of given ``rays``."""
         own = rays.refractive_indices
         return SourceLight(rays, curve, np.full(len(rays), refractive_index) if own is None else own)
 

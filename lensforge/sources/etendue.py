@@ -41,15 +41,14 @@ class EtendueCurve:
     estimated: bool
 
     @staticmethod
-    def of_source(source: Source, count: int, seed: int) -> "EtendueCurve":
-        """The curve of ``source`` from a sample of its rays: of its radiances where it knows them."""
-        rays, emitter = source.sample(count, seed), source
+    def of_source(source: Source, rays: RayBundle, seed: int) -> "EtendueCurve":
+        """The curve of ``source`` from ``rays``, its sample of that ``seed``: of its radiances where it knows them."""
+        emitter = source
         while isinstance(emitter, ChangedSource):
             emitter = emitter.source  # changes move rays and disperse them; none changes a radiance
         if not isinstance(emitter, KnownRadiance):
             return EtendueCurve.of(rays)
-        radiances = emitter.radiances(count, seed)
-        return _curve(rays.flux / radiances, rays.flux, estimated=False)
+        return _curve(rays.flux / emitter.radiances(len(rays), seed), rays.flux, estimated=False)
 
     @staticmethod
     def of(rays: RayBundle) -> "EtendueCurve":

@@ -1,7 +1,7 @@
 """``[[limits]]``: light that must be at least, or at most, so much: at points, on a line, in a zone, by its angles."""
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -13,7 +13,7 @@ Amount = Annotated[float, Field(ge=1e-30, le=1e12)]
 Fraction = Annotated[float, Field(gt=0.0, le=1.0)]
 Azimuth = Annotated[float, Field(ge=-360.0, le=360.0)]
 LightUnitName = Literal["w_per_m2", "lx", "w_per_sr", "cd", "relative"]
-LIGHT_UNITS: tuple[LightUnitName, ...] = ("w_per_m2", "lx", "w_per_sr", "cd", "relative")
+LIGHT_UNITS: tuple[LightUnitName, ...] = get_args(LightUnitName)
 OF_FAR_FIELD = ("w_per_sr", "cd")
 _MOST_POINTS = 1000
 _ZONES = RectangleTarget | DiscTarget | EllipseTarget | RingTarget | PolygonTarget
@@ -31,6 +31,7 @@ class LimitSection(Section):
     """
 
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
+    places: ClassVar[tuple[str, ...]] = ()  # fields that are places on the receiver
 
     kind: str
     name: Label | None = None
@@ -52,8 +53,6 @@ class LimitSection(Section):
         names = [name for name in type(self).model_fields if getattr(self, name) is not None]
         found = {"deg" if name.endswith("_deg") else "mm" for name in names if name in self.places}
         return found.pop() if len(found) == 1 else None  # type: ignore[return-value]  # one of the two
-
-    places: ClassVar[tuple[str, ...]] = ()  # fields that are places on the receiver
 
     @property
     def light_unit(self) -> LightUnitName | None:
@@ -193,7 +192,6 @@ class BeamAngleLimit(LimitSection):
     """
 
     others: ClassVar[tuple[str, ...]] = ("deg",)
-    places: ClassVar[tuple[str, ...]] = ("at_least_deg", "at_most_deg")
 
     kind: Literal["beam_angle"] = "beam_angle"
     azimuth_deg: Azimuth = 0.0

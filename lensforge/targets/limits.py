@@ -19,8 +19,7 @@ from lensforge.targets.shapes import in_shape
 Quantity = Literal["light", "relative", "min_over_mean", "min_over_max", "share", "beam_angle"]
 _UNITS = {"w_per_m2": "W/m²", "lx": "lx", "w_per_sr": "W/sr", "cd": "cd", "deg": "°"}
 _PHOTOMETRIC = ("lx", "cd")
-_STEPS_PER_PIXEL = 2.0  # of places along a line: the light between them is bilinear
-_CUT_STEPS = 2  # places per pixel of the cut of a beam angle
+_STEPS_PER_PIXEL = 2  # places along a line or a cut: the light between them is bilinear
 _SAME_PLACE = 1.0 - 1e-9  # cosine between the pixels that two places read
 _SENSES: tuple[Sense, Sense] = (">=", "<=")
 
@@ -47,6 +46,11 @@ class LightLimit:
         """Readings of pictures of flux (W)."""
         read: Float[np.ndarray, "r k"] = (self.readings @ images.reshape(len(images), -1).T).T
         return read
+
+    @property
+    def light_per_flux(self) -> float:
+        """Light on a pixel per W on it: the reading, at any place, of a picture of ones."""
+        return float(self.readings[[0]].sum())
 
 
 def light_limits(
@@ -143,7 +147,7 @@ def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w
 def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
     """Angles (deg) from the axis along a cut through the far field."""
     half_deg = float(receiver.target_coordinates(np.array([receiver.window.radius]), np.zeros(1))[0][0])
-    steps = _CUT_STEPS * max(receiver.grid.shape)
+    steps = _STEPS_PER_PIXEL * max(receiver.grid.shape)
     return np.linspace(-half_deg, half_deg, steps + 1)
 
 
@@ -152,8 +156,8 @@ def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.n
     grid = receiver.grid
     column = np.clip((x / grid.width + 0.5) * grid.columns - 0.5, 0.0, grid.columns - 1.0)
     row = np.clip((y / grid.height + 0.5) * grid.rows - 0.5, 0.0, grid.rows - 1.0)
-    left, below = np.minimum(column.astype(int), grid.columns - 2), np.minimum(row.astype(int), grid.rows - 2)
-    left, below = np.maximum(left, 0), np.maximum(below, 0)
+    left = np.clip(column.astype(int), 0, max(grid.columns - 2, 0))
+    below = np.clip(row.astype(int), 0, max(grid.rows - 2, 0))
     right, up = column - left, row - below
     entries, rows, pixels = [], [], []
     for more_x, share_x in ((0, 1.0 - right), (1, right)):

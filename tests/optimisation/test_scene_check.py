@@ -35,7 +35,7 @@ def beam(direction: tuple[float, float, float], backward: float = 0.0, **more: o
 
 def test_a_source_in_its_cavity_sends_all_its_light_into_the_lens() -> None:
     found = check(small_spec())
-    assert found.entering == 1.0 and 0.9 < found.targets[0].possible < normal_transmittance(1.4936) ** 2
+    assert found.entering == 1.0 and 0.9 < found.targets[0].bounds.value < normal_transmittance(1.4936) ** 2
     assert found.warnings() == ()
     found.require_light()
 

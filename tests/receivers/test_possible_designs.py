@@ -6,8 +6,8 @@ import pytest
 
 import lensforge as lf
 from lensforge.lens import Lens
+from lensforge.optimisation.scene_check import starting_surfaces
 from lensforge.spec import Spec, load_spec
-from lensforge.surfaces.conic import sphere
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 SCENES = [path for path in EXAMPLES if "rayfile" not in path.read_text() and "osram" not in path.read_text()]
@@ -21,10 +21,8 @@ def require_possible(light: lf.Light) -> None:
         assert each.nmse.value >= each.possible.nmse - 3.0 * (each.nmse.standard_error or 0.0), each.name
 
 
-def starting_lens(spec: Spec, outer: float = 1.0) -> Lens:
-    inner_mm, outer_mm = spec.lens.start_mm
-    fixed_inner, fixed_outer = spec.lens.fixed
-    return Lens(fixed_inner or sphere(inner_mm), fixed_outer or sphere(outer * outer_mm), spec, 0, "draft")
+def starting_lens(spec: Spec) -> Lens:
+    return Lens(*starting_surfaces(spec), spec, 0, "draft")
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)

@@ -97,7 +97,7 @@ SOURCES = [
 def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec: SourceSpec) -> None:
     """Over all rays, flux over radiance is the étendue of the lit phase space; no ray is without radiance."""
     source = build_source(spec)
-    known = EtendueCurve.of_source(source, RAYS, 3)
+    known = EtendueCurve.of_source(source, source.sample(RAYS, 3), 3)
     cells = EtendueCurve.of(source.sample(RAYS, 3))
     assert cells.estimated and not known.estimated
     assert (
@@ -110,14 +110,15 @@ def test_known_radiances_integrate_to_the_flux_and_agree_with_cells_of_rays(spec
 
 def test_the_whole_etendue_of_uniform_emitters_is_pi_times_their_area() -> None:
     for spec, area in ((SOURCES[0], 4.0), (SOURCES[2], pi * 0.75**2), (SOURCES[3], 6 * 0.2)):
-        known = EtendueCurve.of_source(build_source(spec), RAYS, 3)
+        source = build_source(spec)
+        known = EtendueCurve.of_source(source, source.sample(RAYS, 3), 3)
         assert known.etendue_mm2_sr[-1] == pytest.approx(pi * area, rel=1e-9)
 
 
 def test_a_luminance_image_has_the_radiance_of_its_pixels(tmp_path: Path) -> None:
     Image.fromarray(np.array([[200, 100], [0, 50]], dtype=np.uint8)).save(tmp_path / "chip.png")
     source = build_source(LuminanceSource(file=tmp_path / "chip.png", width_mm=2.0))
-    known = EtendueCurve.of_source(source, RAYS, 3)
+    known = EtendueCurve.of_source(source, source.sample(RAYS, 3), 3)
     assert known.share_within(pi) == pytest.approx(200.0 / 350.0, rel=0.01)
     assert known.share_within(2.0 * pi) == pytest.approx(300.0 / 350.0, rel=0.01)
     assert known.etendue_mm2_sr[-1] == pytest.approx(3.0 * pi, rel=0.01)
