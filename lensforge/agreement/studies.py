@@ -16,6 +16,7 @@ from lensforge.measurement.comparison import (
     photo_criteria,
     surface_criteria,
 )
+from lensforge.measurement.deviation_map import extent_of
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 
 
@@ -55,18 +56,17 @@ def surface_contradictions(found: SurfaceComparison) -> Iterator[str]:
     """Contradictions of the comparison with a measured surface."""
     yield from judged("criteria", found.criteria, surface_criteria(found.used_share, found.covered_share))
     yield from _extent("point_deviation_um", found.point_deviation_um, found.distance_um)
-    yield from _extent(
-        "form_deviation_um", found.form_deviation_um, found.deviation_um[np.isfinite(found.deviation_um)]
-    )
+    inside = np.isfinite(found.deviation_um)
+    if not np.array_equal(inside, found.area_mm2 > 0.0):
+        yield "area_mm2: above 0 at other samples than those of deviation_um"
+        return
+    yield from _extent("form_deviation_um", found.form_deviation_um, found.deviation_um[inside], found.area_mm2[inside])
     between = relative_square(np.stack([found.irradiance_measured, found.irradiance_design]))
     yield from differing("nmse_between", found.nmse_between, between, "its pictures")
 
 
-def _extent(name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"]) -> Iterator[str]:
-    for field, derived in (
-        ("pv", np.ptp(values)),
-        ("rms", np.sqrt(np.mean(values**2))),
-        ("min", values.min()),
-        ("max", values.max()),
-    ):
-        yield from differing(f"{name}.{field}", getattr(stated, field), float(derived), "its distances")
+def _extent(
+    name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None
+) -> Iterator[str]:
+    for field, derived in extent_of(values, areas).model_dump().items():
+        yield from differing(f"{name}.{field}", getattr(stated, field), derived, "its distances")

@@ -14,6 +14,7 @@ from lensforge.records import (
     Flag,
     Image,
     Irradiance,
+    Metric,
     NotNegative,
     Number,
     Positive,
@@ -137,16 +138,21 @@ def surface_criteria(used: float, covered: float) -> tuple[Criterion, ...]:
 
 
 class Pose(Record):
-    """Rotation and translation that register the points to the design, with standard errors."""
+    """Rotation vector and translation that register the points to the design.
 
-    rotation_deg: tuple[Number, Number, Number]
-    rotation_standard_error_deg: tuple[Number, Number, Number]
-    translation_mm: tuple[Number, Number, Number]
-    translation_standard_error_mm: tuple[Number, Number, Number]
+    Standard errors are by noise and form error of the part; None for what was not fitted, or is not determined.
+    """
+
+    rotation_x_deg: Metric
+    rotation_y_deg: Metric
+    rotation_z_deg: Metric
+    translation_x_mm: Metric
+    translation_y_mm: Metric
+    translation_z_mm: Metric
 
 
 class DeviationExtent(Record):
-    """Extent of a signed deviation over a surface."""
+    """Extent of a signed deviation: of points, each counting once, or over a face, by its area."""
 
     pv: NotNegative
     rms: NotNegative
@@ -158,8 +164,10 @@ class SurfaceComparison(SimulatedResult):
     """A measured surface against the design's, and the light of the lens with it.
 
     ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
-    NaN outside. On the first receiver, ``width`` x ``height`` in the unit of its chart: irradiance (W/m^2), in the far
-    field intensity (W/sr), of the design and with the measured surface, [row y, column x]. ``nmse_between`` the two.
+    NaN outside, and the ``area_mm2`` of the face that each of its samples stands for: ``form_deviation_um.rms`` is the
+    root of the mean square over that area. On the first receiver, ``width`` x ``height`` in the unit of its chart:
+    irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y, column
+    x]. ``nmse_between`` the two.
     """
 
     stage: ClassVar[str] = "compare_surface"
@@ -187,6 +195,7 @@ class SurfaceComparison(SimulatedResult):
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n", most=_MOST_POINTS)]
     chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
     deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
+    area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
     irradiance_design: Irradiance
     irradiance_measured: Irradiance
 
