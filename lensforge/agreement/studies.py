@@ -35,9 +35,10 @@ def photometry_contradictions(found: Photometry) -> Iterator[str]:
 def sensitivity_contradictions(found: Sensitivity) -> Iterator[str]:
     """Contradictions of the table of errors: a change is the difference from the lens as designed."""
     for row in found.rows:
-        for name, stated in row.change.model_dump().items():
-            derived = _difference(name, row.metrics, found.nominal)
-            yield from differing(f"rows: {row.name}: change.{name}", stated, derived, "its metrics")
+        for name in LightMetrics.model_fields:
+            stated, derived = getattr(row.change, name), _difference(name, row.metrics, found.nominal)
+            value = None if stated is None else stated.value
+            yield from differing(f"rows: {row.name}: change.{name}", value, derived, "its metrics")
 
 
 def _difference(name: str, here: LightMetrics, there: LightMetrics) -> float | None:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
 from lensforge.figures.chart import Chart
+from lensforge.measurement.alignment import Alignment
 from lensforge.records import (
     Array,
     Count,
@@ -23,6 +24,7 @@ from lensforge.records import (
     SimulatedResult,
     StageResult,
     Text,
+    stated,
 )
 
 if TYPE_CHECKING:
@@ -74,7 +76,8 @@ class PhotoComparison(StageResult):
 
     ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
     through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
-    bound. ``aligned``: after undoing ``displacement_mm``. ``clipped``: overexposed share of the target.
+    bound. ``aligned``: after undoing ``alignment``; ``likely_causes`` speaks of that. ``clipped``: overexposed part
+    of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -92,7 +95,7 @@ class PhotoComparison(StageResult):
     pixels: Count
     ssim: Number
     nmse: NotNegative
-    displacement_mm: tuple[Number, Number]
+    alignment: Alignment
     aligned: Similarity
     measured_evenness: Evenness
     simulated_evenness: Evenness
@@ -106,6 +109,11 @@ class PhotoComparison(StageResult):
     section_x_simulated: Row
     section_y_measured: Column
     section_y_simulated: Column
+
+    @stated
+    def likely_causes(self) -> tuple[str, ...]:
+        """Likely cause of each figure of the alignment that is beyond doubt, in words."""
+        return tuple(self.alignment.causes())
 
     @property
     def chart(self) -> Chart:

@@ -14,6 +14,7 @@ from result_folders import (
 )
 
 from lensforge.figures.chart import Chart
+from lensforge.measurement.alignment import Alignment
 from lensforge.measurement.comparison import (
     DeviationExtent,
     Evenness,
@@ -94,7 +95,12 @@ def make_photo(lens, **changes):
         "pixels": PIXELS,
         "ssim": 0.925,
         "nmse": 0.0375,
-        "displacement_mm": (1.25, -0.75),
+        "alignment": Alignment(
+            displacement_x_mm=Metric(value=1.25, unit="mm", standard_error=0.125),
+            displacement_y_mm=Metric(value=-0.75, unit="mm", standard_error=0.5),
+            scale=Metric(value=1.02, standard_error=0.0025),
+            rotation_deg=None,
+        ),
         "aligned": Similarity(ssim=0.975, nmse=0.0125),
         "measured_evenness": Evenness(uniformity=0.625, rsd=0.05),
         "simulated_evenness": Evenness(uniformity=0.75, rsd=0.04),
