@@ -76,7 +76,7 @@ class PhotoComparison(StageResult):
 
     ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
     through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
-    bound. ``aligned``: after undoing ``alignment``; ``likely_causes`` speaks of that. ``clipped``: overexposed part
+    bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of that. ``clipped``: overexposed part
     of the target.
     """
 
@@ -111,9 +111,9 @@ class PhotoComparison(StageResult):
     section_y_simulated: Column
 
     @stated
-    def likely_causes(self) -> tuple[str, ...]:
-        """Likely cause of each figure of the alignment that is beyond doubt, in words."""
-        return tuple(self.alignment.causes())
+    def likely_cause(self) -> str:
+        """Likely causes of what the alignment says beyond doubt, in words; empty where it says nothing."""
+        return "; ".join(self.alignment.causes())
 
     @property
     def chart(self) -> Chart:

@@ -52,7 +52,8 @@ def photo_facts(photo: PhotoComparison) -> Facts:
     found, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
     if found is not None:
         facts.append(("Uniformity, measured", f"{number(found, 3)}, simulated {number(expected, 3)}"))
-    facts += [("Likely cause", words) for words in photo.likely_causes]
+    if photo.likely_cause:
+        facts.append(("Likely cause", photo.likely_cause))
     facts.append(("Clipped by the camera", f"{percent(photo.clipped, 2)} of the target"))
     return [*facts, ("Target\u2019s corners", _corners(photo))]
 
