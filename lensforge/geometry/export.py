@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 from lensforge.criteria import Criterion
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
-from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
+from lensforge.geometry.mesh import BodyMesh, build_mesh
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
     STEP_FILE,
@@ -22,7 +24,7 @@ from lensforge.geometry.part import (
     UntrimmedSurfaces,
     stamp_of,
 )
-from lensforge.geometry.patch import fit_extended
+from lensforge.geometry.patch import Patch, fit_extended
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
@@ -43,7 +45,7 @@ from lensforge.records import Extent
 class _Body:
     """Plan, mesh and solid of the lens, and the errors of the mesh's facets against its faces."""
 
-    plan: Plan
+    plan: Plan[Patch]
     mesh: BodyMesh
     reached: MeshTolerance
     solid: Solid
@@ -118,7 +120,7 @@ def build_part(
 def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTolerance) -> _Body:
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    plan = make_plan(*fit_faces(lens, nodes, nodes), lens.spec.base)
+    plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
     mesh = build_mesh(plan, rings_for(plan, tolerance) if rings is None else rings)
     reached = mesh_error(plan, mesh.rings)
     solid = build_solid(plan)
@@ -127,7 +129,7 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTole
     return _Body(plan, mesh, reached, solid)
 
 
-def _untrimmed(lens: Lens, plan: Plan, runout_deg: float, schema: Schema) -> tuple[UntrimmedSurfaces, bytes]:
+def _untrimmed(lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     patches = {
         OUTER: fit_extended(lens.outer, plan.outer.nodes, runout_deg),

@@ -114,7 +114,7 @@ class MeshTolerance:
     normal_rad: float = 0.01
 
 
-def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
+def rings_for(plan: Plan[Patch], tolerance: MeshTolerance) -> int:
     """Rings for which both optical surfaces and the base's cylinder are within ``tolerance``.
 
     From 96 to 128, or to 0.8 of the nodes of the faces, which are as many as their detail takes.
@@ -133,11 +133,11 @@ def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
     return rings
 
 
-def _most_rings(plan: Plan) -> int:
+def _most_rings(plan: Plan[Patch]) -> int:
     return max(MAX_RINGS, int(np.ceil(_RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes))))
 
 
-def mesh_error(plan: Plan, rings: int) -> MeshTolerance:
+def mesh_error(plan: Plan[Patch], rings: int) -> MeshTolerance:
     """Errors of a mesh of ``rings``: the larger ones of the two optical surfaces."""
     inner, outer = facet_error(plan.inner, rings), facet_error(plan.outer, rings)
     return MeshTolerance(max(inner.chord_mm, outer.chord_mm), max(inner.normal_rad, outer.normal_rad))
@@ -155,7 +155,7 @@ def facet_error(patch: Patch, rings: int) -> MeshTolerance:
     return MeshTolerance(float(distance.max()), float(np.arcsin(np.minimum(sine, 1.0)).max()))
 
 
-def _rings_of_base(plan: Plan, tolerance: MeshTolerance) -> int:
+def _rings_of_base(plan: Plan[Patch], tolerance: MeshTolerance) -> int:
     """Rings for the widest cylinder, from which a polygon of 6 n corners is R (pi / 6n)^2 / 2 away."""
     if not plan.has_base:
         return MIN_RINGS

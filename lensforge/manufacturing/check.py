@@ -5,8 +5,10 @@ import time
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.part import Part, SplineNodes
+from lensforge.geometry.plan import lay_out
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
@@ -38,10 +40,11 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     manufacture = lens.spec.manufacture
     inner, outer = _faces(lens, nodes)
     walls = _walls(inner, outer)
-    base = lens.spec.base if manufacture.make == "part" else None  # a mould insert has none
-    custom = None if base is None or base.file is None else read_base_mesh(base.file)
-    relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
-    tools = check_tools(manufacture.tools, inner, outer, base, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
+    patches = inner.samples.face.patch, outer.samples.face.patch
+    plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
+    custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
+    relief = check_relief(plan, custom, manufacture.cutter_radius_mm, inner, outer)
+    tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
     min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # the radial one may be less at a rim
     return Check(

@@ -110,12 +110,14 @@ class OuterRelief(Record):
 
 
 class InnerRelief(Record):
-    """Radius that the bore needs beyond the cavity's; None where nothing is reached.
+    """Radius that the bore needs beyond the cavity's, and the diameter that the pocket needs; 0 where they clear the
+    ball, None where nothing is reached.
 
     ``flush_fraction``: share of the face that the ball reaches with the base as it is.
     """
 
     bore_clearance_mm: NotNegative | None
+    pocket_diameter_mm: NotNegative | None
     flush_fraction: Share
 
 

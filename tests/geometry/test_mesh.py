@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import scaled
 
-from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, build_mesh
+from lensforge.geometry.base_profile import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP
+from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan, rim_directions
 from lensforge.geometry.rings import MeshTolerance, mesh_error, rim_azimuths, rings_for

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from known_shapes import exported, random_surface
 
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.export import build_part
-from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.part import SplineNodes
 from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import lay_out
 from lensforge.geometry.step import parse_step
 from lensforge.lens import Lens
 from lensforge.manufacturing.best_fit_sphere import VARIANTS
@@ -243,7 +244,8 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     outer = check_face("outer", exported(part.outer, AirSide.OUTSIDE), 0.6, 61)
     base = {"height_mm": 6.0}
     for _ in range(3):
-        found = relief_findings(check_relief(BaseSection(**base), None, 0.6, inner, outer))[0]
+        plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
+        found = relief_findings(check_relief(plan, None, 0.6, inner, outer))[0]
         if found.holds:
             break
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}

@@ -6,6 +6,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import chart_samples, fit_faces, patches_error
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.patch import Patch, fit_patch
@@ -31,7 +32,9 @@ _FORM_UNITS, _CHORD_UNITS = {"form": "nm", "normal": "mrad"}, {"chord": "um", "n
 Patches = dict[str, Patch]
 
 
-def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True) -> tuple[ConvergenceStudy, Plan]:
+def nurbs_study(
+    lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
+) -> tuple[ConvergenceStudy, Plan[Patch]]:
     """Form and normal error of the spline faces over the hemisphere and on its rim, and the size of the STEP file.
 
     With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
@@ -63,16 +66,16 @@ def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
         levels=tuple(levels),
         order=orders,
     )
-    return study, make_plan(chosen["inner"], chosen["outer"], lens.spec.base)
+    return study, make_plan(chosen["inner"], chosen["outer"], base_with_room(lens))
 
 
 def _step_kb(patches: Patches, lens: Lens) -> float:
     """Size (kB) of the whole part's STEP file."""
-    solid = build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base))
+    solid = build_solid(make_plan(patches["inner"], patches["outer"], base_with_room(lens)))
     return len(step_bytes(solid, lens.spec.name)) / 1e3
 
 
-def mesh_study(plan: Plan, settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
+def mesh_study(plan: Plan[Patch], settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
     """Distance and angle between the facets of the optical faces and the spline faces, at the facets' centres."""
     used = rings_for(plan, MeshTolerance())
     levels = []
@@ -111,7 +114,9 @@ class FlatPart(PartMesh):
         return points, np.asarray(self.mesh.face_normals)[triangles]
 
 
-def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int] = CAST_RINGS) -> ConvergenceStudy:
+def casting_study(
+    reference: ExactReference, plan: Plan[Patch], settings: Sequence[int] = CAST_RINGS
+) -> ConvergenceStudy:
     """Rays through meshes of several sizes onto the first receiver, with curved facets as in ``verify`` and flat ones.
 
     The reference is the exact surfaces; seconds are those of the cast.
