@@ -43,7 +43,7 @@ def evaluate(
 )
 @click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, extended by DEG degrees.")
 @click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
-@click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
+@click.option("--rings", type=int, help="Equal rings of the mesh; default: its facets are within 1 um of the faces.")
 def export(
     directory: Path, schema: Literal["AP214", "AP242"], runout: float | None, nodes: int | None, rings: int | None
 ) -> None:

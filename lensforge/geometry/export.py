@@ -9,8 +9,9 @@ from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
 from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
-from lensforge.geometry.mesh import BodyMesh, build_mesh
+from lensforge.geometry.mesh import BodyMesh, build_mesh, mesh_error
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
     STEP_FILE,
@@ -26,7 +27,8 @@ from lensforge.geometry.part import (
 )
 from lensforge.geometry.patch import Patch, fit_extended
 from lensforge.geometry.plan import Plan, make_plan
-from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
+from lensforge.geometry.refinement import CHORD_MM
+from lensforge.geometry.rings import rings_for
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
     parse_step,
@@ -47,7 +49,7 @@ class _Body:
 
     plan: Plan[Patch]
     mesh: BodyMesh
-    reached: MeshTolerance
+    reached: FacetError
     solid: Solid
 
 
@@ -69,14 +71,15 @@ def build_part(
     *,
     nodes: int | None = None,
     rings: int | None = None,
-    tolerance: MeshTolerance | None = None,
+    chord_mm: float = CHORD_MM,
     schema: Schema = "AP214",
     runout_deg: float | None = None,
 ) -> Part:
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
-    ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
+    ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
+    are more than ``chord_mm`` (mm) from the surface.
     ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
     beyond the rim, for the run-out of the tool.
     Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
@@ -84,7 +87,7 @@ def build_part(
     """
     start = time.perf_counter()
     require_schema(schema)
-    body = _build(lens, nodes, rings, tolerance or MeshTolerance())
+    body = _build(lens, nodes, rings, chord_mm)
     untrimmed, surfaces_step = (None, None) if runout_deg is None else _untrimmed(lens, body.plan, runout_deg, schema)
     name = lens.spec.name
     step, stl = step_bytes(body.solid, name, schema), stl_bytes(body.mesh)
@@ -117,12 +120,12 @@ def build_part(
     )
 
 
-def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTolerance) -> _Body:
+def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> _Body:
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
     plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
-    mesh = build_mesh(plan, rings_for(plan, tolerance) if rings is None else rings)
-    reached = mesh_error(plan, mesh.rings)
+    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
+    reached = mesh_error(mesh, plan)
     solid = build_solid(plan)
     if base is not None:
         mesh, solid = join_mesh(mesh, base, reached.chord_mm), join_base(solid, base)

@@ -4,7 +4,8 @@ The body is one stack of rings: from the outer apex down the outer dome to its r
 flange, bottom, pocket and bore), and from the inner rim up the cavity to the inner apex. Neighbouring rings are
 joined by a strip of triangles, so by construction the mesh is closed, its faces share their rims, and its normals
 point outwards. Where the outer rim crosses the base's outline the two rings share that vertex, and the strip between
-them changes from a ledge (facing up) to an overhang (facing down).
+them changes from a ledge (facing up) to an overhang (facing down). Last, facets of the optical faces that are farther
+from their surfaces than a tolerance are split.
 """
 
 from collections.abc import Iterator
@@ -15,13 +16,14 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.geometry.base_profile import INNER, OUTER, RIM, TOP, base_corners
+from lensforge.geometry.facet_error import FacetError, facet_error
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import Plan, rim_directions
-from lensforge.geometry.rings import Ring, dome_rings, number_rings, rim_azimuths, zip_rings
+from lensforge.geometry.refinement import refined_dome, refined_rim
+from lensforge.geometry.rings import MOST_RINGS, Ring, dome_rings, number_rings, rim_azimuths, zip_rings
 
 # Rim and outline closer than this share a vertex; the others are 20 steps of single precision (STL) apart, or more.
 _SNAP_MM = 2e-5
-_MAX_RINGS = 1000  # 12 million triangles
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,17 @@ class BodyMesh:
         return float(np.sum(np.linalg.norm(np.cross(b - a, c - a), axis=1)) / 2.0)
 
 
-def build_mesh(plan: Plan[Patch], rings: int) -> BodyMesh:
+def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> BodyMesh:
     """Mesh the body with ``rings`` concentric rings on each optical surface; ring k has 6 k vertices.
 
-    Raises :class:`InputError` for fewer than 3 rings or more than 1000.
+    ``chord_mm``: the largest distance of facets from the optical surfaces; facets that are farther away are split.
+    Raises :class:`InputError` for fewer than 3 rings or more than 1000, or where ``chord_mm`` takes too many triangles.
     """
-    if not 3 <= rings <= _MAX_RINGS:
-        raise InputError(f"rings = {rings}: from 3 to {_MAX_RINGS}; leave it out to have it set by the tolerance")
+    if not 3 <= rings <= MOST_RINGS:
+        raise InputError(f"rings = {rings}: from 3 to {MOST_RINGS}; leave it out to have it set by the tolerance")
     rim = rim_azimuths(6 * rings, plan.breaks)
+    if chord_mm is not None:
+        rim = refined_rim((plan.inner, plan.outer), rim, chord_mm)
     dome = dome_rings(plan.outer, rings, rim, OUTER)
     below = list(_below(plan, rim))
     stack = [*dome[:-1], *below, *reversed(dome_rings(plan.inner, rings, rim, INNER))]
@@ -69,7 +74,29 @@ def build_mesh(plan: Plan[Patch], rings: int) -> BodyMesh:
     labels = [np.full(len(strip), ring.strip) for strip, ring in zip(strips, stack, strict=False)]
     if plan.has_base:
         labels[seat] = _ledge_or_overhang(plan, strips[seat], stack, ids, seat)
-    return _collect(stack, np.concatenate(strips), np.concatenate(labels), rings)
+    mesh = _collect(stack, np.concatenate(strips), np.concatenate(labels), rings)
+    return mesh if chord_mm is None else _refined(mesh, plan, chord_mm)
+
+
+def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> FacetError:
+    """Largest errors of the facets of both optical surfaces."""
+    errors = [facet_error(patch, mesh.vertices[mesh.part(name)]) for name, patch in _faces(plan)]
+    return FacetError(max(error.chord_mm for error in errors), max(error.normal_rad for error in errors))
+
+
+def _faces(plan: Plan[Patch]) -> tuple[tuple[str, Patch], tuple[str, Patch]]:
+    return (OUTER, plan.outer), (INNER, plan.inner)
+
+
+def _refined(mesh: BodyMesh, plan: Plan[Patch], chord_mm: float) -> BodyMesh:
+    """The mesh with the facets of both optical faces within ``chord_mm``; the rest is unchanged."""
+    vertices, triangles, face = mesh.vertices, mesh.triangles, mesh.face
+    for name, patch in _faces(plan):
+        number = mesh.names.index(name)
+        vertices, split = refined_dome(patch, vertices, triangles[face == number], chord_mm)
+        triangles = np.concatenate([triangles[face != number], split])
+        face = np.concatenate([face[face != number], np.full(len(split), number)])
+    return BodyMesh(vertices, triangles, face, mesh.names, mesh.rings)
 
 
 def _below(plan: Plan[Patch], rim: Float[np.ndarray, " n"]) -> Iterator[Ring]:

@@ -22,7 +22,7 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
+from lensforge.manufacturing.wall import normal_lines, radial_lines, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -94,11 +94,7 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
 
 def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
     samples, face = inner.samples, outer.samples.face
-    rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
-    return Walls(
-        normal=thinnest(samples, normal_wall_mm(samples, face), samples.outward),
-        radial=thinnest(samples, radial_wall_mm(samples, face), rays),
-    )
+    return Walls(normal=thinnest(samples, face, normal_lines), radial=thinnest(samples, face, radial_lines))
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
@@ -107,7 +103,7 @@ def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
     cutter_mm, limit_rad = manufacture.cutter_radius_mm, 1e-3 * manufacture.slope_limit_mrad
 
     def of(face: FaceCheck) -> Scallop:
-        kappa = max(float(face.samples.curvatures.maximum.max()), -1.0 / cutter_mm)
+        kappa = max(face.highest_curvature, -1.0 / cutter_mm)
         return scallop(cutter_mm, manufacture.stepover_mm, limit_rad, kappa)
 
     return Scallops(

@@ -132,7 +132,7 @@ def _file_cards(results: Results) -> Iterator[Card]:
     if record is not None:
         note = f"of the STEP file as read back; normals within {number(record.normal_error_mrad.max, 2)} mrad"
         state = _state(results, "form_error", "normal_error")
-        yield Card("Form error", number(record.form_error_nm.max, 3), "nm", note, state)
+        yield Card("Form error", number(record.form_error_nm.max, 2), "nm", note, state)
 
 
 def _mill_cards(results: Results) -> Iterator[Card]:
