@@ -10,7 +10,7 @@ from lensforge.geometry.part import Part, SplineNodes
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
@@ -20,7 +20,7 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
+from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thickest, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -54,7 +54,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(radial_criterion(lens.spec, walls.radial),),
+        criteria=(radial_criterion(lens.spec, walls.radial), *thickest_criteria(lens.spec, walls.thickest)),
         verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
@@ -92,9 +92,12 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
 def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
     samples, face = inner.samples, outer.samples.face
     rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
+    normal, radial = normal_wall_mm(samples, face), radial_wall_mm(samples, face)
     return Walls(
-        normal=thinnest(samples, normal_wall_mm(samples, face), samples.outward),
-        radial=thinnest(samples, radial_wall_mm(samples, face), rays),
+        normal=thinnest(samples, normal, samples.outward),
+        radial=thinnest(samples, radial, rays),
+        thickest=thickest(samples, radial, rays),
+        thickest_normal=thickest(samples, normal, samples.outward),
     )
 
 

@@ -54,7 +54,15 @@ def normal_wall_mm(inner: FaceSamples, outer: OpticalFace) -> Float[np.ndarray, 
 
 def thinnest(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"]) -> Wall:
     """The smallest of ``wall_mm``, which runs from the samples of ``inner`` along the unit vectors ``along``."""
-    index = int(np.nanargmin(wall_mm))
+    return _place(inner, wall_mm, along, int(np.nanargmin(wall_mm)))
+
+
+def thickest(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"]) -> Wall:
+    """The largest of ``wall_mm``, as :func:`thinnest` finds the smallest."""
+    return _place(inner, wall_mm, along, int(np.nanargmax(wall_mm)))
+
+
+def _place(inner: FaceSamples, wall_mm: Float[np.ndarray, " k"], along: Float[np.ndarray, "k 3"], index: int) -> Wall:
     start = inner.points[index]
     end = start + wall_mm[index] * along[index]
     return Wall(
