@@ -79,6 +79,10 @@ def design(
         from lensforge.geometry.custom_base import read_custom_base
 
         read_custom_base(spec.base.file)
+    if spec.constraints.keep_out is not None:
+        from lensforge.optimisation.keep_out import require_keep_out_fits
+
+        require_keep_out_fits(spec)
     source = warned_source(spec, warn, start, anyway=anyway)
     with threads_of_torch(threads):
         return search(

@@ -16,8 +16,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "untrusted",
     "pictures", "kernels", "records", "jackknife", "criteria", "surfaces",
-    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "optimisation",
-    "evaluation", "tolerancing", "far_field", "geometry", "manufacturing", "verification", "screens", "measurement",
+    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "geometry",
+    "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing", "verification", "screens", "measurement",
     "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "measured_part",
     "run_record", "run_folder", "compared_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip

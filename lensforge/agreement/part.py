@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
-from lensforge.geometry.acceptance import PART_CRITERIA, mesh_volume_limit, part_criteria
+from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
 from lensforge.geometry.part import Part
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -18,6 +19,8 @@ def part_contradictions(part: Part) -> Iterator[str]:
 
     Where a file is not the one that the record describes, its criteria are no judgement of it: only their limits count.
     """
+    yield from differing("mass_g", part.mass_g, mass_g(part.lens.spec, part.volume_mm3), "density and volume")
+    yield from _keep_out(part)
     if part.altered:
         yield from _criteria(part, None)
         return
@@ -40,6 +43,15 @@ def part_contradictions(part: Part) -> Iterator[str]:
     yield from _criteria(part, area)
 
 
+def _keep_out(part: Part) -> Iterator[str]:
+    """The distance from the keep-out is that of its two places, or less: these are known to a facet's size."""
+    found, named = part.keep_out, part.lens.spec.constraints.keep_out
+    yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
+    if found is not None:
+        apart = float(np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm)))
+        yield from beyond("keep_out.distance_mm", found.distance_mm, -np.inf, apart, "its places")
+
+
 def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:
     """The criteria by the record's values; those of values that only a criterion holds keep them."""
     own = {criterion.name: criterion for criterion in part.criteria}
@@ -56,7 +68,8 @@ def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:
         change = abs(part.volume_mesh_mm3 / part.volume_mm3 - 1.0)
         yield from differing("criteria: mesh_volume_change", stored.get("mesh_volume_change"), change, "its volumes")
     remedies = {name: own[name].remedy if name in own else "" for name in PART_CRITERIA}
-    yield from judged("criteria", part.criteria, part_criteria(measured, _volume_limit(part, area_mm2), remedies))
+    derived = part_criteria(measured, _volume_limit(part, area_mm2), remedies)
+    yield from judged("criteria", part.criteria, (*derived, *keep_out_criteria(part.lens.spec, part.keep_out)))
 
 
 def _volume_limit(part: Part, area_mm2: float | None) -> float:

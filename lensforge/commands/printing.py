@@ -122,7 +122,7 @@ def _to_its_digits(names: Sequence[str], value: object) -> object:
 _HEADLINE = {
     "evaluate": ("nmse", "uniformity", "efficiency", "share_in_target"),
     "design": ("steps", "seconds", "max_radius_mm", "height_mm", "constraints"),
-    "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3"),
+    "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3", "mass_g", "keep_out"),
     "check": ("min_wall_mm",),
     "verify": ("nmse_vs_design", "noise_floor_nmse", "deviation_mm"),
 }

@@ -83,10 +83,12 @@ def _content(lens: Lens, part: Part, check: Check, hashes: Mapping[str, str]) ->
         "Refractive index": f"{spec.lens.refractive_index:g}",
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         "Volume": f"{part.volume_mm3:.3f} mm³",
+        **({} if part.mass_g is None else {"Mass": f"{part.mass_g:.3f} g"}),
         "Form error of the STEP's faces against the design": f"{part.form_error_nm.max:.2g} nm at most",
         "Error of their normals": f"{1e3 * part.normal_error_mrad.max:.2g} µrad at most",
         "STEP schema": part.step_schema,
         "Thinnest wall": f"{check.min_wall_mm:.4f} mm",
+        "Thickest wall, along rays from the origin": f"{check.wall.thickest.thickness_mm:.4f} mm",
         "lensforge": lens.version,
     }
     return _Content(

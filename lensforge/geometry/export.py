@@ -5,12 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from lensforge.criteria import Criterion
-from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
+from lensforge.geometry.acceptance import mass_g, mesh_volume_limit, part_criteria
 from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
+from lensforge.geometry.keep_out import read_keep_out
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_distance import keep_out_distance
 from lensforge.geometry.mesh import BodyMesh, build_mesh, mesh_error
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
@@ -19,6 +22,7 @@ from lensforge.geometry.part import (
     SURFACES_FILE,
     THREEMF_FILE,
     Faces,
+    KeepOutDistance,
     Part,
     SplineNodes,
     Triangulation,
@@ -93,6 +97,7 @@ def build_part(
     step, stl = step_bytes(body.solid, name, schema), stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
+    keep_out = _keep_out(lens, body)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -103,6 +108,8 @@ def build_part(
         normal_error_mrad=Extent(max=proof.form.normal_max_mrad, rms=proof.form.normal_rms_mrad),
         volume_mm3=proof.solid.volume_mm3,
         volume_mesh_mm3=proof.stl.volume_mm3,
+        mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
+        keep_out=keep_out,
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
@@ -112,7 +119,7 @@ def build_part(
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=_criteria(proof),
+        criteria=(*_criteria(proof), *keep_out_criteria(lens.spec, keep_out)),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -130,6 +137,12 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) ->
     if base is not None:
         mesh, solid = join_mesh(mesh, base, reached.chord_mm), join_base(solid, base)
     return _Body(plan, mesh, reached, solid)
+
+
+def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
+    """Distance of the body from the keep-out of the spec; None where it has none."""
+    path = lens.spec.constraints.keep_out
+    return None if path is None else keep_out_distance(body.mesh, read_keep_out(path), body.reached.chord_mm)
 
 
 def _untrimmed(lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema) -> tuple[UntrimmedSurfaces, bytes]:

@@ -19,6 +19,7 @@ from lensforge.records import (
     InFile,
     NotNegative,
     Number,
+    Point,
     Positive,
     Record,
     Sha256,
@@ -80,10 +81,24 @@ class UntrimmedSurfaces(Record):
     normal_error_mrad: NotNegative
 
 
+class KeepOutDistance(Record):
+    """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
+
+    ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
+    twice its volume over its surface. ``error_mm``: of both meshes' facets.
+    """
+
+    distance_mm: Number
+    body_point_mm: Point
+    keep_out_point_mm: Point
+    error_mm: NotNegative
+
+
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh.
+    ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh;
+    ``mass_g`` where the spec states a density. ``keep_out``: None where the spec has none.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -96,6 +111,8 @@ class Part(StageResult):
     normal_error_mrad: Extent
     volume_mm3: Number
     volume_mesh_mm3: Number
+    mass_g: NotNegative | None = None
+    keep_out: KeepOutDistance | None = None
     watertight: Flag
     genus: Annotated[int, Field(strict=True)]
     faces: Faces

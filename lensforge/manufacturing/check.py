@@ -12,7 +12,7 @@ from lensforge.geometry.plan import lay_out
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
@@ -22,7 +22,7 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_lines, radial_lines, thinnest
+from lensforge.manufacturing.wall import normal_lines, radial_lines, thickest, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -57,7 +57,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(radial_criterion(lens.spec, walls.radial),),
+        criteria=(radial_criterion(lens.spec, walls.radial), *thickest_criteria(lens.spec, walls.thickest)),
         verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
@@ -94,7 +94,12 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
 
 def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
     samples, face = inner.samples, outer.samples.face
-    return Walls(normal=thinnest(samples, face, normal_lines), radial=thinnest(samples, face, radial_lines))
+    return Walls(
+        normal=thinnest(samples, face, normal_lines),
+        radial=thinnest(samples, face, radial_lines),
+        thickest=thickest(samples, face, radial_lines),
+        thickest_normal=thickest(samples, face, normal_lines),
+    )
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:

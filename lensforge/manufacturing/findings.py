@@ -6,7 +6,7 @@ what the file's own numbers say.
 
 from math import ceil, degrees
 
-from lensforge.criteria import Criterion, at_least, within
+from lensforge.criteria import Criterion, at_least, at_most, within
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.manufacturing.result import (
     CustomBaseRelief,
@@ -53,6 +53,17 @@ def radial_criterion(spec: Spec, radial: Wall) -> Criterion:
     limit = spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
     remedy = f"raise lens.outer_offset_mm or give the last level more steps; the wall is thinnest at ({place}) mm"
     return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
+
+
+def thickest_criteria(spec: Spec, thickest: Wall) -> tuple[Criterion, ...]:
+    """The largest radial wall, where the spec limits it."""
+    limits = spec.constraints
+    if limits.max_wall_mm is None:
+        return ()
+    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in thickest.inner_point_mm)
+    limit = limits.max_wall_mm + limits.tolerance_mm
+    remedy = f"raise lens.inner_offset_mm or give the last level more steps; the wall is thickest at ({place}) mm"
+    return (at_most("largest radial wall", thickest.thickness_mm, limit, "mm", remedy),)
 
 
 def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:

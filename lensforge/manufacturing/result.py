@@ -84,7 +84,7 @@ class FaceResult(Record):
 
 
 class Wall(Record):
-    """The thinnest place of the wall."""
+    """One place of the wall, the thinnest or the thickest."""
 
     thickness_mm: Number
     inner_point_mm: Point
@@ -92,10 +92,12 @@ class Wall(Record):
 
 
 class Walls(Record):
-    """The thinnest wall along the cavity's normal, and along the ray from the origin."""
+    """The thinnest wall along the cavity's normal and along the ray from the origin; ``thickest``: along the ray."""
 
     normal: Wall
     radial: Wall
+    thickest: Wall
+    thickest_normal: Wall
 
 
 class OuterRelief(Record):

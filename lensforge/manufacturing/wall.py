@@ -71,9 +71,18 @@ def normal_lines(inner: Patch, outer: OpticalFace, points: Float[np.ndarray, "k 
 
 def thinnest(inner: FaceSamples, outer: OpticalFace, lines: Lines) -> Wall:
     """The thinnest wall along ``lines`` from the cavity, searched for between its samples too."""
+    return _extreme(inner, outer, lines, -1.0)
+
+
+def thickest(inner: FaceSamples, outer: OpticalFace, lines: Lines) -> Wall:
+    """The thickest wall along ``lines``, searched for as the thinnest one is."""
+    return _extreme(inner, outer, lines, 1.0)
+
+
+def _extreme(inner: FaceSamples, outer: OpticalFace, lines: Lines, sign: float) -> Wall:
     patch = inner.face.patch
     sampled = lines(patch, outer, inner.chart).thickness_mm
-    place, _ = inner.largest(lambda points: -lines(patch, outer, points).thickness_mm, -sampled)
+    place, _ = inner.largest(lambda points: sign * lines(patch, outer, points).thickness_mm, sign * sampled)
     line = lines(patch, outer, place[None])
     start, thickness = line.start[0], float(line.thickness_mm[0])
     end = start + thickness * line.direction[0]

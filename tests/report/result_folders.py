@@ -319,6 +319,7 @@ def make_check(lens, **changes):
         area_mm2=321.5,
     )
     wall = Wall(thickness_mm=1.875, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 5.875))
+    thick = Wall(thickness_mm=8.0, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 12.0))
     scallop = Scallop(height_nm=27.5, slope_mrad=5.5, stepover_for_slope_limit_mm=0.0035)
     content = {
         "inputs": {"lens": lens.sha256},
@@ -326,7 +327,7 @@ def make_check(lens, **changes):
         "inner": face,
         "outer": face,
         "min_wall_mm": 1.875,
-        "wall": Walls(normal=wall, radial=wall),
+        "wall": Walls(normal=wall, radial=wall, thickest=thick, thickest_normal=thick),
         "relief": Relief(outer=None, inner=None, note="there is no base"),
         "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
