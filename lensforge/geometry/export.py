@@ -25,6 +25,7 @@ from lensforge.geometry.part import (
 from lensforge.geometry.patch import fit_extended
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
+from lensforge.geometry.size import mesh_bounds_mm, solid_area_mm2
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
     parse_step,
@@ -98,6 +99,9 @@ def build_part(
         normal_error_mrad=Extent(max=proof.form.normal_max_mrad, rms=proof.form.normal_rms_mrad),
         volume_mm3=proof.solid.volume_mm3,
         volume_mesh_mm3=proof.stl.volume_mm3,
+        area_mm2=solid_area_mm2(proof.solid),
+        area_mesh_mm2=body.mesh.area(),
+        bounds_mm=mesh_bounds_mm(body.mesh),
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),

@@ -12,6 +12,8 @@ from lensforge.criteria import Criterion
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.records import (
+    BodySize,
+    Box,
     Count,
     Extent,
     Flag,
@@ -83,7 +85,9 @@ class UntrimmedSurfaces(Record):
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh.
+    ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
+    ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
+    solid: that of the solid is larger by no more than the chord error.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -96,6 +100,9 @@ class Part(StageResult):
     normal_error_mrad: Extent
     volume_mm3: Number
     volume_mesh_mm3: Number
+    area_mm2: NotNegative
+    area_mesh_mm2: NotNegative
+    bounds_mm: Box
     watertight: Flag
     genus: Annotated[int, Field(strict=True)]
     faces: Faces
@@ -129,6 +136,11 @@ class Part(StageResult):
     def _bytes(self) -> dict[str, bytes]:
         contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
         return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
+
+    @property
+    def size(self) -> BodySize:
+        """Size of the solid as exported, whatever the files are now."""
+        return BodySize(volume_mm3=self.volume_mm3, area_mm2=self.area_mm2, bounds_mm=self.bounds_mm)
 
     @cached_property
     def solid(self) -> "cadquery.Solid":

@@ -1,0 +1,28 @@
+"""Acceptance of the light of rays that verification has drawn by itself: within noise of the design's."""
+
+import math
+
+from lensforge.criteria import Criterion, at_most
+from lensforge.verification.light_result import OwnRays
+
+BLOCKS = 16  # of rays, whose pictures tell light from noise
+LEAST_RAYS = 4 * BLOCKS  # for a picture of each block
+# 4 standard errors: of 100,000 right samplers 6 would be taken for a wrong one.
+CERTAIN = 4.0
+# Besides noise: what the other casts allow the part to change of the flux and of the picture.
+FLUX_SHARE, PICTURE = 1e-3, 1e-3
+
+
+def own_rays_criteria(own: OwnRays) -> list[Criterion]:
+    """Acceptance criteria of the light of these rays: within noise of the design's."""
+    error = math.hypot(own.efficiency.standard_error or 0.0, own.efficiency_design.standard_error or 0.0)
+    remedy = (
+        "rays drawn from the source's description make another light than the design's: evaluate and verify again; if "
+        "it stays where all other criteria are met, the design's source is sampled wrongly, please report it"
+    )
+    apart = abs(own.efficiency.value - own.efficiency_design.value)
+    found = [at_most("own_rays_efficiency", apart, FLUX_SHARE + CERTAIN * error, "of the flux", remedy)]
+    seen = own.nmse_less_noise
+    if seen is not None:
+        found.append(at_most("own_rays_nmse", seen.value, PICTURE + CERTAIN * (seen.standard_error or 0.0), "", remedy))
+    return found
