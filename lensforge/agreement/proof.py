@@ -51,8 +51,8 @@ def proof_contradictions(
 
 def _sizes(proof: Proof, part: Part | None) -> Iterator[str]:
     """The sizes against those of the export, and the files that are judged against the files that are there."""
-    if proof.sizes is None:
-        yield "sizes: missing"
+    if proof.sizes is None or proof.emission_apart is None:
+        yield f"{'sizes' if proof.sizes is None else 'emission_apart'}: missing"
         return
     yield from differing("volume_mm3", proof.volume_mm3, proof.sizes.mesh.size.volume_mm3, "its sizes")
     if part is None:

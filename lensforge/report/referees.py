@@ -102,7 +102,7 @@ def _own_rays(proof: Proof, own: OwnRays, index: int) -> RefereeRow:
     if own.nmse_less_noise is not None:
         error = number(own.nmse_less_noise.standard_error, 2)
         says += f"; NMSE less noise {number(own.nmse_less_noise.value, 2)} \u00b1 {error}"
-    state = _state(proof, index, "own_rays_efficiency", "own_rays_nmse")
+    state = _state(proof, index, "own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
     name = f"Rays drawn apart from the design\u2019s{suffix(proof.receivers, index)}"
     return RefereeRow(name, "lens.stl", number(own.rays), "", "", "", says, state)
 

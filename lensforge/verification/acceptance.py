@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from lensforge.criteria import Criterion, at_most
 from lensforge.verification.advice import Evidence, form_of_mesh
-from lensforge.verification.own_rays_criteria import own_rays_criteria
+from lensforge.verification.own_rays_criteria import emission_criterion, own_rays_criteria
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
 from lensforge.verification.size_criteria import other_body, size_criteria
 from lensforge.verification.stray_result import StrayFlux, StrayLight
@@ -66,6 +66,7 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
         *size_criteria(proof.sizes, proof.faults),
+        *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]
     for number, receiver in enumerate(proof.receivers):
         own = _receiver_criteria(proof, receiver)

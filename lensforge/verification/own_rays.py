@@ -16,6 +16,7 @@ from lensforge.verification.own_rays_criteria import BLOCKS, LEAST_RAYS
 from lensforge.verification.passage import LandedRays, Passage
 from lensforge.verification.screen import squared_norm
 
+_ROUNDING = 1e-9  # relative, of sums of products
 RAYS = 2**14  # as many as the grid casts in the five seconds that this may take on two slow cores
 
 
@@ -34,6 +35,24 @@ class OwnLight:
 
     rays: RayBundle
     designs: tuple[DesignLight, ...]
+
+
+def emission_apart(own: RayBundle, design: RayBundle) -> float:
+    """Largest difference of a mean, or of a mean product of two, of start point and direction, in standard errors.
+
+    Both samples as they leave the source, weighted by flux. The design's rays are quasi-random: they have no more noise
+    than is counted here, that of independent rays.
+    """
+    rows, columns = np.triu_indices(7)
+    means, squares = np.zeros(len(rows)), np.zeros(len(rows))
+    for sign, rays in ((1.0, own), (-1.0, design)):
+        table = np.column_stack([np.ones(len(rays)), rays.origins, rays.directions])
+        products, weights = table[:, rows] * table[:, columns], rays.flux / rays.flux.sum()
+        mean = weights @ products
+        means += sign * mean
+        squares += weights**2 @ (products - mean) ** 2
+    scale = 1.0 + float(np.abs(own.origins).max())
+    return float(np.max(np.abs(means) / (np.sqrt(squares) + _ROUNDING * scale**2)))
 
 
 def judge_own_rays(rays: RayBundle, passage: Passage, expected: Expected, design: DesignLight) -> OwnRays:

@@ -146,6 +146,8 @@ class Proof(SimulatedResult):
 
     Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
     was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
+    ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
+    which verification has drawn, in standard errors; None where it has drawn none.
     """
 
     stage: ClassVar[str] = "verify"
@@ -160,6 +162,7 @@ class Proof(SimulatedResult):
     volume_mm3: Number
     sizes: Sizes | None
     faults: Faults
+    emission_apart: NotNegative | None
     facet_height_um: Extent
     altered_files: tuple[Text, ...] = ()
     plain_cast: PlainCast

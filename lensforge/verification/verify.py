@@ -28,7 +28,7 @@ from lensforge.verification.comparison import Expected, compare, flux_budget, ga
 from lensforge.verification.light_result import OwnRays
 from lensforge.verification.misplaced import recognised, through_mesh
 from lensforge.verification.mitsuba_cast import cast_mitsuba
-from lensforge.verification.own_rays import OwnLight, judge_own_rays
+from lensforge.verification.own_rays import OwnLight, emission_apart, judge_own_rays
 from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 from lensforge.verification.passage import LandedRays, Passage, send_through
 from lensforge.verification.plain_cast import cast_plain
@@ -104,6 +104,7 @@ def verify_part(
         volume_mm3=float(part.mesh.volume),
         sizes=sizes,
         faults=Faults(),
+        emission_apart=None if own is None else emission_apart(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         plain_cast=plain,
         criteria=(),

@@ -402,6 +402,7 @@ def make_proof(lens, **changes):
         "volume_mm3": 3832.5,
         "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
         "faults": Faults(),
+        "emission_apart": 2.25,
         "facet_height_um": Extent(max=1.125, rms=0.375),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),
