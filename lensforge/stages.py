@@ -165,10 +165,13 @@ def check(part: Part) -> Check:
 def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | None = None) -> Proof:
     """Cast rays through the STL and STEP of ``part``, and compare their landings with the design's.
 
-    ``light``: of the same lens. The ray cast shares no code with the design's tracer.
+    ``light``: of the same lens. The ray cast shares no code with the design's tracer; further rays are drawn by code
+    that shares nothing with its sampler, and make the light of the design. Both files are measured, and compared with
+    the size as exported.
     """
     import torch
 
+    from lensforge.emissions import own_light
     from lensforge.evaluation.simulate import TracedLens, design_landings
     from lensforge.screens import screens_of
     from lensforge.verification.comparison import Expected
@@ -195,6 +198,9 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             names=[receiver.name for receiver in light.receivers],
             step=part.step,
             mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
+            own=own_light(lens, source, light, count),
+            exported=part.size,
+            chord_mm=1e-3 * part.triangulation.chord_error_um,
             threads=torch.get_num_threads(),
             inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
         )

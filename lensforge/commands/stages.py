@@ -82,11 +82,8 @@ def verify(
     with threads_of_torch(threads):
         proof = pipeline.run_verify(directory, rays=rays)
         followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
-    if proof.altered_files:
-        names = ", ".join(proof.altered_files)
-        click.echo(
-            warning_line(f"{names}: not as exported, by export.json; the rays went through what is there"), err=True
-        )
+    for note in proof.notes:
+        click.echo(warning_line(note), err=True)
     finish(directory, proof, "files", **({} if followed is None else {"stray_light": followed}))
 
 

@@ -5,7 +5,8 @@ Mesh, drawings and the obstacles of tools are made from the same corners. The so
 
 from dataclasses import dataclass
 
-from lensforge.geometry.plan import Face, Plan, Radius, rim_radius
+from lensforge.geometry.arcs import Radius
+from lensforge.geometry.plan import Face, Plan, rim_radius
 
 OUTER, INNER, RIM = "OPTICAL_OUTER", "OPTICAL_INNER", "RIM"
 TOP, SIDE, BOTTOM, BORE, BORE_TOP = "BASE_TOP", "BASE_SIDE", "BASE_BOTTOM", "BASE_BORE", "BORE_TOP"

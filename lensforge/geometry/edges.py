@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
+from lensforge.geometry.arcs import Arc
 from lensforge.geometry.outline import FULL_TURN, Outline, Piece
 from lensforge.geometry.patch import DEGREE, Patch
-from lensforge.geometry.plan import Arc, rim_directions
+from lensforge.geometry.plan import rim_directions
 
 # The rim curve lies in z = 0; the patch's own boundary is within its form error of it.
 _MIN_TOLERANCE_MM, _GAP_MARGIN = 1e-6, 2.0
@@ -37,10 +38,10 @@ def geom_surface(patch: Patch) -> Any:
     return Geom_BSplineSurface(poles, knots, knots, multiplicities, multiplicities, DEGREE, DEGREE)
 
 
-def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...]) -> list[list[Any]]:
+def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: bool) -> list[list[Any]]:
     """Chains of edges, one chain for each arc of the patch's rim, together closed: arcs of the unit circle on its face.
 
-    Long arcs are split, so that each edge has few spans.
+    ``split``: long arcs are split, so that each edge has few spans, as the wall below a rim needs.
     """
     from OCP.BRep import BRep_Builder
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
@@ -50,7 +51,7 @@ def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...]) -> list[li
 
     unit_circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
     tolerance = _rim_tolerance(patch)
-    chains = [_split(arc, patch) for arc in arcs]
+    chains = [_split(arc, patch) if split else [(arc.start, arc.end)] for arc in arcs]
     starts = [start for chain in chains for start, _ in chain]
     vertices = dict(zip(starts, _corners(patch, starts, tolerance), strict=True))
     following = dict(zip(starts, [*starts[1:], starts[0]], strict=True))

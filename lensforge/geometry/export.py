@@ -33,6 +33,7 @@ from lensforge.geometry.patch import Patch, fit_extended
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.refinement import CHORD_MM
 from lensforge.geometry.rings import rings_for
+from lensforge.geometry.size import mesh_bounds_mm, solid_area_mm2
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
     parse_step,
@@ -110,6 +111,9 @@ def build_part(
         volume_mesh_mm3=proof.stl.volume_mm3,
         mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
         keep_out=keep_out,
+        area_mm2=solid_area_mm2(proof.solid),
+        area_mesh_mm2=body.mesh.area(),
+        bounds_mm=mesh_bounds_mm(body.mesh),
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),

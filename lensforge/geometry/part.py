@@ -12,6 +12,8 @@ from lensforge.criteria import Criterion
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.records import (
+    BodySize,
+    Box,
     Count,
     Extent,
     Flag,
@@ -97,8 +99,10 @@ class KeepOutDistance(Record):
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
-    ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh;
-    ``mass_g`` where the spec states a density. ``keep_out``: None where the spec has none.
+    ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
+    ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
+    solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec states a density.
+    ``keep_out``: None where the spec has none.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -113,6 +117,9 @@ class Part(StageResult):
     volume_mesh_mm3: Number
     mass_g: NotNegative | None = None
     keep_out: KeepOutDistance | None = None
+    area_mm2: NotNegative
+    area_mesh_mm2: NotNegative
+    bounds_mm: Box
     watertight: Flag
     genus: Annotated[int, Field(strict=True)]
     faces: Faces
@@ -146,6 +153,11 @@ class Part(StageResult):
     def _bytes(self) -> dict[str, bytes]:
         contents = {STEP_FILE: self.step, STL_FILE: self.stl, THREEMF_FILE: self.threemf}
         return contents if self.surfaces_step is None else {**contents, SURFACES_FILE: self.surfaces_step}
+
+    @property
+    def size(self) -> BodySize:
+        """Size of the solid as exported, whatever the files are now."""
+        return BodySize(volume_mm3=self.volume_mm3, area_mm2=self.area_mm2, bounds_mm=self.bounds_mm)
 
     @cached_property
     def solid(self) -> "cadquery.Solid":

@@ -5,25 +5,19 @@ outline (a *ledge* of the base projects), outside (the dome *overhangs* the base
 outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
 
 from lensforge.errors import InputError, remedy
+from lensforge.geometry.arcs import Arc, Radius, arcs_between, sampled_azimuths
 from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
 
-Relation = Literal["bare", "ledge", "overhang", "flush"]
-Radius = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]  # distance (mm) from the axis over azimuths
-
-FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _MIN_BASE_WALL_MM = 0.01
-_SAMPLES = 2048  # azimuths: 20 across the narrowest usual SRBF
 _WALL_NODES = 96  # chart nodes at which the wall is tested
 
 
@@ -37,15 +31,6 @@ class StarShaped(Protocol):
 
 
 Face = TypeVar("Face", bound=StarShaped)
-
-
-@dataclass(frozen=True)
-class Arc:
-    """Azimuths from ``start`` to ``end`` (rad) over which the seat keeps its ``relation`` to the outline."""
-
-    start: float
-    end: float
-    relation: Relation
 
 
 @dataclass(frozen=True)
@@ -89,6 +74,16 @@ class Plan(Generic[Face]):
         return self.arcs[0].relation == "flush"
 
     @property
+    def inner_rim_has_wall(self) -> bool:
+        """True where the bore is the cavity's rim extruded straight down."""
+        return self.has_base and self.bore is None
+
+    @property
+    def outer_rim_has_wall(self) -> bool:
+        """True where a step, or the side of the base, is the outer rim extruded straight down."""
+        return self.has_base and (self.flush or (self.relief_mm > 0.0 and self.ring is None))
+
+    @property
     def relief_mm(self) -> float:
         """Depth below z = 0 at which the base's outline begins; a flush base has no step."""
         return 0.0 if self.flush else self.base.step_mm
@@ -128,7 +123,7 @@ def make_plan(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
     plan = lay_out(inner, outer, base)
     met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
     if base.step_mm > 0.0 and met:
-        widths = 2.0 * (rim_radius(outer) if plan.ring is None else plan.ring.radius)(_samples())
+        widths = 2.0 * (rim_radius(outer) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
         raise InputError(
             f"base.relief_step_mm = {base.step_mm:g}: the wall of the step, {widths.min():.4g} to "
             f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
@@ -147,7 +142,7 @@ def lay_out(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
     bore = _bore(inner, base, outline)
     ring = _relief_ring(inner if bore is None else bore, outer, base)
     seat = rim_radius(outer) if ring is None else ring.radius
-    return Plan(inner, outer, base, _arcs(seat, outline), ring, bore)
+    return Plan(inner, outer, base, arcs_between(seat, outline), ring, bore)
 
 
 def rim_radius(face: StarShaped) -> Radius:
@@ -159,7 +154,7 @@ def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | N
     """The bore's circle; None where it is extruded from the cavity's rim."""
     if not base.bore_setback_mm:
         return None
-    azimuths = _samples()
+    azimuths = sampled_azimuths()
     opening = float(rim_radius(inner)(azimuths).max())
     room = float(outline.radius(azimuths).min())
     if base.pocket_diameter_mm is not None:
@@ -176,7 +171,7 @@ def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSec
     """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
     if not base.relief_setback_mm:
         return None
-    azimuths = _samples()
+    azimuths = sampled_azimuths()
     hole = opening.radius(azimuths) if isinstance(opening, Outline) else rim_radius(opening)(azimuths)
     rim = rim_radius(outer)(azimuths)
     room = float(rim.min() - hole.max()) - _MIN_BASE_WALL_MM
@@ -191,7 +186,7 @@ def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSec
 def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
     chart = grid(_WALL_NODES, half_width=1.0).reshape(-1, 2)
     directions = to_sphere(chart[np.sum(chart**2, axis=1) <= 1.0])
-    directions = np.concatenate([directions, rim_directions(_samples())])
+    directions = np.concatenate([directions, rim_directions(sampled_azimuths())])
     wall = outer.radius(directions) - inner.radius(directions)
     worst = int(np.argmin(wall))
     if wall[worst] <= 0.0:
@@ -203,7 +198,7 @@ def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
 
 
 def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outline) -> None:
-    azimuths = _samples()
+    azimuths = sampled_azimuths()
     opening = inner.radius(rim_directions(azimuths)) + _MIN_BASE_WALL_MM
     needed = float((opening / outline.radius(azimuths)).max())
     field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
@@ -221,35 +216,3 @@ def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outli
             f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
             f"to {room:.4g}, inside the base"
         )
-
-
-def _arcs(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
-    azimuths = _samples()
-    overhang = seat(azimuths) - outline.radius(azimuths)
-    if np.abs(overhang).max() <= FLUSH_MM:
-        return (Arc(0.0, FULL_TURN, "flush"),)
-    outside = overhang > 0.0
-    changes = np.nonzero(outside != np.roll(outside, -1))[0]
-    if len(changes) == 0:
-        return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
-    step = FULL_TURN / len(azimuths)
-    starts = [_root(_overhang_at(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
-    ends = [*starts[1:], starts[0] + FULL_TURN]
-    relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
-    return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
-
-
-def _overhang_at(seat: Radius, outline: Outline) -> Callable[[float], float]:
-    def overhang(azimuth: float) -> float:
-        at = np.array([azimuth])
-        return float(seat(at)[0] - outline.radius(at)[0])
-
-    return overhang
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-14))
-
-
-def _samples() -> Float[np.ndarray, " n"]:
-    return np.linspace(0.0, FULL_TURN, _SAMPLES, endpoint=False)

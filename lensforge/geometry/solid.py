@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from lensforge.geometry.arcs import Arc
 from lensforge.geometry.base import FLAT, body_faces
 from lensforge.geometry.base_profile import (
     BORE,
@@ -28,7 +29,7 @@ from lensforge.geometry.base_profile import (
 from lensforge.geometry.edges import geom_surface, rim_edges, wire
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
-from lensforge.geometry.plan import Arc, Plan
+from lensforge.geometry.plan import Plan
 
 # Outward direction of each face: along +z or -z, away from the axis or towards it.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
@@ -83,8 +84,9 @@ class Solid:
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
     inner_surface, outer_surface = geom_surface(plan.inner.trimmed), geom_surface(plan.outer.trimmed)
-    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs)
-    (inner_rim,) = rim_edges(plan.inner, inner_surface, (Arc(0.0, FULL_TURN, "bare"),))
+    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=plan.outer_rim_has_wall)
+    whole = (Arc(0.0, FULL_TURN, "bare"),)
+    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=plan.inner_rim_has_wall)
     outer_boundary = [edge for chain in outer_rim for edge in chain]
     faces = [(OUTER, _trimmed(outer_surface, outer_boundary)), (INNER, _trimmed(inner_surface, inner_rim))]
     faces += body_faces(plan, inner_rim, outer_rim)

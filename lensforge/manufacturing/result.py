@@ -112,8 +112,7 @@ class OuterRelief(Record):
 
 
 class InnerRelief(Record):
-    """Radius that the bore needs beyond the cavity's, and the diameter that the pocket needs; 0 where they clear the
-    ball, None where nothing is reached.
+    """Radius that the bore needs beyond the cavity's, diameter of the pocket; 0 where clear, None: nothing is reached.
 
     ``flush_fraction``: share of the face that the ball reaches with the base as it is.
     """

@@ -6,12 +6,13 @@ from lens_meshes import lambertian, lens_mesh, oracle, sphere
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import brep_criteria
-from lensforge.verification.brep_cast import StepBody, cast_brep, send_through_step
+from lensforge.verification.brep_cast import cast_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
 from lensforge.verification.part_mesh import part_mesh_of
 from lensforge.verification.passage import CastFate, LandedRays, send_through
 from lensforge.verification.screen import Screen
+from lensforge.verification.step_body import StepBody
 from lensforge.verification.verify import verify_part
 
 INDEX, DISTANCE = 1.4936, 150.0
