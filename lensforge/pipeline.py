@@ -134,10 +134,12 @@ def run_export(
     runout_deg: float | None = None,
     nodes: int | None = None,
     rings: int | None = None,
+    date: str | None = None,
 ) -> Part:
     """Write STEP, STL and 3MF, verified by reading them back."""
     lens = load_lens(folder / LENS_FILE)
-    return write_result(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
+    part = stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings, date=date)
+    return write_result(part, folder)
 
 
 @in_locked_folder

@@ -3,6 +3,7 @@
 Heavy libraries are loaded by the verb that first needs them: torch and numba to trace, the CAD kernel to build.
 """
 
+import datetime
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
@@ -10,6 +11,7 @@ from typing import Literal, get_args
 from lensforge import seeds
 from lensforge.arguments import (
     count_of,
+    date_of,
     device_of,
     inputs_of,
     number_of,
@@ -135,19 +137,26 @@ def build(
     runout_deg: float | None = None,
     nodes: int | None = None,
     rings: int | None = None,
+    date: datetime.date | str | None = None,
 ) -> Part:
     """Make the part: one solid as STEP, STL and 3MF, verified by reading them back.
 
     ``schema``: of the STEP. ``runout_deg``: adds the optical faces untrimmed, extended by this angle beyond the rim.
     ``nodes``: spline nodes across each optical face, ``rings``: rings of the mesh; by default as many as their
-    tolerances need. Raises :class:`InputError` for a lens whose surfaces enclose no body.
+    tolerances need. ``date``: of the files, by default that of the spec. Raises :class:`InputError` for a lens whose
+    surfaces enclose no body.
     """
     from lensforge.geometry.export import build_part
 
     require(lens, Lens, "build")
     runout_deg = number_of("runout_deg", runout_deg)
     return build_part(
-        lens, schema=schema, runout_deg=runout_deg, nodes=count_of("nodes", nodes), rings=count_of("rings", rings)
+        lens,
+        schema=schema,
+        runout_deg=runout_deg,
+        nodes=count_of("nodes", nodes),
+        rings=count_of("rings", rings),
+        date=date_of("date", date),
     )
 
 

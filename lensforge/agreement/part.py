@@ -18,6 +18,7 @@ def part_contradictions(part: Part) -> Iterator[str]:
 
     Where a file is not the one that the record describes, its criteria are no judgement of it: only their limits count.
     """
+    yield from _shop(part)
     if part.altered:
         yield from _criteria(part, None)
         return
@@ -38,6 +39,18 @@ def part_contradictions(part: Part) -> Iterator[str]:
         "volume_mesh_mm3", part.volume_mesh_mm3, volume - slack, volume + slack, "the triangles of lens.stl"
     )
     yield from _criteria(part, area)
+
+
+def _shop(part: Part) -> Iterator[str]:
+    """Settings of the spec that the files carry; their date may be another."""
+    shop, has = part.lens.spec.manufacture, "the spec has"
+    yield from unlike("signature.author", part.signature.author, shop.author, has)
+    yield from unlike("signature.organisation", part.signature.organisation, shop.organisation, has)
+    width = shop.form_tolerance_um if part.step_schema == "AP242" else None
+    stated = {tolerance.width_um for tolerance in part.form_tolerances}
+    yield from unlike("form_tolerances", sorted(stated), [] if width is None else [width], has)
+    if part.untrimmed_surfaces is not None:
+        yield from unlike("untrimmed_surfaces.scale", part.untrimmed_surfaces.scale, shop.scale, has)
 
 
 def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:

@@ -25,6 +25,7 @@ from lensforge.records import (
     StageResult,
     Text,
 )
+from lensforge.spec.section import CalendarDate
 
 if TYPE_CHECKING:
     import cadquery
@@ -73,17 +74,41 @@ class Triangulation(Record):
 
 
 class UntrimmedSurfaces(Record):
-    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back."""
+    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back.
+
+    ``scale``: of these faces against the lens's, 1 + shrinkage for a mould insert.
+    """
 
     runout_deg: Positive
+    scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
+
+
+class FormTolerance(Record):
+    """The surface profile on ``face`` in the STEP file: ``width_um`` of its zone, half of it on each side of the face.
+
+    ``datum_faces``: the faces in z = 0 that are datum A; empty where the body has none there.
+    """
+
+    face: Text
+    width_um: Positive
+    datum_faces: tuple[Text, ...]
+
+
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None
 
 
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
     ``nodes``: spline nodes across each optical face. ``volume_mm3``: of the solid, ``volume_mesh_mm3`` of the mesh.
+    ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -101,6 +126,8 @@ class Part(StageResult):
     faces: Faces
     nodes: SplineNodes
     step_schema: Literal["AP214", "AP242"]
+    form_tolerances: tuple[FormTolerance, ...]
+    signature: Signature
     untrimmed_surfaces: UntrimmedSurfaces | None
     triangulation: Triangulation
     files: dict[Text, FileStamp]

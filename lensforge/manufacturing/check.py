@@ -1,6 +1,7 @@
 """The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +17,7 @@ from lensforge.manufacturing.result import (
     Check,
     Scallop,
     Scallops,
+    Wall,
     Walls,
 )
 from lensforge.manufacturing.scallop import scallop
@@ -37,7 +39,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
     inner, outer = _faces(lens, nodes)
-    walls = _walls(inner, outer)
+    walls = _walls(inner, outer, manufacture.scale)
     base = lens.spec.base if manufacture.make == "part" else None  # a mould insert has none
     custom = None if base is None or base.file is None else read_base_mesh(base.file)
     relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
@@ -47,6 +49,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
+        scale=manufacture.scale,
         inner=faces[0],
         outer=faces[1],
         min_wall_mm=min_wall_mm,
@@ -79,23 +82,32 @@ def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray
 
 
 def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
-    """Both faces, measured from their air side; a mould insert has air where the lens has material."""
-    is_part, cutter_mm = lens.spec.manufacture.make == "part", lens.spec.manufacture.cutter_radius_mm
+    """Both faces, measured from their air side; a mould insert has air where the lens has material, and is scaled."""
+    manufacture = lens.spec.manufacture
+    is_part, cutter_mm, scale = manufacture.make == "part", manufacture.cutter_radius_mm, manufacture.scale
     inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if is_part else (AirSide.OUTSIDE, AirSide.INSIDE)
     inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
+    inner, outer = (replace(face, control=scale * face.control) for face in (inner, outer))
     return (
         check_face("inner", OpticalFace(inner, inside), cutter_mm),
         check_face("outer", OpticalFace(outer, outside), cutter_mm),
     )
 
 
-def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
+def _walls(inner: FaceCheck, outer: FaceCheck, scale: float) -> Walls:
+    """Walls of the lens itself: ``scale`` is that of the faces against the lens's."""
     samples, face = inner.samples, outer.samples.face
     rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
     return Walls(
-        normal=thinnest(samples, normal_wall_mm(samples, face), samples.outward),
-        radial=thinnest(samples, radial_wall_mm(samples, face), rays),
+        normal=_of_lens(thinnest(samples, normal_wall_mm(samples, face), samples.outward), scale),
+        radial=_of_lens(thinnest(samples, radial_wall_mm(samples, face), rays), scale),
     )
+
+
+def _of_lens(wall: Wall, scale: float) -> Wall:
+    """A wall between the faces of a mould, ``scale`` times the lens's, as that of the lens."""
+    inner, outer = (tuple(value / scale for value in point) for point in (wall.inner_point_mm, wall.outer_point_mm))
+    return Wall(thickness_mm=wall.thickness_mm / scale, inner_point_mm=inner, outer_point_mm=outer)
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:

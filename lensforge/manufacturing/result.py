@@ -201,13 +201,16 @@ class Finding(Judged):
 class Check(StageResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
-    Maps over the chart of each face, [X, Y], NaN outside the rim: points (mm), departure from the best-fit sphere
-    (mm), principal curvatures (1/mm), uncut height (mm), and 1 where the cutter reaches.
+    ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
+    ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
+    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), uncut height (mm), and 1
+    where the cutter reaches.
     """
 
     stage: ClassVar[str] = "check"
 
     make: Literal["part", "insert"]
+    scale: Positive
     inner: FaceResult
     outer: FaceResult
     min_wall_mm: Number

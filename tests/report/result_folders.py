@@ -287,6 +287,8 @@ def make_part(lens, stl=None, **changes):
         "faces": Faces(count=2, names=("OPTICAL_INNER", "OPTICAL_OUTER")),
         "nodes": {"inner": 33, "outer": 65},
         "step_schema": "AP214",
+        "form_tolerances": (),
+        "signature": {"author": "", "organisation": "", "date": None},
         "untrimmed_surfaces": None,
         "triangulation": Triangulation(
             triangles=320, vertices=162, rings=8, chord_error_um=0.875, normal_error_mrad=0.625
@@ -323,6 +325,7 @@ def make_check(lens, **changes):
     content = {
         "inputs": {"lens": lens.sha256},
         "make": "part",
+        "scale": 1.0,
         "inner": face,
         "outer": face,
         "min_wall_mm": 1.875,
