@@ -32,6 +32,7 @@ from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
 if TYPE_CHECKING:
+    from lensforge.drawings.grids import GridRequest
     from lensforge.drawings.handover import Handover
 
 Announce = Callable[[str], None]
@@ -181,11 +182,11 @@ def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | Non
 
 
 @in_locked_folder
-def run_handover(folder: Path) -> "Handover":
-    """Write the documents that go to the shop with the STEP file."""
+def run_handover(folder: Path, request: "GridRequest | None" = None) -> "Handover":
+    """Write the documents that go to the shop with the STEP file; ``request``: of the dense tables of points."""
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(load_to_show(folder))
+    handover = make_handover(load_to_show(folder), request)
     handover.save(folder)
     renew(folder)
     return handover
