@@ -4,6 +4,7 @@ from lensforge.drawings.handover import PointGrid
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.spec.section import rounded_up
 
 Facts = dict[str, str]
 
@@ -101,7 +102,7 @@ def grid_facts(grid: PointGrid) -> str:
     return (
         f"{grid.points} points {at}, up to {grid.spacing_mm:.4g} mm apart; complete cells over "
         f"{100.0 * grid.covered:.1f} % of the face's area; {grid.interpolation} interpolation errs by at most "
-        f"{grid.error_nm:.3g} nm along the normal"
+        f"{rounded_up(grid.error_nm, 3)} nm along the normal"
     )
 
 

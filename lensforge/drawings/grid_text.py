@@ -9,6 +9,7 @@ from lensforge.drawings.polar import Polar
 from lensforge.drawings.raster import Raster
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
+from lensforge.spec.section import rounded_up
 
 _RASTER_COLUMNS, _POLAR_COLUMNS = "x_mm,y_mm,z_mm", "polar_deg,azimuth_deg,r_mm,z_mm"
 
@@ -46,8 +47,8 @@ def grid_text(measured: MeasuredGrid, lens: Lens, part: Part, request: GridReque
     lines += _raster_lines(grid, request) if isinstance(grid, Raster) else _polar_lines(grid, request)
     lines += [
         f"interpolation: {WORDS[scheme]}",
-        f"interpolation error: at most {measured.error_nm:.3g} nm along the normal against the exact face, at "
-        f"{measured.measured} middles of cells and of their sides",
+        f"interpolation error: at most {rounded_up(measured.error_nm, 3)} nm along the normal against the exact face, "
+        f"at {measured.measured} middles of cells and of their sides",
     ]
     columns = _RASTER_COLUMNS if isinstance(grid, Raster) else _POLAR_COLUMNS
     body = [
@@ -82,8 +83,8 @@ def _raster_lines(raster: Raster, request: GridRequest) -> list[str]:
 def _polar_lines(polar: Polar, request: GridRequest) -> list[str]:
     turns = len(polar.azimuths_deg)
     return [
-        f"nodes: rings of polar angle i p with p = {polar.step_deg:.9g} degrees, seen from the origin; {turns} "
-        f"azimuths k q with q = {360.0 / turns:.9g} degrees; the apex once; spacing up to {polar.spacing_mm:.4g} mm",
+        f"nodes: rings of polar angle i p with p = {polar.step_deg:.15g} degrees, seen from the origin; {turns} "
+        f"azimuths k q with q = {360.0 / turns:.15g} degrees; the apex once; spacing up to {polar.spacing_mm:.4g} mm",
         f"extent: all of the face; ring {polar.rim} is at the lowest point of the rim, "
         f"{BEYOND[request.interpolation]} more and what lies below the rim continue the face smoothly (run-out)",
         "r_mm is the distance from the axis; r_mm and z_mm are interpolated over polar angle and azimuth; the ring "

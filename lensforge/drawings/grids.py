@@ -127,7 +127,7 @@ def _measured(make: Callable[[float], Raster | Polar], first_mm: float, request:
 
 def _stated(grid: Raster | Polar, request: GridRequest) -> MeasuredGrid:
     errors = grid.errors_nm(request.interpolation, _MEASURED)
-    return MeasuredGrid(grid, float(errors.max()), len(errors))
+    return MeasuredGrid(grid, max(float(errors.max()), _ROUNDING_NM), len(errors))
 
 
 def _rounded_down(spacing_mm: float) -> float:

@@ -37,7 +37,7 @@ class Polar:
         rings, turns = self.values.shape[:2]
         polar, azimuth = np.meshgrid(self.step_deg * np.arange(rings), self.azimuths_deg, indexing="ij")
         rows = np.concatenate([np.stack([polar, azimuth], axis=-1), self.values], axis=-1).reshape(-1, 4)
-        return rows[turns - 1 :]
+        return np.concatenate([rows[:1], rows[turns:]])
 
     @property
     def spacing_mm(self) -> float:

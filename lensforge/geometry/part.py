@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.errors import InputError
+from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.lens import Lens
 from lensforge.records import (
     Count,
@@ -83,17 +84,6 @@ class UntrimmedSurfaces(Record):
     scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
-
-
-class FormTolerance(Record):
-    """The surface profile on ``face`` in the STEP file: ``width_um`` of its zone, half of it on each side of the face.
-
-    ``datum_faces``: the faces in z = 0 that are datum A; empty where the body has none there.
-    """
-
-    face: Text
-    width_um: Positive
-    datum_faces: tuple[Text, ...]
 
 
 class Signature(Record):

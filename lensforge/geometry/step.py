@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lensforge.errors import InputError
 from lensforge.files import file_bytes, temporary_file
-from lensforge.geometry.part import FormTolerance
+from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.geometry.solid import Solid
 from lensforge.geometry.step_header import StepHeader, sign
 from lensforge.geometry.step_reading import Product, parse_apart, products_in
