@@ -40,6 +40,7 @@ def _shop(check: Check, lens: Lens) -> Iterator[str]:
     """Settings of the spec, which the record repeats."""
     shop = lens.spec.manufacture
     yield from unlike("make", check.make, shop.make, _SPEC)
+    yield from unlike("scale", check.scale, shop.scale, _SPEC)
     for name, face in (("inner", check.inner), ("outer", check.outer)):
         yield from unlike(f"{name}.cutter.radius_mm", face.cutter.radius_mm, shop.cutter_radius_mm, _SPEC)
     yield from unlike("scallop.stepover_mm", check.scallop.stepover_mm, shop.stepover_mm, _SPEC)

@@ -21,6 +21,7 @@ def part_contradictions(part: Part) -> Iterator[str]:
 
     Where the STL is not the one that the record describes, its triangles say nothing about the record.
     """
+    yield from _shop(part)
     yield from differing("mass_g", part.mass_g, mass_g(part.lens.spec, part.volume_mm3), "density and volume")
     yield from _keep_out(part)
     slack = (_ROUNDED + _AREA_OF_FACETS / max(part.triangulation.rings, 1) ** 2) * part.area_mesh_mm2
@@ -70,6 +71,18 @@ def _bounds(part: Part, corners: Float[np.ndarray, "n 3"]) -> Iterator[str]:
 
 def _box(corners: Float[np.ndarray, "n 3"]) -> tuple[list[float], list[float]]:
     return corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+
+
+def _shop(part: Part) -> Iterator[str]:
+    """Settings of the spec that the files carry; their date may be another."""
+    shop, has = part.lens.spec.manufacture, "the spec has"
+    yield from unlike("signature.author", part.signature.author, shop.author, has)
+    yield from unlike("signature.organisation", part.signature.organisation, shop.organisation, has)
+    width = shop.form_tolerance_um if part.step_schema == "AP242" else None
+    stated = {tolerance.width_um for tolerance in part.form_tolerances}
+    yield from unlike("form_tolerances", sorted(stated), [] if width is None else [width], has)
+    if part.untrimmed_surfaces is not None:
+        yield from unlike("untrimmed_surfaces.scale", part.untrimmed_surfaces.scale, shop.scale, has)
 
 
 def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:

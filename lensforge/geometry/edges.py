@@ -41,7 +41,7 @@ def geom_surface(patch: Patch) -> Any:
 def rim_edges(patch: Patch, face_surface: Any, arcs: tuple[Arc, ...], *, split: bool) -> list[list[Any]]:
     """Chains of edges, one chain for each arc of the patch's rim, together closed: arcs of the unit circle on its face.
 
-    ``split``: long arcs are split, so that each edge has few spans, as the wall below a rim needs.
+    ``split``: long arcs are split, so that each edge has few spans; arcs between crossings may be too shallow for it.
     """
     from OCP.BRep import BRep_Builder
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge

@@ -24,6 +24,7 @@ from lensforge.geometry.part import (
     Faces,
     KeepOutDistance,
     Part,
+    Signature,
     SplineNodes,
     Triangulation,
     UntrimmedSurfaces,
@@ -42,10 +43,13 @@ from lensforge.geometry.step import (
     step_bytes,
     surfaces_bytes,
 )
+from lensforge.geometry.step_header import StepHeader
 from lensforge.geometry.step_settings import Schema
+from lensforge.geometry.step_tolerances import form_tolerances
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
+from lensforge.surfaces.scaled import scaled
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,7 @@ def build_part(
     chord_mm: float = CHORD_MM,
     schema: Schema = "AP214",
     runout_deg: float | None = None,
+    date: str | None = None,
 ) -> Part:
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
@@ -86,16 +91,24 @@ def build_part(
     ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
     are more than ``chord_mm`` (mm) from the surface.
     ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
-    beyond the rim, for the run-out of the tool.
+    beyond the rim, for the run-out of the tool; those of a mould insert are scaled by 1 + shrinkage, the part is not.
+    ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
     Missed criteria do not raise. Raises :class:`InputError` for a lens that cannot be built: a wall that is not
     positive, a base too narrow for the cavity, a base's file that does not fit the lens.
     """
     start = time.perf_counter()
     require_schema(schema)
     body = _build(lens, nodes, rings, chord_mm)
-    untrimmed, surfaces_step = (None, None) if runout_deg is None else _untrimmed(lens, body.plan, runout_deg, schema)
-    name = lens.spec.name
-    step, stl = step_bytes(body.solid, name, schema), stl_bytes(body.mesh)
+    shop, name = lens.spec.manufacture, lens.spec.name
+    signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
+    header = StepHeader(**signature.model_dump())
+    untrimmed, surfaces_step = None, None
+    if runout_deg is not None:
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, header)
+    width_um = shop.form_tolerance_um if schema == "AP242" else None
+    tolerances = () if width_um is None else form_tolerances(body.solid.faces, width_um)
+    step = step_bytes(body.solid, name, schema, header=header, tolerances=tolerances)
+    stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
     keep_out = _keep_out(lens, body)
@@ -119,6 +132,8 @@ def build_part(
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
         nodes=SplineNodes(inner=body.plan.inner.nodes, outer=body.plan.outer.nodes),
         step_schema=schema,
+        form_tolerances=tolerances,
+        signature=signature,
         untrimmed_surfaces=untrimmed,
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
@@ -149,17 +164,27 @@ def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
     return None if path is None else keep_out_distance(body.mesh, read_keep_out(path), body.reached.chord_mm)
 
 
-def _untrimmed(lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema) -> tuple[UntrimmedSurfaces, bytes]:
+def _untrimmed(
+    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: StepHeader
+) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
+    scale = lens.spec.manufacture.scale
+    outer, inner = scaled(lens.outer, scale), scaled(lens.inner, scale)
     patches = {
-        OUTER: fit_extended(lens.outer, plan.outer.nodes, runout_deg),
-        INNER: fit_extended(lens.inner, plan.inner.nodes, runout_deg),
+        OUTER: fit_extended(outer, plan.outer.nodes, runout_deg),
+        INNER: fit_extended(inner, plan.inner.nodes, runout_deg),
     }
-    content = surfaces_bytes(untrimmed_faces(patches), f"{lens.spec.name} surfaces", schema)
+    product = f"{lens.spec.name} surfaces"
+    if scale != 1.0:
+        product = f"{lens.spec.name} surfaces of the mould, the lens scaled by {scale:.12g}"
+    content = surfaces_bytes(untrimmed_faces(patches), product, schema, header=header)
     faces = parse_surfaces(content)
-    form = worst([face_error(lens.outer, faces[OUTER]), face_error(lens.inner, faces[INNER])])
+    form = worst([face_error(outer, faces[OUTER]), face_error(inner, faces[INNER])])
     found = UntrimmedSurfaces(
-        runout_deg=runout_deg, form_error_nm=form.form_max_nm, normal_error_mrad=form.normal_max_mrad
+        runout_deg=runout_deg,
+        scale=scale,
+        form_error_nm=form.form_max_nm,
+        normal_error_mrad=form.normal_max_mrad,
     )
     return found, content
 

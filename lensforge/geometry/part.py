@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.errors import InputError
+from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.lens import Lens
 from lensforge.records import (
     BodySize,
@@ -28,6 +29,7 @@ from lensforge.records import (
     StageResult,
     Text,
 )
+from lensforge.spec.section import CalendarDate
 
 if TYPE_CHECKING:
     import cadquery
@@ -76,9 +78,13 @@ class Triangulation(Record):
 
 
 class UntrimmedSurfaces(Record):
-    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back."""
+    """The optical faces extended beyond the rim, in ``lens_surfaces.step``; errors above the rim as read back.
+
+    ``scale``: of these faces against the lens's, 1 + shrinkage for a mould insert.
+    """
 
     runout_deg: Positive
+    scale: Positive
     form_error_nm: NotNegative
     normal_error_mrad: NotNegative
 
@@ -96,13 +102,22 @@ class KeepOutDistance(Record):
     error_mm: NotNegative
 
 
+class Signature(Record):
+    """Author, organisation ("" where not given) and date (2026-01-31) of the files."""
+
+    author: Text
+    organisation: Text
+    date: CalendarDate | None
+
+
 class Part(StageResult):
     """The lens as a solid: the bytes of STEP, STL and 3MF, and their errors against the exact surfaces.
 
     ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
     ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
     solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec states a density.
-    ``keep_out``: None where the spec has none.
+    ``keep_out``: None where the spec has none. ``form_tolerances``: those that the STEP carries on its faces, in
+    AP242. ``signature``: in its header.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.
@@ -125,6 +140,8 @@ class Part(StageResult):
     faces: Faces
     nodes: SplineNodes
     step_schema: Literal["AP214", "AP242"]
+    form_tolerances: tuple[FormTolerance, ...]
+    signature: Signature
     untrimmed_surfaces: UntrimmedSurfaces | None
     triangulation: Triangulation
     files: dict[Text, FileStamp]

@@ -74,16 +74,6 @@ class Plan(Generic[Face]):
         return self.arcs[0].relation == "flush"
 
     @property
-    def inner_rim_has_wall(self) -> bool:
-        """True where the bore is the cavity's rim extruded straight down."""
-        return self.has_base and self.bore is None
-
-    @property
-    def outer_rim_has_wall(self) -> bool:
-        """True where a step, or the side of the base, is the outer rim extruded straight down."""
-        return self.has_base and (self.flush or (self.relief_mm > 0.0 and self.ring is None))
-
-    @property
     def relief_mm(self) -> float:
         """Depth below z = 0 at which the base's outline begins; a flush base has no step."""
         return 0.0 if self.flush else self.base.step_mm

@@ -84,9 +84,9 @@ class Solid:
 def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
     inner_surface, outer_surface = geom_surface(plan.inner.trimmed), geom_surface(plan.outer.trimmed)
-    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=plan.outer_rim_has_wall)
+    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=len(plan.arcs) == 1)
     whole = (Arc(0.0, FULL_TURN, "bare"),)
-    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=plan.inner_rim_has_wall)
+    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=True)
     outer_boundary = [edge for chain in outer_rim for edge in chain]
     faces = [(OUTER, _trimmed(outer_surface, outer_boundary)), (INNER, _trimmed(inner_surface, inner_rim))]
     faces += body_faces(plan, inner_rim, outer_rim)

@@ -1,6 +1,7 @@
 """The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +19,7 @@ from lensforge.manufacturing.result import (
     Check,
     Scallop,
     Scallops,
+    Wall,
     Walls,
 )
 from lensforge.manufacturing.scallop import scallop
@@ -39,7 +41,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
     inner, outer = _faces(lens, nodes)
-    walls = _walls(inner, outer)
+    walls = _walls(inner, outer, manufacture.scale)
     patches = inner.samples.face.patch, outer.samples.face.patch
     plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
     custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
@@ -50,6 +52,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
+        scale=manufacture.scale,
         inner=faces[0],
         outer=faces[1],
         min_wall_mm=min_wall_mm,
@@ -82,24 +85,33 @@ def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray
 
 
 def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
-    """Both faces, measured from their air side; a mould insert has air where the lens has material."""
-    is_part, cutter_mm = lens.spec.manufacture.make == "part", lens.spec.manufacture.cutter_radius_mm
+    """Both faces, measured from their air side; a mould insert has air where the lens has material, and is scaled."""
+    manufacture = lens.spec.manufacture
+    is_part, cutter_mm, scale = manufacture.make == "part", manufacture.cutter_radius_mm, manufacture.scale
     inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if is_part else (AirSide.OUTSIDE, AirSide.INSIDE)
     inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
+    inner, outer = (replace(face, control=scale * face.control) for face in (inner, outer))
     return (
         check_face("inner", OpticalFace(inner, inside), cutter_mm),
         check_face("outer", OpticalFace(outer, outside), cutter_mm),
     )
 
 
-def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
+def _walls(inner: FaceCheck, outer: FaceCheck, scale: float) -> Walls:
+    """Walls of the lens itself: ``scale`` is that of the faces against the lens's."""
     samples, face = inner.samples, outer.samples.face
     return Walls(
-        normal=thinnest(samples, face, normal_lines),
-        radial=thinnest(samples, face, radial_lines),
-        thickest=thickest(samples, face, radial_lines),
-        thickest_normal=thickest(samples, face, normal_lines),
+        normal=_of_lens(thinnest(samples, face, normal_lines), scale),
+        radial=_of_lens(thinnest(samples, face, radial_lines), scale),
+        thickest=_of_lens(thickest(samples, face, radial_lines), scale),
+        thickest_normal=_of_lens(thickest(samples, face, normal_lines), scale),
     )
+
+
+def _of_lens(wall: Wall, scale: float) -> Wall:
+    """A wall between the faces of a mould, ``scale`` times the lens's, as that of the lens."""
+    inner, outer = (tuple(value / scale for value in point) for point in (wall.inner_point_mm, wall.outer_point_mm))
+    return Wall(thickness_mm=wall.thickness_mm / scale, inner_point_mm=inner, outer_point_mm=outer)
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:

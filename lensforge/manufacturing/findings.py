@@ -8,18 +8,8 @@ from math import ceil, degrees
 
 from lensforge.criteria import Criterion, at_least, at_most, within
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
-from lensforge.manufacturing.result import (
-    CustomBaseRelief,
-    Cutter,
-    FaceName,
-    FaceResult,
-    Finding,
-    InnerRelief,
-    OuterRelief,
-    Relief,
-    ToolResult,
-    Wall,
-)
+from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
+from lensforge.manufacturing.result import Cutter, FaceName, FaceResult, Finding, ToolResult, Wall
 from lensforge.spec import Spec
 
 GOOD_DRAFT_DEG = 2.0

@@ -22,7 +22,7 @@ from lensforge.geometry.plan import Plan
 from lensforge.manufacturing.cutter import LEAF
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck
-from lensforge.manufacturing.result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
+from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
 _CLEAR_MM = 1e-6 * FORM_LIMIT_NM

@@ -129,8 +129,10 @@ def _require_room_for_ball(
     part, wall = manufacture.make == "part", limits.min_thickness_mm
     surface, fixed = ("inner", lens.fixed_inner) if part else ("outer", lens.fixed_outer)
     field, ball = f"constraints.{surface}_concave_radius_mm", getattr(limits, f"{surface}_concave_radius_mm")
-    if manufacture.required and (ball is None or ball < manufacture.cutter_radius_mm):
-        field, ball = "manufacture.required = true, cutter_radius_mm", manufacture.cutter_radius_mm
+    needed_ball = manufacture.cutter_radius_mm / manufacture.scale  # in a mould it cuts faces larger by the shrinkage
+    if manufacture.required and (ball is None or ball < needed_ball):
+        over = " / (1 + shrinkage)" if manufacture.shrinkage else ""
+        field, ball = f"manufacture.required = true, cutter_radius_mm{over}", needed_ball
     if ball is None or fixed is not None:
         return
     height = float(inner[0]) + (0.0 if part else wall)

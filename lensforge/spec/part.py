@@ -4,7 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import FilePath, Label, Millimetres, MillimetresOrZero, Section
+from lensforge.spec.section import CalendarDate, FilePath, Label, Millimetres, MillimetresOrZero, Section
+
+_MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and PS shrink by 0.002 to 0.008
 
 
 class BaseSection(Section):
@@ -86,15 +88,34 @@ class Tool(Section):
 class ManufactureSection(Section):
     """Equipment of the shop: the paper's ball cutter by default, and any further ``tools`` with shank and holder.
 
-    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``max_tilt_deg``: largest angle between
-    a tool's axis and the lens axis. ``stepover_mm``: between passes. ``slope_limit_mrad``: of the cusps they leave.
-    ``required``: a part that cannot be cut counts as a failure of the run.
+    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``shrinkage``: of the moulded lens; the
+    insert's faces are the lens's times 1 + shrinkage. ``form_tolerance_um``: full width of the zone, half of it on
+    each side of the face along its normal, in which every point of an optical face must lie. ``max_tilt_deg``: largest
+    angle between a tool's axis and the lens axis. ``stepover_mm``: between passes. ``slope_limit_mrad``: of the cusps
+    they leave. ``required``: a part that cannot be cut counts as a failure of the run. ``author``, ``organisation``,
+    ``date``: of the files for the shop, which never take a date from the clock.
     """
 
     cutter_radius_mm: Millimetres = 1.0
     tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
     make: Literal["part", "insert"] = "part"
+    shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
+    form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
     required: bool = False
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
     stepover_mm: Millimetres = 0.02
     slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
+    author: Label = ""
+    organisation: Label = ""
+    date: CalendarDate | None = None
+
+    @model_validator(mode="after")
+    def _only_a_mould_shrinks(self) -> "ManufactureSection":
+        if self.shrinkage > 0.0 and self.make != "insert":
+            raise ValueError(f'shrinkage = {self.shrinkage:g} goes with make = "insert"; a lens that is cut has none')
+        return self
+
+    @property
+    def scale(self) -> float:
+        """Factor from the faces of the lens to those that are cut: 1 + shrinkage for an insert, 1 for the lens."""
+        return 1.0 + self.shrinkage

@@ -31,6 +31,8 @@ KEYS = {
     "faces",
     "nodes",
     "step_schema",
+    "form_tolerances",
+    "signature",
     "untrimmed_surfaces",
     "triangulation",
     "files",

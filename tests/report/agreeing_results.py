@@ -6,7 +6,7 @@ from lensforge.evaluation.light import light_criteria
 from lensforge.evaluation.receiver_light import WindowSize
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.manufacturing.findings import check_findings, radial_criterion
-from lensforge.manufacturing.result import OuterRelief, Relief
+from lensforge.manufacturing.relief_result import OuterRelief, Relief
 from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import constraint_criteria

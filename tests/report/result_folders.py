@@ -10,6 +10,7 @@ from lensforge.evaluation.light import Light
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, ReceiverLight
 from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.lens import Lens
+from lensforge.manufacturing.relief_result import Relief
 from lensforge.manufacturing.result import (
     Check,
     Curvature,
@@ -17,7 +18,6 @@ from lensforge.manufacturing.result import (
     Draft,
     FaceResult,
     Finding,
-    Relief,
     Scallop,
     Scallops,
     Sphere,
@@ -295,6 +295,8 @@ def make_part(lens, stl=None, **changes):
         "faces": Faces(count=2, names=("OPTICAL_INNER", "OPTICAL_OUTER")),
         "nodes": {"inner": 33, "outer": 65},
         "step_schema": "AP214",
+        "form_tolerances": (),
+        "signature": {"author": "", "organisation": "", "date": None},
         "untrimmed_surfaces": None,
         "triangulation": Triangulation(
             triangles=320, vertices=162, rings=8, chord_error_um=0.875, normal_error_mrad=0.625
@@ -332,6 +334,7 @@ def make_check(lens, **changes):
     content = {
         "inputs": {"lens": lens.sha256},
         "make": "part",
+        "scale": 1.0,
         "inner": face,
         "outer": face,
         "min_wall_mm": 1.875,
