@@ -1,6 +1,7 @@
 """The names of the library: every verb, and every class that a verb takes or returns."""
 
 from lensforge.cast_stages import stray_light, verify
+from lensforge.corrected_part import correct
 from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
 from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
@@ -13,6 +14,7 @@ from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design, Progress
 from lensforge.pipeline import run
 from lensforge.records import Conditions, Metric
@@ -88,6 +90,7 @@ __all__ = [
     "ChipsSource",
     "Conditions",
     "ConstraintsSection",
+    "Correction",
     "CosineIntensity",
     "Criterion",
     "CriterionMissed",
@@ -163,6 +166,7 @@ __all__ = [
     "build",
     "check",
     "compare",
+    "correct",
     "design",
     "evaluate",
     "handover",

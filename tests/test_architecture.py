@@ -19,8 +19,8 @@ ORDER = [
     "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "geometry",
     "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing", "verification", "screens", "emissions",
     "measurement", "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages",
-    "cast_stages", "measured_part", "run_record", "run_folder", "compared_folder", "pipeline", "studies", "verbs", "api", "commands",
-    "cli", "__main__",
+    "cast_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder", "pipeline",
+    "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {

@@ -25,6 +25,8 @@ _STEMS = {
     "compare": "photograph",
     "compare_inner": "inner surface",
     "compare_outer": "outer surface",
+    "correct_inner": "correction of the inner surface",
+    "correct_outer": "correction of the outer surface",
 }
 
 _REMARKS = {
