@@ -1,5 +1,6 @@
 """The envelope of a lens: height, largest wall and keep-out as limits of the search."""
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,11 @@ from keep_outs import ball, box, step_file
 from scenes import hemisphere_directions, random_surface, small_spec, sphere, table_of
 
 import lensforge as lf
+from lensforge.agreement.search import design_contradictions
 from lensforge.errors import InputError
 from lensforge.lens import Lens
+from lensforge.manufacturing.check import check_lens
+from lensforge.manufacturing.findings import thickest_criteria
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartPoints
 from lensforge.optimisation.constraints import constraints_of
@@ -104,6 +108,23 @@ def test_margins_of_spheres_are_those_of_geometry(ball_file: Path) -> None:
     assert failed == ["largest wall margin", "height margin"]
 
 
+def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None:
+    spec = small_spec(constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
+    lens = Lens(random_surface(1, 3.0, 0.05), random_surface(2, 6.0, 0.05), spec, 0, "draft")
+    u = hemisphere_directions(20_000)
+    inner, outer = lens.inner.radius(u), lens.outer.radius(u)
+    height, wall = float((outer * u[:, 2]).max()), float((outer - inner).max())
+    assert height < outer.max() - 0.1, "the furthest point is not the highest"
+    found = measure_constraints(lens)
+    assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
+    assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
+    thickest = check_lens(lens).wall.thickest
+    assert thickest.thickness_mm == pytest.approx(wall, abs=2e-3)
+    (criterion,) = thickest_criteria(spec, thickest)
+    assert not criterion.passed and "raise lens.inner_offset_mm" in criterion.remedy
+    assert thickest_criteria(small_spec(), thickest) == ()
+
+
 def test_all_fields_have_their_derivatives(ball_file: Path) -> None:
     spec = kept_out(ball_file, constraints__max_wall_mm=2.5, constraints__max_height_mm=5.0)
     grid = TableGrid(32)
@@ -155,8 +176,20 @@ def test_a_search_that_starts_outside_its_envelope_ends_inside(tmp_path: Path) -
     assert (outer - inner).max() <= 2.6 and (outer * u[:, 2]).max() <= 5.7
     beyond = np.maximum(np.abs(inner[:, None] * u - [0.3, 0.0, 1.4]) - [0.75, 0.5, 1.7], 0.0)
     assert np.linalg.norm(beyond, axis=1).min() >= 0.1
-    part = lf.build(found.lens, rings=40)
-    assert part.keep_out is not None and part.keep_out.distance_mm >= 0.1 - part.keep_out.error_mm
+    assert found.inputs["file:led.step"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert list(design_contradictions(found, found.lens)) == []
+    for key in ("height_margin_mm", "largest_wall_margin_mm"):
+        better = found.constraints.model_copy(update={key: getattr(found.constraints, key) + 0.01})
+        stated = found.model_copy(update={"constraints": better})
+        assert any(key in words for words in design_contradictions(stated, found.lens))
+
+
+def test_the_file_is_found_beside_its_spec(tmp_path: Path) -> None:
+    kept_out(tmp_path / "led.step").save(tmp_path / "spec.toml")
+    text = (tmp_path / "spec.toml").read_text().replace(f"{tmp_path}/", "")
+    (tmp_path / "spec.toml").write_text(text)
+    assert 'keep_out = "led.step"' in text
+    assert lf.load_spec(tmp_path / "spec.toml").constraints.keep_out == tmp_path / "led.step"
 
 
 def test_a_keep_out_that_no_cavity_holds_is_refused_before_the_search(tmp_path: Path) -> None:
