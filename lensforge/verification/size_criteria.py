@@ -16,6 +16,7 @@ REWRITTEN_MM = 0.002
 # Facets of another program are excused up to this height: cadquery's finest setting (0.001 mm, 0.1 rad) makes 0.03 mm
 # on a lens 25 mm wide. A base that is a tenth of a millimetre off is seen whatever the facets are.
 MOST_CHORD_MM = 0.05
+_SCALED_ALIKE = 0.1  # of the change: what facets make of a part scaled by 1.001, 0.03 of it for an exported mesh
 _MOST_AREA = 0.01  # relative: what such facets lack of the area of a lens
 
 
@@ -57,9 +58,26 @@ def _box_changes(exported: BodySize, found: BodySize) -> list[float]:
     return [there - here for here, there in pairs]
 
 
+def _scale(exported: BodySize, found: BodySize) -> float | None:
+    """Ratio of all lengths, which the light may be too blunt to see; None where volume and area say otherwise."""
+    here, there = ([high - low for low, high in zip(*size.bounds_mm, strict=True)] for size in (exported, found))
+    ratios = [side / before if before > 0.0 else 0.0 for before, side in zip(here, there, strict=True)]
+    scale = sum(ratios) / 3.0
+    powers = (
+        *((ratio, 1) for ratio in ratios),
+        (found.area_mm2 / exported.area_mm2, 2),
+        (found.volume_mm3 / exported.volume_mm3, 3),
+    )
+    alike = all(abs(ratio - scale**power) <= _SCALED_ALIKE * abs(scale**power - 1.0) for ratio, power in powers)
+    return scale if alike and scale != 1.0 else None
+
+
 def _other(exported: BodySize, file: SizedFile, name: str) -> str:
-    """Words on volume, and on the side of the box that differs most."""
+    """Words on a scale, or on the volume and the side of the box that differs most."""
     found, changes = file.size, _box_changes(exported, file.size)
+    scale = _scale(exported, found)
+    if scale is not None:
+        return f"{name} is the lens scaled by {scale:.5g}: write it again as it was exported, in mm"
     side = max(range(6), key=lambda k: abs(changes[k]))
     stated, seen = (list(chain(*size.bounds_mm))[side] for size in (exported, found))
     place = f"{'least' if side < 3 else 'largest'} {'xyz'[side % 3]}"

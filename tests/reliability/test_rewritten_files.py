@@ -12,6 +12,7 @@ import cadquery as cq
 import pytest
 import trimesh
 from click.testing import CliRunner
+from nightly import first_by_day
 
 import lensforge as lf
 from lensforge.cli import cli
@@ -88,10 +89,14 @@ def deeper(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 @pytest.mark.parametrize(
     ("step", "stl", "says"),
-    [
-        (thicker, deeper, "lens.step is another body than the one exported"),
-        (lambda shape: shape.scale(1.001), lambda mesh: mesh.apply_scale(1.001), "scaled by 1.001"),
-    ],
+    first_by_day(
+        1,
+        [
+            (thicker, deeper, "lens.step is another body than the one exported"),
+            (lambda shape: shape.scale(1.001), lambda mesh: mesh.apply_scale(1.001), "scaled by 1.001"),
+        ],
+        "half a minute each",
+    ),
 )
 def test_another_body_fails_and_says_why(
     folder: Path,
@@ -107,6 +112,7 @@ def test_another_body_fails_and_says_why(
     assert "finer mesh" not in printed
 
 
+@pytest.mark.nightly("half a minute")
 def test_a_3mf_that_no_cast_reads_is_not_judged(folder: Path) -> None:
     path = folder / "lens.3mf"
     path.write_bytes(path.read_bytes() + b"\n")
