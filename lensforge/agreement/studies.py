@@ -16,7 +16,6 @@ from lensforge.measurement.comparison import (
     photo_criteria,
     surface_criteria,
 )
-from lensforge.measurement.deviation_map import extent_of
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 
 
@@ -35,15 +34,16 @@ def photometry_contradictions(found: Photometry) -> Iterator[str]:
 def sensitivity_contradictions(found: Sensitivity) -> Iterator[str]:
     """Contradictions of the table of errors: a change is the difference from the lens as designed."""
     for row in found.rows:
-        for name in LightMetrics.model_fields:
-            stated, derived = getattr(row.change, name), _difference(name, row.metrics, found.nominal)
-            value = None if stated is None else stated.value
-            yield from differing(f"rows: {row.name}: change.{name}", value, derived, "its metrics")
+        yield from change_contradictions(f"rows: {row.name}: change", row.change, row.metrics, found.nominal)
 
 
-def _difference(name: str, here: LightMetrics, there: LightMetrics) -> float | None:
-    one, other = getattr(here, name), getattr(there, name)
-    return None if one is None or other is None else float(one.value - other.value)
+def change_contradictions(name: str, change: LightMetrics, after: LightMetrics, before: LightMetrics) -> Iterator[str]:
+    """Contradictions of a stated change of the light: the difference of the metrics after and before it."""
+    for metric in LightMetrics.model_fields:
+        stated, one, other = (getattr(each, metric) for each in (change, after, before))
+        value = None if stated is None else stated.value
+        derived = None if one is None or other is None else float(one.value - other.value)
+        yield from differing(f"{name}.{metric}", value, derived, "its lights")
 
 
 def photo_contradictions(photo: PhotoComparison) -> Iterator[str]:
@@ -69,5 +69,5 @@ def surface_contradictions(found: SurfaceComparison) -> Iterator[str]:
 def _extent(
     name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None
 ) -> Iterator[str]:
-    for field, derived in extent_of(values, areas).model_dump().items():
+    for field, derived in DeviationExtent.of(values, areas).model_dump().items():
         yield from differing(f"{name}.{field}", getattr(stated, field), derived, "its distances")

@@ -72,14 +72,28 @@ class ReplicateMetrics:
         )
 
 
-def traced_metrics(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> ReplicateMetrics:
-    """Metrics on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
+@dataclass(frozen=True)
+class TracedLight:
+    """Light of one lens on its first receiver: metrics by replicates, and its mean map (flux per measure, [y, x])."""
+
+    replicates: ReplicateMetrics
+    map: Image
+
+    @property
+    def metrics(self) -> LightMetrics:
+        """Values with their standard errors."""
+        return self.replicates.metrics()
+
+
+def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> TracedLight:
+    """Light on the first receiver of ``spec``, by the rays that its evaluation takes with the same ``seed``."""
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     simulation = simulate(traced, source, (receiver,), rays, seed)
-    images = filtered(simulation.received[0], spec.evaluate.filter_variance)
-    targets = spec.all_receivers[0].targets
+    received, targets = simulation.received[0], spec.all_receivers[0].targets
+    images = filtered(received, spec.evaluate.filter_variance)
     target, mask = target_light(targets, receiver), lit_mask(uniform_region(targets, receiver), images)
-    return ReplicateMetrics.of(images, target, mask, simulation.received[0].window / simulation.emitted_w)
+    replicates = ReplicateMetrics.of(images, target, mask, received.window / simulation.emitted_w)
+    return TracedLight(replicates, images.mean(axis=0) / receiver.pixel_measure)
 
 
 def filtered(received: ReceivedFlux, variance: float) -> Images:

@@ -167,6 +167,16 @@ class DeviationExtent(Record):
     min: Number
     max: Number
 
+    @staticmethod
+    def of(values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None) -> "DeviationExtent":
+        """Extent of ``values``; the mean square is weighted by ``areas``, or each value counts once."""
+        return DeviationExtent(
+            pv=float(np.ptp(values)),
+            rms=float(np.sqrt(np.average(values**2, weights=areas))),
+            min=float(values.min()),
+            max=float(values.max()),
+        )
+
 
 class SurfaceComparison(SimulatedResult):
     """A measured surface against the design's, and the light of the lens with it.

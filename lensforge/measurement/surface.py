@@ -16,6 +16,7 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import (
+    DeviationExtent,
     Pose,
     Registration,
     Side,
@@ -23,7 +24,7 @@ from lensforge.measurement.comparison import (
     surface_criteria,
 )
 from lensforge.measurement.deviation import FormDeviation, coverage, fit_deviation
-from lensforge.measurement.deviation_map import extent_of, map_deviation
+from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.point_cloud import RigidMotion, distances, over_surface, register
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
@@ -72,7 +73,9 @@ def compare_surface(
     design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
-    form_map = map_deviation(patch, form.deviation.surface.radius)
+    pixels = FacePixels.of(patch)
+    form_um = pixels.map_um(form.deviation.surface)
+    inside = np.isfinite(form_um)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
         surface=side,
@@ -80,9 +83,9 @@ def compare_surface(
         point_count=len(cloud),
         used_share=form.used,
         covered_share=form.covered,
-        pose=_pose(form.motion),
-        point_deviation_um=extent_of(1e3 * form.distances),
-        form_deviation_um=form_map.extent,
+        pose=pose_of(form.motion),
+        point_deviation_um=DeviationExtent.of(1e3 * form.distances),
+        form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
         rays=count,
         receiver=before.first.name,
@@ -95,9 +98,9 @@ def compare_surface(
         criteria=surface_criteria(form.used, form.covered),
         points=form.points,
         distance_um=1e3 * form.distances,
-        chart=form_map.axis,
-        deviation_um=form_map.deviation_um,
-        area_mm2=form_map.area_mm2,
+        chart=pixels.axis,
+        deviation_um=form_um,
+        area_mm2=pixels.area_mm2,
         irradiance_design=before.map,
         irradiance_measured=after.map,
     )
@@ -135,7 +138,8 @@ def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> T
     return TracedLens(design.scene, tables["inner"], tables["outer"], design.table_error_nm)
 
 
-def _pose(motion: RigidMotion) -> Pose:
+def pose_of(motion: RigidMotion) -> Pose:
+    """The record of a motion."""
     rotation = np.degrees([motion.rotation_rad, motion.rotation_error_rad])
     translation = np.array([motion.translation_mm, motion.translation_error_mm])
     return Pose(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.replicate_metrics import ReplicateMetrics, traced_metrics
+from lensforge.evaluation.replicate_metrics import TracedLight, traced_light
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.sources.bundle import Source
@@ -38,17 +38,17 @@ def measure_sensitivity(
     count = rays or RAYS
     count, errors = min(count, source.ray_count or count), perturbations(lens, amounts, lens.seed)
     announce = progress or (lambda done, total: None)
-    designed = traced_metrics(nominal, lens.spec, source, count, lens.seed)
+    designed = traced_light(nominal, lens.spec, source, count, lens.seed)
     announce(1, len(errors) + 1)
     rows = []
     for done, error in enumerate(errors, start=2):
         shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
-        found = traced_metrics(perturbed(nominal, error), lens.spec, shifted, count, lens.seed)
+        found = traced_light(perturbed(nominal, error), lens.spec, shifted, count, lens.seed)
         rows.append(_row(error, found, designed, count))
         announce(done, len(errors) + 1)
     return Sensitivity(
         inputs={"lens": lens.sha256},
-        nominal=designed.metrics(),
+        nominal=designed.metrics,
         rows=tuple(rows),
         amounts=amounts,
         rays=count,
@@ -72,6 +72,6 @@ def _table(nominal: TracedLens, radius: Radius) -> torch.Tensor:
     return torch.from_numpy(grid.coefficients(samples).reshape(grid.side, grid.side))
 
 
-def _row(error: Perturbation, found: ReplicateMetrics, designed: ReplicateMetrics, rays: int) -> ErrorRow:
-    metrics, change = found.metrics(), found.change_from(designed, rays)
-    return ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=metrics, change=change)
+def _row(error: Perturbation, found: TracedLight, designed: TracedLight, rays: int) -> ErrorRow:
+    change = found.replicates.change_from(designed.replicates, rays)
+    return ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found.metrics, change=change)

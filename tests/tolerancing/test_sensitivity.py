@@ -8,7 +8,7 @@ from scenes import random_surface, small_spec
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.light import LightMetrics
-from lensforge.evaluation.replicate_metrics import traced_metrics
+from lensforge.evaluation.replicate_metrics import traced_light
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
@@ -88,9 +88,9 @@ def changes():
     wrong = {name: perturbed(nominal, error) for name, error in chosen.items()}
     found = {}
     for seed in range(scaled(16, by_day=8)):
-        designed = traced_metrics(nominal, lens.spec, source, RAYS, seed)
+        designed = traced_light(nominal, lens.spec, source, RAYS, seed).replicates
         for name, lens_with_error in wrong.items():
-            lit = traced_metrics(lens_with_error, lens.spec, source, RAYS, seed)
+            lit = traced_light(lens_with_error, lens.spec, source, RAYS, seed).replicates
             for metric, change in lit.change_from(designed, RAYS):
                 found.setdefault((name, metric), []).append((change.value, change.standard_error))
     return {key: np.array(values) for key, values in found.items()}
