@@ -1,5 +1,6 @@
 """The names of the library: every verb, and every class that a verb takes or returns."""
 
+from lensforge.cast_stages import stray_light, verify
 from lensforge.corrected_part import correct
 from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
@@ -66,7 +67,7 @@ from lensforge.spec.source import (
     RectangleSource,
     SquareSource,
 )
-from lensforge.stages import build, check, design, evaluate, photometry, sensitivity, stray_light, verify
+from lensforge.stages import build, check, design, evaluate, photometry, sensitivity
 from lensforge.studies.sweep.table import Sweep
 from lensforge.studies.tradeoff.record import Tradeoff
 from lensforge.tolerancing.sensitivity_table import Sensitivity

@@ -16,6 +16,7 @@ from lensforge.records.fields import LARGEST_COUNT
 from lensforge.records.validation import its_type
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes, section_sha256
+from lensforge.spec.section import iso_date
 from lensforge.spec.source import SourceSpec
 
 if TYPE_CHECKING:
@@ -127,6 +128,14 @@ def number_of(name: str, value: object) -> float | None:
     if isinstance(value, bool | str) or not isinstance(value, SupportsFloat) or not isfinite(float(value)):
         raise InputError(f"{name} = {value!r}: a finite number")
     return float(value)
+
+
+def date_of(name: str, value: object) -> str | None:
+    """``value`` as the text of a date; None stays None. Raises :class:`InputError` for anything else."""
+    try:
+        return None if value is None else iso_date(value)
+    except ValueError as error:
+        raise InputError(f"{name} = {str(value)[:60]!r}: {error}") from None
 
 
 def path_of(name: str, value: object) -> Path | None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lensforge import stages
+from lensforge import cast_stages, stages
 from lensforge.arguments import threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
@@ -32,6 +32,7 @@ from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
 if TYPE_CHECKING:
+    from lensforge.drawings.grids import GridRequest
     from lensforge.drawings.handover import Handover
 
 Announce = Callable[[str], None]
@@ -134,10 +135,12 @@ def run_export(
     runout_deg: float | None = None,
     nodes: int | None = None,
     rings: int | None = None,
+    date: str | None = None,
 ) -> Part:
     """Write STEP, STL and 3MF, verified by reading them back."""
     lens = load_lens(folder / LENS_FILE)
-    return write_result(stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings), folder)
+    part = stages.build(lens, schema=schema, runout_deg=runout_deg, nodes=nodes, rings=rings, date=date)
+    return write_result(part, folder)
 
 
 @in_locked_folder
@@ -157,13 +160,13 @@ def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
     names, the results of the functions below.
     """
     results = open_run(folder)
-    return write_result(stages.verify(results.part, results.light, rays=rays), folder)
+    return write_result(cast_stages.verify(results.part, results.light, rays=rays), folder)
 
 
 @in_locked_folder
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
-    return write_result(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
+    return write_result(cast_stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
 
 
 @in_locked_folder
@@ -179,11 +182,11 @@ def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | Non
 
 
 @in_locked_folder
-def run_handover(folder: Path) -> "Handover":
-    """Write the documents that go to the shop with the STEP file."""
+def run_handover(folder: Path, request: "GridRequest | None" = None) -> "Handover":
+    """Write the documents that go to the shop with the STEP file; ``request``: of the dense tables of points."""
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(load_to_show(folder))
+    handover = make_handover(load_to_show(folder), request)
     handover.save(folder)
     renew(folder)
     return handover

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from lensforge import stages
+from lensforge import cast_stages, stages
 from lensforge.arguments import require, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
@@ -24,13 +24,29 @@ if TYPE_CHECKING:
     from lensforge.studies.tradeoff.record import Tradeoff
 
 
-def handover(run: Results) -> "Handover":
-    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them."""
+def handover(
+    run: Results,
+    *,
+    spacing_mm: float | None = None,
+    error_nm: float = 10.0,
+    interpolation: Literal["bicubic", "linear"] = "bicubic",
+    slope_deg: float = 60.0,
+    offset_inner_mm: float = 0.0,
+    offset_outer_mm: float = 0.0,
+) -> "Handover":
+    """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
+
+    ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
+    allows. ``slope_deg``: where their raster ends. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool
+    whose centres they hold. Raises :class:`InputError` where the ball does not fit, or for too many points.
+    """
     from lensforge.drawings.build import make_handover
+    from lensforge.drawings.grids import GridRequest
 
     if not isinstance(run, Results):
         raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
-    return make_handover(run)
+    request = GridRequest(spacing_mm, error_nm, interpolation, slope_deg, offset_inner_mm, offset_outer_mm)
+    return make_handover(run, request)
 
 
 def sweep(
@@ -64,7 +80,7 @@ def sweep(
 def run_in_memory(design: Design, threads: int | None = None) -> Results:
     """Evaluate, build, check and verify the lens of ``design``: the stages of a run, without a folder."""
     light, part = stages.evaluate(design.lens, threads=threads), stages.build(design.lens)
-    check, proof = stages.check(part), stages.verify(part, light, threads=threads)
+    check, proof = stages.check(part), cast_stages.verify(part, light, threads=threads)
     results: tuple[StageResult, ...] = (design, light, part, check, proof)
     return Results(design.lens, {result.stage: result for result in results})
 

@@ -86,7 +86,7 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
-        patch.setattr("lensforge.stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.cast_stages._STRAY_RAYS", 512)
         patch.setattr("lensforge.tolerancing.sensitivity.RAYS", 512)
         run_stray(folder)
         run_sensitivity(folder)

@@ -56,7 +56,9 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
         case Proof():
             light = found.get(Light.stage)
             own = light if isinstance(light, Light) else None
-            yield from proof_contradictions(result, _distances_mm(lens), own)
+            part = found.get(Part.stage)
+            of = part if isinstance(part, Part) else None
+            yield from proof_contradictions(result, _distances_mm(lens), own, of)
         case StrayLight():
             yield from stray_contradictions(result)
         case Photometry():

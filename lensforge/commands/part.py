@@ -40,10 +40,30 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
 
 @click.command()
 @FOLDER
-def handover(directory: Path) -> None:
+@click.option("--spacing", type=float, metavar="MM", help="Between the points of dense tables; default: by --error.")
+@click.option(
+    "--error", type=float, default=10.0, show_default=True, metavar="NM", help="Of interpolation between the points."
+)
+@click.option("--interpolation", type=click.Choice(["bicubic", "linear"]), default="bicubic", show_default=True)
+@click.option("--slope", type=float, default=60.0, show_default=True, metavar="DEG", help="Where the raster ends.")
+@click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
+@click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
+def handover(
+    directory: Path,
+    spacing: float | None,
+    error: float,
+    interpolation: Literal["bicubic", "linear"],
+    slope: float,
+    offset_inner: float,
+    offset_outer: float,
+) -> None:
     """Write the files that go to the shop with the STEP in DIR: drawing and verdicts (HTML, PDF), tables of points."""
-    result = pipeline.run_handover(directory)
+    from lensforge.drawings.grids import GridRequest
+
+    request = GridRequest(spacing, error, interpolation, slope, offset_inner, offset_outer)
+    result = pipeline.run_handover(directory, request)
     click.echo(f"files\t{', '.join(result.files)}")
+    print_table({f"{each.file}.error_nm": each.error_nm for each in result.grids})
     print_table({"points": result.points, "sha256": result.sha256, "refused": [each.reason for each in result.refused]})
     conclude(directory)
 

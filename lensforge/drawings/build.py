@@ -17,22 +17,22 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from lensforge.criteria import Criterion
-from lensforge.drawings.dimensions import Dimension, dimensions, points_table, sag_table
-from lensforge.drawings.handover import POINTS_FILE, SAG_FILE, Handover
+from lensforge.drawings.dimensions import Dimension, dimensions, points_table, ring_angles, sag_table
+from lensforge.drawings.facts import Facts, datum_text, face_facts, grid_facts, part_facts
+from lensforge.drawings.grid_text import file_name, grid_text, origin_lines
+from lensforge.drawings.grids import GridRequest, MeasuredGrid, make_grids
+from lensforge.drawings.handover import POINTS_FILE, SAG_FILE, Handover, PointGrid
+from lensforge.drawings.offset_face import offset_faces
+from lensforge.drawings.raster import Raster
 from lensforge.drawings.section import dimensioned_section
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
-from lensforge.manufacturing.result import Check, FaceResult, Finding
+from lensforge.manufacturing.result import Check, Finding
 from lensforge.report.figure_style import to_svg
 from lensforge.report.ownership import pdf_mark
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
 
-DATUM = (
-    "A is the plane z = 0, in which both optical faces end; B is the optical axis z through the origin of the STEP; "
-    "a clocking flat lies across +x. Lengths in mm. The optical faces are the named faces OPTICAL_OUTER and "
-    "OPTICAL_INNER of the STEP file, which alone defines them; tables and pictures are for inspection."
-)
 _TEMPLATES = Path(__file__).with_name("templates")
 _A4 = (8.27, 11.69)
 _LINES, _COLUMNS = 68, 100
@@ -40,7 +40,6 @@ _DPI, _CAPTION = 300, 56
 _NO_DATE = {"CreationDate": None}  # the same results make the same bytes
 
 Pictures = list[tuple[str, Figure]]
-Facts = dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -49,72 +48,73 @@ class _Content:
 
     name: str
     facts: Facts
+    datum: str
     dimensions: list[Dimension]
     faces: dict[str, Facts]
+    grids: Facts
     verdicts: tuple[Finding, ...]
     criteria: tuple[Criterion, ...]
     hashes: Mapping[str, str]
 
 
-def make_handover(results: Results) -> Handover:
-    """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check."""
-    lens, part, check = results.lens, results.part, results.check
-    points, sag = points_table(lens), sag_table(lens, check)
+def make_handover(results: Results, request: GridRequest | None = None) -> Handover:
+    """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check.
+
+    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so.
+    """
+    lens, part, check, request = results.lens, results.part, results.check, request or GridRequest()
+    faces, head = offset_faces(lens, check, {"inner": 0.0, "outer": 0.0}), origin_lines(lens, part)
+    grids = tuple(_point_grid(measured, lens, part, request) for measured in make_grids(lens, check, request))
+    tables = {
+        POINTS_FILE: points_table(faces, head).encode(),
+        SAG_FILE: sag_table(faces, check, head).encode(),
+        **{grid.file: grid.content for grid in grids},
+    }
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
-    hashes |= {name: sha256(text.encode()).hexdigest() for name, text in ((POINTS_FILE, points), (SAG_FILE, sag))}
-    content, figures = _content(lens, part, check, hashes), _pictures(lens, check)
+    hashes |= {name: sha256(content).hexdigest() for name, content in tables.items()}
+    content, figures = _content(lens, part, check, grids, hashes), _pictures(lens, check)
     title = f"{content.name}: for manufacture"
     return Handover(
         name=title,
         html=_page(content, figures).encode(),
         pdf=pdf_of(title, _as_text(title, content), figures),
-        points_csv=points.encode(),
-        sag_csv=sag.encode(),
-        points=points.count("\n") - 1,
+        points_csv=tables[POINTS_FILE],
+        sag_csv=tables[SAG_FILE],
+        points=len(faces) * len(ring_angles()),
+        grids=grids,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
 
 
-def _content(lens: Lens, part: Part, check: Check, hashes: Mapping[str, str]) -> _Content:
-    spec = lens.spec
-    facts = {
-        "Material": spec.lens.material,
-        "Refractive index": f"{spec.lens.refractive_index:g}",
-        "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
-        "Volume": f"{part.volume_mm3:.3f} mm³",
-        "Form error of the STEP's faces against the design": f"{part.form_error_nm.max:.2f} nm at most",
-        "Error of their normals": f"{1e3 * part.normal_error_mrad.max:.1f} µrad at most",
-        "STEP schema": part.step_schema,
-        "Thinnest wall": f"{check.min_wall_mm:.4f} mm",
-        "lensforge": lens.version,
-    }
+def _point_grid(measured: MeasuredGrid, lens: Lens, part: Part, request: GridRequest) -> PointGrid:
+    grid = measured.grid
+    return PointGrid(
+        file=file_name(grid),
+        face=grid.face.name,
+        kind="raster" if isinstance(grid, Raster) else "polar",
+        spacing_mm=grid.spacing_mm,
+        interpolation=request.interpolation,
+        error_nm=measured.error_nm,
+        offset_mm=grid.face.offset_mm,
+        covered=grid.covered_share(request.interpolation) if isinstance(grid, Raster) else 1.0,
+        points=len(grid.rows),
+        content=grid_text(measured, lens, part, request).encode(),
+    )
+
+
+def _content(lens: Lens, part: Part, check: Check, grids: tuple[PointGrid, ...], hashes: Mapping[str, str]) -> _Content:
     return _Content(
-        name=spec.name,
-        facts=facts,
+        name=lens.spec.name,
+        facts=part_facts(lens, part, check),
+        datum=datum_text(lens),
         dimensions=dimensions(lens),
-        faces={"outer": _face(check.outer), "inner": _face(check.inner)},
+        faces={"outer": face_facts(check.outer), "inner": face_facts(check.inner)},
+        grids={grid.file: grid_facts(grid) for grid in grids},
         verdicts=check.verdicts,
         criteria=(*part.criteria, *check.criteria),
         hashes=hashes,
     )
-
-
-def _face(face: FaceResult) -> Facts:
-    sphere = face.best_fit_sphere
-    return {
-        "Best-fit sphere, radius": f"{sphere.radius_mm:.4f} mm",
-        "Departure from it, peak to valley": f"{1e3 * sphere.pv_mm:.2f} µm",
-        "Departure, rms": f"{1e3 * sphere.rms_mm:.2f} µm",
-        "Smallest concave radius": _length(face.curvature.smallest_concave_radius_mm),
-        "Largest ball that reaches the whole face": _length(face.cutter.largest_radius_mm),
-        "Largest tilt": f"{face.largest_tilt_deg:.2f}°",
-        "Least draft": f"{face.draft_deg.min:.2f}°",
-    }
-
-
-def _length(value: float | None) -> str:
-    return "any" if value is None else f"{value:.4f} mm"
 
 
 def _pictures(lens: Lens, check: Check) -> Pictures:
@@ -133,16 +133,17 @@ def _pictures(lens: Lens, check: Check) -> Pictures:
 def _page(content: _Content, figures: Pictures) -> str:
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
     drawn = [(caption, Markup(to_svg(f, f"handover{k}", caption))) for k, (caption, f) in enumerate(figures)]
-    return environment.get_template("manufacturing.html").render(**vars(content), datum=DATUM, pictures=drawn)
+    return environment.get_template("manufacturing.html").render(**vars(content), pictures=drawn)
 
 
 def _as_text(title: str, content: _Content) -> list[str]:
-    lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datum", DATUM]
+    lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datum", content.datum]
     lines += ["", "Dimensions (mm)", *(f"{d.value_mm:10.4f}  {d.name}" for d in content.dimensions)]
     for name, facts in content.faces.items():
         lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
     lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]
     lines += ["", "Criteria", *(f"[{_yes(c.passed)}] {c.name} {_value(c)}" for c in content.criteria)]
+    lines += ["", "Dense tables of points", *(f"{key}: {value}" for key, value in content.grids.items())]
     return [*lines, "", "SHA-256", *(f"{digest}  {name}" for name, digest in content.hashes.items())]
 
 

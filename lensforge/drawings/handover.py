@@ -3,22 +3,49 @@
 from base64 import b64encode
 from html import escape
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import field_serializer
+from pydantic import Field, field_serializer
 
+from lensforge.drawings.interpolation import Interpolation
 from lensforge.files import replacing
-from lensforge.manufacturing.result import Finding
-from lensforge.records import Count, Record, Sha256, Text
+from lensforge.manufacturing.result import FaceName, Finding
+from lensforge.records import Count, NotNegative, Positive, Record, Sha256, Share, Text
 from lensforge.report.ownership import require_own
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
 
 
+class PointGrid(Record):
+    """A dense table of ``points`` of one face, the bytes of ``file``.
+
+    ``spacing_mm``: between nodes, of a polar table the widest. ``error_nm``: largest error of the ``interpolation``
+    between nodes, along the normal. ``offset_mm``: of the points from the face, into the air. ``covered``: share of the
+    face's area in complete cells.
+    """
+
+    file: Text
+    face: FaceName
+    kind: Literal["raster", "polar"]
+    spacing_mm: Positive
+    interpolation: Interpolation
+    error_nm: NotNegative
+    offset_mm: NotNegative
+    covered: Share
+    points: Count
+    content: Annotated[bytes, Field(repr=False)]
+
+    @field_serializer("content", when_used="json")
+    def _content_as_text(self, content: bytes) -> str:
+        return b64encode(content).decode("ascii")
+
+
 class Handover(Record):
     """Drawing and verdicts as page and PDF, tables of points and of sag, each as the bytes of its file.
 
-    ``points``: number of points in the table. ``sha256``: of the files that go to the shop, by name, except page and
-    PDF, which list them. ``refused``: verdicts of the check that do not hold.
+    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
+    ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
+    ``refused``: verdicts of the check that do not hold.
     """
 
     name: Text
@@ -27,6 +54,7 @@ class Handover(Record):
     points_csv: bytes
     sag_csv: bytes
     points: Count
+    grids: tuple[PointGrid, ...]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
@@ -36,11 +64,12 @@ class Handover(Record):
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The four files by name."""
-        return {HTML_FILE: self.html, PDF_FILE: self.pdf, POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        """The files by name."""
+        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        return fixed | {grid.file: grid.content for grid in self.grids}
 
     def save(self, folder: Path | str) -> None:
-        """Write the four files into ``folder``.
+        """Write the files into ``folder``.
 
         Raises :class:`InputError` where they cannot be written, and for a page or a PDF of another program.
         """

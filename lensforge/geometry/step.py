@@ -1,6 +1,6 @@
 """STEP files in mm, written to bytes and parsed from them: one part with named faces, or loose, named surfaces.
 
-The same shapes give the same bytes: the header carries no time, so that a hash identifies the geometry.
+The same shapes, tolerances and header give the same bytes, so that a hash identifies them: no time is the clock's.
 """
 
 from pathlib import Path
@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 from lensforge.errors import InputError
 from lensforge.files import file_bytes, temporary_file
+from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.geometry.solid import Solid
+from lensforge.geometry.step_header import StepHeader, sign
 from lensforge.geometry.step_reading import Product, parse_apart, products_in
 from lensforge.geometry.step_settings import KERNEL_SCHEMA, Schema, configure, new_document
+from lensforge.geometry.step_tolerances import attach, require_written
 from lensforge.untrusted.own_content import made_here, remembered
-from lensforge.version import __version__
 
 if TYPE_CHECKING:
     import cadquery
 
-_NO_TIME = "1970-01-01T00:00:00"
+_UNSIGNED = StepHeader()
 _EXPORT_AGAIN = "run `lensforge export` again"
 
 
@@ -27,17 +29,39 @@ def require_schema(schema: str) -> None:
         raise InputError(f"schema = {schema!r}: one of {', '.join(KERNEL_SCHEMA)}")
 
 
-def step_bytes(solid: Solid, product: str, schema: Schema = "AP214") -> bytes:
-    """A STEP file of ``solid`` as the part ``product``, its faces under their names."""
-    return _bytes({product: solid.shape}, solid.faces, product, schema)
+def step_bytes(
+    solid: Solid,
+    product: str,
+    schema: Schema = "AP214",
+    *,
+    header: StepHeader = _UNSIGNED,
+    tolerances: tuple[FormTolerance, ...] = (),
+) -> bytes:
+    """A STEP file of ``solid`` as the part ``product``, its faces under their names, with ``tolerances`` (AP242 only).
+
+    Raises :class:`InputError` where the CAD kernel does not write the tolerances as they are.
+    """
+    content = _bytes({product: solid.shape}, solid.faces, product, schema, header, tolerances)
+    if tolerances:
+        require_written(content, tolerances)
+    return content
 
 
-def surfaces_bytes(faces: dict[str, Any], product: str, schema: Schema = "AP214") -> bytes:
+def surfaces_bytes(
+    faces: dict[str, Any], product: str, schema: Schema = "AP214", *, header: StepHeader = _UNSIGNED
+) -> bytes:
     """A STEP file of loose faces (``cadquery.Face``), each a product under its name."""
-    return _bytes(faces, {}, product, schema)
+    return _bytes(faces, {}, product, schema, header, ())
 
 
-def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: Schema) -> bytes:
+def _bytes(
+    parts: dict[str, Any],
+    faces: dict[str, Any],
+    product: str,
+    schema: Schema,
+    header: StepHeader,
+    tolerances: tuple[FormTolerance, ...],
+) -> bytes:
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.STEPCAFControl import STEPCAFControl_Writer
     from OCP.STEPControl import STEPControl_StepModelType
@@ -45,8 +69,9 @@ def _bytes(parts: dict[str, Any], faces: dict[str, Any], product: str, schema: S
     writer = STEPCAFControl_Writer()
     configure(product, schema)
     writer.SetNameMode(True)
-    writer.Transfer(_document(parts, faces), STEPControl_StepModelType.STEPControl_AsIs)
-    _sign(writer.ChangeWriter().Model(), product)
+    writer.SetDimTolMode(bool(tolerances))
+    writer.Transfer(_document(parts, faces, tolerances), STEPControl_StepModelType.STEPControl_AsIs)
+    sign(writer.ChangeWriter().Model(), product, header)
 
     def write(path: Path) -> None:
         if writer.Write(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
@@ -85,30 +110,19 @@ def _parse(content: bytes, origin: str) -> list[Product]:
         return products_in(path, origin, _EXPORT_AGAIN)
 
 
-def _document(parts: dict[str, Any], faces: dict[str, Any]) -> Any:
-    """An XCAF document, so that parts, and the faces of a single one, carry names."""
+def _document(parts: dict[str, Any], faces: dict[str, Any], tolerances: tuple[FormTolerance, ...]) -> Any:
+    """An XCAF document, so that parts, and the faces of a single one, carry names and tolerances."""
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
     from OCP.XCAFDoc import XCAFDoc_DocumentTool
 
-    document = new_document()
+    document, labels = new_document(), {}
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     for product, shape in parts.items():
         part = shapes.AddShape(shape.wrapped, False)
         TDataStd_Name.Set_s(part, TCollection_ExtendedString(product))
     for name, face in faces.items():
-        TDataStd_Name.Set_s(shapes.AddSubShape(part, face.wrapped), TCollection_ExtendedString(name))
+        labels[name] = shapes.AddSubShape(part, face.wrapped)
+        TDataStd_Name.Set_s(labels[name], TCollection_ExtendedString(name))
+    attach(document, labels, tolerances)
     return document
-
-
-def _sign(model: Any, product: str) -> None:
-    """Fill in the header: the program and its version, no time."""
-    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
-    from OCP.TCollection import TCollection_HAsciiString
-
-    header = APIHeaderSection_MakeHeader(model)
-    header.SetName(TCollection_HAsciiString(product))
-    header.SetTimeStamp(TCollection_HAsciiString(_NO_TIME))
-    header.SetOriginatingSystem(TCollection_HAsciiString(f"lensforge {__version__}"))
-    header.SetAuthorValue(1, TCollection_HAsciiString(""))
-    header.SetOrganizationValue(1, TCollection_HAsciiString(""))

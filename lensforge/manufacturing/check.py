@@ -1,26 +1,30 @@
 """The manufacturing check of the exported faces: the tools they need, the wall between them, findings for the shop."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.part import Part, SplineNodes
+from lensforge.geometry.plan import lay_out
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
     Scallop,
     Scallops,
+    Wall,
     Walls,
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
+from lensforge.manufacturing.wall import normal_lines, radial_lines, thickest, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -37,16 +41,18 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     started = time.perf_counter()
     manufacture = lens.spec.manufacture
     inner, outer = _faces(lens, nodes)
-    walls = _walls(inner, outer)
-    base = lens.spec.base if manufacture.make == "part" else None  # a mould insert has none
-    custom = None if base is None or base.file is None else read_base_mesh(base.file)
-    relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
-    tools = check_tools(manufacture.tools, inner, outer, base, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
+    walls = _walls(inner, outer, manufacture.scale)
+    patches = inner.samples.face.patch, outer.samples.face.patch
+    plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
+    custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
+    relief = check_relief(plan, custom, manufacture.cutter_radius_mm, inner, outer)
+    tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
     min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # the radial one may be less at a rim
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
+        scale=manufacture.scale,
         inner=faces[0],
         outer=faces[1],
         min_wall_mm=min_wall_mm,
@@ -54,7 +60,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(radial_criterion(lens.spec, walls.radial),),
+        criteria=(radial_criterion(lens.spec, walls.radial), *thickest_criteria(lens.spec, walls.thickest)),
         verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
@@ -79,23 +85,33 @@ def _map(face: FaceCheck, values: Float[np.ndarray, "k *c"]) -> Float[np.ndarray
 
 
 def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]:
-    """Both faces, measured from their air side; a mould insert has air where the lens has material."""
-    is_part, cutter_mm = lens.spec.manufacture.make == "part", lens.spec.manufacture.cutter_radius_mm
+    """Both faces, measured from their air side; a mould insert has air where the lens has material, and is scaled."""
+    manufacture = lens.spec.manufacture
+    is_part, cutter_mm, scale = manufacture.make == "part", manufacture.cutter_radius_mm, manufacture.scale
     inside, outside = (AirSide.INSIDE, AirSide.OUTSIDE) if is_part else (AirSide.OUTSIDE, AirSide.INSIDE)
     inner, outer = fit_faces(lens) if nodes is None else fit_faces(lens, nodes.inner, nodes.outer)
+    inner, outer = (replace(face, control=scale * face.control) for face in (inner, outer))
     return (
         check_face("inner", OpticalFace(inner, inside), cutter_mm),
         check_face("outer", OpticalFace(outer, outside), cutter_mm),
     )
 
 
-def _walls(inner: FaceCheck, outer: FaceCheck) -> Walls:
+def _walls(inner: FaceCheck, outer: FaceCheck, scale: float) -> Walls:
+    """Walls of the lens itself: ``scale`` is that of the faces against the lens's."""
     samples, face = inner.samples, outer.samples.face
-    rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
     return Walls(
-        normal=thinnest(samples, normal_wall_mm(samples, face), samples.outward),
-        radial=thinnest(samples, radial_wall_mm(samples, face), rays),
+        normal=_of_lens(thinnest(samples, face, normal_lines), scale),
+        radial=_of_lens(thinnest(samples, face, radial_lines), scale),
+        thickest=_of_lens(thickest(samples, face, radial_lines), scale),
+        thickest_normal=_of_lens(thickest(samples, face, normal_lines), scale),
     )
+
+
+def _of_lens(wall: Wall, scale: float) -> Wall:
+    """A wall between the faces of a mould, ``scale`` times the lens's, as that of the lens."""
+    inner, outer = (tuple(value / scale for value in point) for point in (wall.inner_point_mm, wall.outer_point_mm))
+    return Wall(thickness_mm=wall.thickness_mm / scale, inner_point_mm=inner, outer_point_mm=outer)
 
 
 def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
@@ -104,7 +120,7 @@ def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
     cutter_mm, limit_rad = manufacture.cutter_radius_mm, 1e-3 * manufacture.slope_limit_mrad
 
     def of(face: FaceCheck) -> Scallop:
-        kappa = max(float(face.samples.curvatures.maximum.max()), -1.0 / cutter_mm)
+        kappa = max(face.highest_curvature, -1.0 / cutter_mm)
         return scallop(cutter_mm, manufacture.stepover_mm, limit_rad, kappa)
 
     return Scallops(

@@ -7,6 +7,7 @@ from jaxtyping import Float
 from pydantic import computed_field
 
 from lensforge.criteria import Criterion, Judged, within
+from lensforge.manufacturing.relief_result import Relief
 from lensforge.records import (
     Array,
     NotNegative,
@@ -84,7 +85,7 @@ class FaceResult(Record):
 
 
 class Wall(Record):
-    """The thinnest place of the wall."""
+    """One place of the wall, the thinnest or the thickest."""
 
     thickness_mm: Number
     inner_point_mm: Point
@@ -92,49 +93,12 @@ class Wall(Record):
 
 
 class Walls(Record):
-    """The thinnest wall along the cavity's normal, and along the ray from the origin."""
+    """The thinnest wall along the cavity's normal and along the ray from the origin; ``thickest``: along the ray."""
 
     normal: Wall
     radial: Wall
-
-
-class OuterRelief(Record):
-    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    smallest_step_mm: NotNegative | None
-    step_clearance_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class InnerRelief(Record):
-    """Radius that the bore needs beyond the cavity's; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    bore_clearance_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class CustomBaseRelief(Record):
-    """Largest depth of a custom base in the ball; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    retreat_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class Relief(Record):
-    """Clearance of the ball at the base; ``note`` says why there is nothing to clear."""
-
-    outer: OuterRelief | CustomBaseRelief | None
-    inner: InnerRelief | CustomBaseRelief | None
-    note: Text | None = None
+    thickest: Wall
+    thickest_normal: Wall
 
 
 class Scallop(Record):
@@ -201,13 +165,16 @@ class Finding(Judged):
 class Check(StageResult):
     """The manufacturing check. ``criteria`` are those of the design, ``verdicts`` the findings for the shop.
 
-    Maps over the chart of each face, [X, Y], NaN outside the rim: points (mm), departure from the best-fit sphere
-    (mm), principal curvatures (1/mm), uncut height (mm), and 1 where the cutter reaches.
+    ``scale``: of the faces that are cut against the lens's, 1 + shrinkage for a mould insert; ``inner``, ``outer``,
+    ``tools`` and maps are of these, the walls of the lens. Maps over the chart of each face, [X, Y], NaN outside the
+    rim: points (mm), departure from the best-fit sphere (mm), principal curvatures (1/mm), uncut height (mm), and 1
+    where the cutter reaches.
     """
 
     stage: ClassVar[str] = "check"
 
     make: Literal["part", "insert"]
+    scale: Positive
     inner: FaceResult
     outer: FaceResult
     min_wall_mm: Number

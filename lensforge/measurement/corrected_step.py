@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, read_custom_base
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import FormError, face_error, fit_to_form, worst
-from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.part import SplineNodes
 from lensforge.geometry.plan import make_plan
 from lensforge.geometry.solid import build_solid
@@ -30,7 +31,7 @@ def corrected_step(lens: Lens, side: Side, corrected: Surface) -> CorrectedStep:
     """
     surfaces = {"inner": lens.inner, "outer": lens.outer, side: corrected}
     patches = {name: fit_to_form(surface) for name, surface in surfaces.items()}
-    base = lens.spec.base
+    base = base_with_room(lens)
     solid = build_solid(make_plan(patches["inner"], patches["outer"], base))
     if base.file is not None:
         solid = join_base(solid, read_custom_base(base.file))

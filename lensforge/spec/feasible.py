@@ -28,6 +28,7 @@ def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture:
     _require_shapes_of_fixed(lens, limits, manufacture)
     inner = smallest_inner_mm(lens, limits)
     _require_fixed_inside(lens, limits, inner)
+    _require_fixed_below(lens, limits)
     if lens.fixed_outer is None:
         _require_room_for_draft(limits, inner)
     _require_room_for_ball(lens, limits, manufacture, inner)
@@ -83,6 +84,25 @@ def _require_fixed_inside(lens: LensSection, limits: ConstraintsSection, inner: 
             )
 
 
+def _require_fixed_below(lens: LensSection, limits: ConstraintsSection) -> None:
+    """Fixed surfaces against the largest height; of free ones the section of the limits knows all."""
+    if limits.max_height_mm is None:
+        return
+    for name, surface, wall in (
+        ("lens.fixed_inner", lens.fixed_inner, limits.min_thickness_mm),
+        ("lens.fixed_outer", lens.fixed_outer, 0.0),
+    ):
+        if surface is None:
+            continue
+        height = float(((surface.on_meridian_mm(_POLAR) + wall) * np.cos(_POLAR)).max())
+        if height > limits.max_height_mm:
+            under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
+            raise ValueError(
+                f"{name}{under} reaches {height:.6g} mm above z = 0, constraints.max_height_mm = "
+                f"{limits.max_height_mm:g}; make it at least {rounded_up(height)}, or choose another surface"
+            )
+
+
 def _require_room_for_draft(limits: ConstraintsSection, inner: _Meridian) -> None:
     """Draft of both faces against the largest radius."""
     out = inner + limits.min_thickness_mm  # the wall is measured along rays from the origin
@@ -109,8 +129,10 @@ def _require_room_for_ball(
     part, wall = manufacture.make == "part", limits.min_thickness_mm
     surface, fixed = ("inner", lens.fixed_inner) if part else ("outer", lens.fixed_outer)
     field, ball = f"constraints.{surface}_concave_radius_mm", getattr(limits, f"{surface}_concave_radius_mm")
-    if manufacture.required and (ball is None or ball < manufacture.cutter_radius_mm):
-        field, ball = "manufacture.required = true, cutter_radius_mm", manufacture.cutter_radius_mm
+    needed_ball = manufacture.cutter_radius_mm / manufacture.scale  # in a mould it cuts faces larger by the shrinkage
+    if manufacture.required and (ball is None or ball < needed_ball):
+        over = " / (1 + shrinkage)" if manufacture.shrinkage else ""
+        field, ball = f"manufacture.required = true, cutter_radius_mm{over}", needed_ball
     if ball is None or fixed is not None:
         return
     height = float(inner[0]) + (0.0 if part else wall)

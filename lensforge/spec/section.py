@@ -1,10 +1,11 @@
 """The base of every section of a spec, and the types of its lengths and file names."""
 
+from datetime import date, datetime
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from lensforge.errors import InputError
 from lensforge.records.validation import input_error, same
@@ -102,6 +103,18 @@ def _usable_path(path: Path) -> Path:
     return path.absolute()
 
 
+def iso_date(value: Any) -> str:
+    """The ISO 8601 text of a date, or of its text. Raises ``ValueError`` for anything else, a time of day included."""
+    try:
+        if isinstance(value, date) and not isinstance(value, datetime):
+            return value.isoformat()
+        if isinstance(value, str) and len(value) == len("2026-01-31"):
+            return date.fromisoformat(value).isoformat()
+    except ValueError:
+        pass
+    raise ValueError("a date is written as year-month-day, such as 2026-01-31")
+
+
 # From a nanometre to a kilometre, with room to spare: squares and ratios of lengths stay within floating point.
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]
@@ -113,3 +126,4 @@ Weight = Annotated[float, Field(ge=0.0, le=1e12)]
 # A relative name counts from the folder of the spec's file, in a script from the folder in which it runs.
 FilePath = Annotated[Path, AfterValidator(_usable_path)]
 Label = Annotated[str, Field(max_length=200), AfterValidator(_printable)]  # words of the user, shown on pages
+CalendarDate = Annotated[str, BeforeValidator(iso_date)]  # 2026-01-31; a date of TOML, too

@@ -7,10 +7,13 @@ from html import unescape
 
 import numpy as np
 import pytest
+from round_surfaces import Ball
 
 from lensforge.criteria import Criterion
 from lensforge.drawings.build import make_handover
-from lensforge.drawings.dimensions import dimensions
+from lensforge.drawings.dimensions import dimensions, highest_point_mm
+from lensforge.drawings.facts import datum_text
+from lensforge.drawings.grids import GridRequest
 from lensforge.drawings.section import dimensioned_section
 from lensforge.errors import InputError, MissingResult
 from lensforge.geometry.export import build_part
@@ -19,12 +22,15 @@ from lensforge.manufacturing.check import check_part
 from lensforge.manufacturing.result import Finding
 from lensforge.results import Results
 from lensforge.spec import parse_spec
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 
 BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
 
 
-def small_lens(base=BASE):
+COARSE = GridRequest(spacing_mm=0.4)
+
+
+def small_lens(base=BASE, manufacture=None):
     basis = SrbfBasis((9, 25), 1.75)
     inner, outer = (
         SrbfSurface(basis, h * 0.01 * np.random.default_rng(int(h)).normal(size=basis.size), h) for h in (3.0, 6.0)
@@ -47,6 +53,7 @@ def small_lens(base=BASE):
         },
         "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
         "base": base,
+        "manufacture": manufacture or {},
     }
     return Lens(inner, outer, parse_spec(content, "test"), 0, "draft")
 
@@ -60,11 +67,13 @@ def results():
 
 @pytest.fixture(scope="module")
 def handed(results):
-    return make_handover(results)
+    return make_handover(results, COARSE)
 
 
 def table(content):
-    return list(csv.DictReader(io.StringIO(content.decode())))
+    """Rows of a table below the lines that begin with #."""
+    lines = [line for line in content.decode().splitlines(keepends=True) if not line.startswith("#")]
+    return list(csv.DictReader(io.StringIO("".join(lines))))
 
 
 def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(results, handed):
@@ -106,7 +115,7 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
         "lens.3mf": results.part.threemf,
         "points.csv": handed.points_csv,
         "sag.csv": handed.sag_csv,
-    }
+    } | {grid.file: grid.content for grid in handed.grids}
     assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
@@ -116,7 +125,7 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
 
 
 def test_the_same_results_give_the_same_bytes(results, handed):
-    assert make_handover(results) == handed
+    assert make_handover(results, COARSE) == handed
 
 
 def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
@@ -127,7 +136,7 @@ def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
         "manufacturing.pdf": handed.pdf,
         "points.csv": handed.points_csv,
         "sag.csv": handed.sag_csv,
-    }
+    } | {grid.file: grid.content for grid in handed.grids}
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
         handed.save(tmp_path / "file" / "folder")
@@ -159,7 +168,7 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
     )
     unknown = Criterion(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
     check = results.check.model_copy(update={"verdicts": verdicts, "criteria": (unknown,)})
-    handed = make_handover(replace(results, found={**results.found, "check": check}))
+    handed = make_handover(replace(results, found={**results.found, "check": check}), COARSE)
     assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]
     page = handed.html.decode("utf-8")
     assert '<td class="no">no</td><td>no ball fits</td>' in page
@@ -185,3 +194,65 @@ def test_the_drawing_states_every_size_of_the_base():
     for surface in (lens.inner, lens.outer):
         assert f"{surface.radius(np.array([[0.0, 0.0, 1.0]]))[0]:.3f}" in stated
         assert f"{surface.radius(np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).sum():.3f}" in stated
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        ({"flat_mm": 7.5}, "a clocking flat lies across +x"),
+        ({}, "nothing on the part marks the azimuth"),
+        ({"kind": "square"}, "nothing tells +x from the other three"),
+        ({"kind": "none"}, "nothing on the part marks the azimuth"),
+    ],
+)
+def test_the_datum_names_a_clocking_flat_only_where_there_is_one(base, words):
+    text = datum_text(small_lens({"diameter_mm": 16.0, **base}))
+    assert words in text
+    assert ("clocking flat" in text) == ("flat_mm" in base)
+
+
+def test_the_highest_point_is_found_off_the_apex_and_between_the_samples():
+    """A sphere whose centre lies off the axis is highest above its centre; that of a batwing is on a ring."""
+    ball = Ball((0.7, -0.4, 0.3), 5.0)
+    assert highest_point_mm(ball) == pytest.approx(5.3, abs=1e-10)
+    assert ball.radius(np.array([[0.0, 0.0, 1.0]]))[0] < 5.3 - 0.05
+    centred = Ball((0.0, 0.0, 0.3), 5.0)
+    assert highest_point_mm(centred) == pytest.approx(5.3, abs=1e-12)
+    lens = small_lens()
+    apex = lens.outer.radius(np.array([[0.0, 0.0, 1.0]]))[0]
+    stated = {d.name: d.value_mm for d in dimensions(lens)}
+    dense = fibonacci_hemisphere(400_000)
+    assert stated["highest point above A"] >= max(apex, (lens.outer.radius(dense) * dense[:, 2]).max())
+
+
+def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
+    shop = {
+        "make": "insert",
+        "shrinkage": 0.0125,
+        "author": "A. Author",
+        "date": "2026-03-31",
+        "form_tolerance_um": 2.5,
+    }
+    lens = small_lens(manufacture=shop)
+    part = build_part(lens, rings=16, runout_deg=5.0)
+    results = Results(lens, {"export": part, "check": check_part(part)})
+    handed = make_handover(results, COARSE)
+    text = unescape(handed.html.decode("utf-8"))
+    for words in ("A. Author", "2026-03-31", "0.0125;", "the lens times 1.0125", "2.5 µm", "its schema carries none"):
+        assert words in text
+    assert "lens_surfaces.step, the tables" in text
+    for name in ("points.csv", "sag.csv", *(grid.file for grid in handed.grids)):
+        head = [line for line in handed.files[name].decode().splitlines() if line.startswith("# ")]
+        for words in ("A. Author", "2026-03-31", "0.0125", lens.sha256, "units: mm", "the lens times 1.0125"):
+            assert any(words in line for line in head), (name, words)
+    for name, into_air in (("inner", 1.0), ("outer", -1.0)):  # the mould's material is where the lens has none
+        rows = [row for row in table(handed.points_csv) if row["surface"] == name]
+        points = np.array([[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows])
+        normals = np.array([[float(row[f"n{axis}"]) for axis in "xyz"] for row in rows])
+        radius = np.linalg.norm(points, axis=1)
+        exact = 1.0125 * getattr(lens, name).radius(points / radius[:, None])
+        assert np.abs(radius - exact).max() < 5e-9
+        assert (into_air * np.sum(points * normals, axis=1) > 0.0).all()
+    sphere = results.check.outer.best_fit_sphere
+    departures = [float(row["departure_mm"]) for row in table(handed.sag_csv) if row["surface"] == "outer"]
+    assert np.ptp(departures) <= sphere.pv_mm * (1.0 + 1e-3)

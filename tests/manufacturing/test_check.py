@@ -1,15 +1,17 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from known_shapes import exported, random_surface
 
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.export import build_part
-from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.part import SplineNodes
 from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import lay_out
 from lensforge.geometry.step import parse_step
 from lensforge.lens import Lens
 from lensforge.manufacturing.best_fit_sphere import VARIANTS
@@ -142,9 +144,9 @@ def test_the_numbers_of_two_hemispheres(plain):
         assert face.best_fit_sphere.pv_mm < 1e-7
         assert abs(face.curvature.kappa_min_per_mm - sign / radius) < 1e-5
         assert face.undercut_fraction == 0.0
-        assert abs(face.area_mm2 / (2.0 * np.pi * radius**2) - 1.0) < 1e-4
+        assert abs(face.area_mm2 / (2.0 * np.pi * radius**2) - 1.0) < 1e-8
         # Archimedes: the zone of a hemisphere with a draft below d is sin(d) of its area.
-        assert face.draft_deg.area_fraction_below_two == pytest.approx(np.sin(np.deg2rad(2.0)), abs=0.01)
+        assert face.draft_deg.area_fraction_below_two == pytest.approx(np.sin(np.deg2rad(2.0)), abs=3e-5)
         assert face.draft_deg.area_fraction_below_half < face.draft_deg.area_fraction_below_two
     assert abs(plain.min_wall_mm - (OUTER_MM - INNER_MM)) < 1e-7
     assert abs(plain.inner.cutter.largest_radius_mm - INNER_MM) < 1e-5
@@ -183,7 +185,7 @@ def test_the_criterion_is_the_radial_wall_that_the_spec_promises(plain, rough):
     u[:, 2] = np.abs(u[:, 2])
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     exact = (part.outer.radius(u) - part.inner.radius(u)).min()
-    assert abs(held.value - exact) < 2e-3
+    assert exact - 1e-3 < held.value < exact + 2e-6  # random directions do not find the thinnest, within the form error
     assert check.min_wall_mm <= held.value
 
 
@@ -243,9 +245,32 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     outer = check_face("outer", exported(part.outer, AirSide.OUTSIDE), 0.6, 61)
     base = {"height_mm": 6.0}
     for _ in range(3):
-        found = relief_findings(check_relief(BaseSection(**base), None, 0.6, inner, outer))[0]
+        plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
+        found = relief_findings(check_relief(plan, None, 0.6, inner, outer))[0]
         if found.holds:
             break
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}
     assert found.holds
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
+
+
+def test_an_insert_is_checked_larger_by_the_shrinkage_its_walls_are_those_of_the_lens():
+    surfaces = random_surface(INNER_MM, 0.02, 3), random_surface(OUTER_MM, 0.02, 4)
+    insert = replace(lens(*surfaces), spec=lens(*surfaces).spec.replace({"manufacture.make": "insert"}))
+    shrunk = replace(insert, spec=insert.spec.replace({"manufacture.shrinkage": 0.05}))
+    plain, found = (check_lens(each, SplineNodes(inner=72, outer=72)) for each in (insert, shrunk))
+    assert (plain.scale, found.scale) == (1.0, 1.05)
+    for name in ("inner", "outer"):
+        before, after = getattr(plain, name), getattr(found, name)
+        assert after.area_mm2 == pytest.approx(1.05**2 * before.area_mm2, rel=1e-12)
+        assert after.curvature.kappa_min_per_mm == pytest.approx(before.curvature.kappa_min_per_mm / 1.05, rel=1e-12)
+        assert after.best_fit_sphere.radius_mm == pytest.approx(1.05 * before.best_fit_sphere.radius_mm, rel=1e-9)
+        assert after.largest_tilt_deg == pytest.approx(before.largest_tilt_deg, abs=1e-9)
+        xyz = f"{name}_xyz"
+        np.testing.assert_allclose(getattr(found, xyz), 1.05 * getattr(plain, xyz), rtol=1e-12, atol=1e-14)
+    largest = found.outer.cutter.largest_radius_mm  # the insert of the outer face is hollow
+    assert largest == pytest.approx(1.05 * plain.outer.cutter.largest_radius_mm, rel=1e-5)
+    assert found.min_wall_mm == pytest.approx(plain.min_wall_mm, rel=1e-9)
+    for one, other in ((found.wall.normal, plain.wall.normal), (found.wall.radial, plain.wall.radial)):
+        np.testing.assert_allclose(one.outer_point_mm, other.outer_point_mm, atol=1e-9)
+    assert found.criteria[0].value == pytest.approx(plain.criteria[0].value, rel=1e-12)

@@ -1,0 +1,112 @@
+"""Statements on the page for the shop: part, datum, faces and tables."""
+
+from lensforge.drawings.handover import PointGrid
+from lensforge.geometry.part import Part
+from lensforge.lens import Lens
+from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.spec.section import rounded_up
+
+Facts = dict[str, str]
+
+
+def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
+    """Facts on the part and its files."""
+    spec, signature = lens.spec, part.signature
+    return {
+        "Author": signature.author or "not stated",
+        "Organisation": signature.organisation or "not stated",
+        "Date": signature.date or "not stated",
+        "Material": spec.lens.material,
+        "Refractive index": f"{spec.lens.refractive_index:g}",
+        "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
+        **_mould_facts(lens, part),
+        **_tolerance_facts(lens, part),
+        "Volume": f"{part.volume_mm3:.3f} mm³",
+        **({} if part.mass_g is None else {"Mass": f"{part.mass_g:.3f} g"}),
+        "Form error of the STEP's faces against the design": f"{part.form_error_nm.max:.2g} nm at most",
+        "Error of their normals": f"{1e3 * part.normal_error_mrad.max:.2g} µrad at most",
+        "STEP schema": part.step_schema,
+        "Thinnest wall": f"{check.min_wall_mm:.4f} mm",
+        "Thickest wall, along rays from the origin": f"{check.wall.thickest.thickness_mm:.4f} mm",
+        "Lens, SHA-256": lens.sha256,
+        "lensforge": lens.version,
+    }
+
+
+def _mould_facts(lens: Lens, part: Part) -> Facts:
+    """Shrinkage, and the files that carry it; nothing for a lens that is cut itself."""
+    shop = lens.spec.manufacture
+    if shop.make == "part":
+        return {}
+    mould = "the tables of points, figures and pictures of the optical faces"
+    if part.untrimmed_surfaces is not None:
+        mould = f"lens_surfaces.step, {mould}"
+    return {
+        "Shrinkage": f"{shop.shrinkage:.12g}; {mould} are those of the mould: the lens times {shop.scale:.12g} about "
+        "the origin; lens.step, lens.stl, lens.3mf, section, dimensions, volume and wall are of the moulded lens"
+    }
+
+
+def _tolerance_facts(lens: Lens, part: Part) -> Facts:
+    """Form tolerance of the optical faces; nothing where the spec has none."""
+    width_um = lens.spec.manufacture.form_tolerance_um
+    if width_um is None:
+        return {}
+    carried = "its schema carries none"
+    if part.form_tolerances:
+        against = "against A" if part.form_tolerances[0].datum_faces else "without datum, as no face lies in z = 0"
+        carried = f"it is on these faces as a surface profile {against}"
+    return {
+        "Form tolerance of the lens's optical faces": f"{width_um:g} µm, width of the zone, half of it on each side of "
+        f"the face; in lens.step {carried}"
+    }
+
+
+def datum_text(lens: Lens) -> str:
+    """Datum A and B, the feature that clocks the part, and the file that defines the optical faces."""
+    return (
+        "A is the plane z = 0, in which both optical faces end; B is the optical axis z through the origin of the "
+        f"STEP; {_clocking(lens)}. Lengths in mm. The optical faces are the named faces OPTICAL_OUTER and "
+        "OPTICAL_INNER of the STEP file, which alone defines them; tables and pictures are for inspection, the dense "
+        "tables for tool paths within the error that they state."
+    )
+
+
+def _clocking(lens: Lens) -> str:
+    """Feature that shows the azimuth; only one that is there."""
+    base = lens.spec.base
+    if base.kind == "cylinder" and base.flat_mm is not None:
+        return "a clocking flat lies across +x"
+    if base.kind == "square":
+        return "the sides of the base lie across x and y, and nothing tells +x from the other three"
+    if base.kind == "step":
+        return "the azimuth is that of the base in its own file"
+    return "nothing on the part marks the azimuth, which counts from +x of the STEP"
+
+
+def face_facts(face: FaceResult) -> Facts:
+    """Figures of one optical face by the check."""
+    sphere = face.best_fit_sphere
+    return {
+        "Best-fit sphere, radius": f"{sphere.radius_mm:.4f} mm",
+        "Departure from it, peak to valley": f"{1e3 * sphere.pv_mm:.2f} µm",
+        "Departure, rms": f"{1e3 * sphere.rms_mm:.2f} µm",
+        "Smallest concave radius": _length(face.curvature.smallest_concave_radius_mm),
+        "Largest ball that reaches the whole face": _length(face.cutter.largest_radius_mm),
+        "Largest tilt": f"{face.largest_tilt_deg:.2f}°",
+        "Least draft": f"{face.draft_deg.min:.2f}°",
+    }
+
+
+def grid_facts(grid: PointGrid) -> str:
+    """Points, spacing, coverage and error of a dense table."""
+    at = "on the face" if grid.offset_mm == 0.0 else f"{grid.offset_mm:g} mm off the face, into the air"
+    return (
+        f"{grid.points} points {at}, up to {grid.spacing_mm:.4g} mm apart; complete cells over "
+        f"{100.0 * grid.covered:.1f} % of the face's area; {grid.interpolation} interpolation errs by at most "
+        f"{rounded_up(grid.error_nm, 3)} nm along the normal"
+    )
+
+
+def _length(value: float | None) -> str:
+    return "any" if value is None else f"{value:.4f} mm"
