@@ -105,7 +105,7 @@ def test_a_raster_read_back_and_interpolated_is_within_its_stated_error(scheme, 
         assert np.abs(rows[:, :2] - step * index).max() < 1e-9
         z = {(i, k): value for (i, k), value in zip(map(tuple, index), rows[:, 2], strict=True)}
         rng, count = np.random.default_rng(3), {"bicubic": 4, "linear": 2}[scheme]
-        radius, turn = covered * np.sqrt(rng.random(400)), 2.0 * np.pi * rng.random(400)
+        radius, turn = covered * rng.random(3000) ** 0.1, 2.0 * np.pi * rng.random(3000)  # most where it is steep
         places = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=-1)
         cell = np.floor(places / step).astype(int)
         weight_x, weight_y = (lagrange((places / step - cell)[:, axis], count) for axis in (0, 1))
@@ -113,7 +113,7 @@ def test_a_raster_read_back_and_interpolated_is_within_its_stated_error(scheme, 
         near = np.array([[[z[i + a, k + b] for b in around] for a in around] for i, k in cell])
         between = np.column_stack([places, np.einsum("nab,na,nb->n", near, weight_x, weight_y)])
         found = off_surface_nm(between, surface, side * offset).max()
-        assert 0.3 * stated_nm(head) < found <= 1.05 * stated_nm(head)
+        assert 0.6 * stated_nm(head) < found <= 1.05 * stated_nm(head)
 
 
 @pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
