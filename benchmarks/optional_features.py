@@ -25,6 +25,7 @@ import numpy as np
 import torch
 
 from lensforge.accuracy import PRESETS
+from lensforge.cast_stages import stray_light
 from lensforge.evaluation.simulate import TracedLens, design_landings
 from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
@@ -42,7 +43,6 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.spec import BaseSection
-from lensforge.stages import stray_light
 from lensforge.verification.comparison import Expected
 from lensforge.verification.verify import verify_part
 

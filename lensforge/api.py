@@ -1,5 +1,7 @@
 """The names of the library: every verb, and every class that a verb takes or returns."""
 
+from lensforge.cast_stages import stray_light, verify
+from lensforge.corrected_part import correct
 from lensforge.criteria import Criterion
 from lensforge.drawings.handover import Handover
 from lensforge.errors import Cancelled, CriterionMissed, InputError, LensforgeError, MissingResult, SourceWarning
@@ -12,6 +14,7 @@ from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design, Progress
 from lensforge.pipeline import run
 from lensforge.records import Conditions, Metric
@@ -64,7 +67,7 @@ from lensforge.spec.source import (
     RectangleSource,
     SquareSource,
 )
-from lensforge.stages import build, check, design, evaluate, photometry, sensitivity, stray_light, verify
+from lensforge.stages import build, check, design, evaluate, photometry, sensitivity
 from lensforge.studies.sweep.table import Sweep
 from lensforge.studies.tradeoff.record import Tradeoff
 from lensforge.tolerancing.sensitivity_table import Sensitivity
@@ -87,6 +90,7 @@ __all__ = [
     "ChipsSource",
     "Conditions",
     "ConstraintsSection",
+    "Correction",
     "CosineIntensity",
     "Criterion",
     "CriterionMissed",
@@ -162,6 +166,7 @@ __all__ = [
     "build",
     "check",
     "compare",
+    "correct",
     "design",
     "evaluate",
     "handover",

@@ -18,7 +18,7 @@ import click
 
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
-from lensforge.commands.part import compare, handover, photometry, sensitivity
+from lensforge.commands.part import compare, correct, handover, photometry, sensitivity
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
 from lensforge.commands.stages import check, evaluate, export, report, verify
@@ -56,6 +56,7 @@ def cli() -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, photometry, handover, compare,
+    correct,
 ):  # fmt: skip
     cli.add_command(command)
 

@@ -1,13 +1,15 @@
-"""Comparison of the machined part with the design in a result folder: the record, and a picture of it."""
+"""The machined part in a result folder: comparison with the design, and correction of a face for its second cut."""
 
 from pathlib import Path
 from typing import Literal
 
+from lensforge.corrected_part import correct
 from lensforge.files import replacing
 from lensforge.folder_lock import in_locked_folder
 from lensforge.lens import load_lens
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.measurement.figures import photo_png, surface_png
 from lensforge.results import LENS_FILE, stem_of
 from lensforge.run_folder import open_run, write_result
@@ -46,4 +48,28 @@ def run_compare_surface(
     result = compare(lens, points=points, surface=surface, registration=registration, rays=rays)
     with replacing(folder / f"{stem_of(result)}.png") as temporary:
         temporary.write_bytes(surface_png(result))
+    return write_result(result, folder)
+
+
+@in_locked_folder
+def run_correct(
+    folder: Path,
+    *,
+    points: Path,
+    surface: Literal["inner", "outer"],
+    wavelength_mm: float | None = None,
+    gain: float = 1.0,
+    registration: Literal["rigid", "shift", "none"] = "rigid",
+    rays: int | None = None,
+) -> Correction:
+    """Correct one face for its second cut; also writes ``lens_corrected_<surface>.step``."""
+    result = correct(
+        load_lens(folder / LENS_FILE),
+        points=points,
+        surface=surface,
+        wavelength_mm=wavelength_mm,
+        gain=gain,
+        registration=registration,
+        rays=rays,
+    )
     return write_result(result, folder)

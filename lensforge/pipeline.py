@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lensforge import stages
+from lensforge import cast_stages, stages
 from lensforge.arguments import threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
@@ -160,13 +160,13 @@ def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
     names, the results of the functions below.
     """
     results = open_run(folder)
-    return write_result(stages.verify(results.part, results.light, rays=rays), folder)
+    return write_result(cast_stages.verify(results.part, results.light, rays=rays), folder)
 
 
 @in_locked_folder
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
-    return write_result(stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
+    return write_result(cast_stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
 
 
 @in_locked_folder

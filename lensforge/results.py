@@ -14,6 +14,7 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.optimisation.design import Design
 from lensforge.records import SimulatedResult, StageResult
@@ -33,6 +34,8 @@ EXTRAS: dict[str, type[StageResult]] = {
     "compare": PhotoComparison,
     "compare_inner": SurfaceComparison,
     "compare_outer": SurfaceComparison,
+    "correct_inner": Correction,
+    "correct_outer": Correction,
     "sensitivity": Sensitivity,
     "photometry": Photometry,
 }
@@ -105,6 +108,12 @@ class Results:
         return {each.surface: each for each in measured if each is not None}
 
     @property
+    def corrections(self) -> dict[str, Correction]:
+        """Corrections for a second cut, by "inner" and "outer"."""
+        made = (self.find(Correction, f"correct_{side}") for side in ("inner", "outer"))
+        return {each.surface: each for each in made if each is not None}
+
+    @property
     def verdict(self) -> Verdict:
         """The verdict on light, files and cutting."""
         return verdict_on(
@@ -139,7 +148,9 @@ def is_own(stem: str) -> bool:
 
 def stem_of(result: StageResult) -> str:
     """Name of the JSON file of ``result`` in a result folder, without its suffix: its stage, and other conditions."""
-    stem = f"compare_{result.surface}" if isinstance(result, SurfaceComparison) else result.stage
+    stem = result.stage
+    if isinstance(result, SurfaceComparison | Correction):
+        stem = f"{result.command.split()[0]}_{result.surface}"
     conditions = result.conditions if isinstance(result, SimulatedResult) else None
     return stem if conditions is None else f"{stem}_{conditions.name}"
 

@@ -15,7 +15,8 @@ from lensforge.records.result import SCHEMA_VERSION
 from lensforge.records.stored import read_object, require_checksum, validated, with_checksum
 from lensforge.results import Results, is_own
 from lensforge.spec import Accuracy
-from lensforge.verdict import Verdict
+from lensforge.verdict import Verdict, unjudged_files
+from lensforge.verification.proof import JUDGED_FILES, Proof
 from lensforge.version import __version__
 
 RUN_FILE, RUN_SCHEMA = "run.json", f"lensforge-run-{SCHEMA_VERSION}"
@@ -67,17 +68,20 @@ def recorded_hashes(folder: Path) -> dict[str, str] | None:
 def require_recorded(results: Results, folder: Path) -> None:
     """Raise :class:`InputError` where ``results`` are not those that ``run.json`` states, or its verdict is not theirs.
 
-    A file of the part that is not the one in export.json is refused with or without ``run.json``.
+    A file of the part that is not the one in export.json is refused with or without ``run.json``, unless it has been
+    verified as it is.
     """
     part = results.find(Part)
-    if part is not None and part.altered:
-        raise InputError(f"{folder / part.altered[0]}: not the file that export.json describes; {Part.again()}")
+    unjudged = () if part is None else unjudged_files(part, results.find(Proof))
+    if unjudged:
+        verify = ", or `lensforge verify` to have it judged as it is" if unjudged[0] in JUDGED_FILES else ""
+        raise InputError(f"{folder / unjudged[0]}: not the file that export.json describes; {Part.again()}{verify}")
     record = read_record(folder)
     if record is None:
         return
     for stem, result in _all(results):
         why = _unrecorded(stem, result, record.hashes)
-        if why:
+        if why and not _is_altered(result):
             raise InputError(f"{folder / stem}.json: {why}; {type(result).again()}")
     if record.version == __version__ and not results.outdated and set(record.hashes) == {s for s, _ in _all(results)}:
         _require_summary(record, results, folder / RUN_FILE)
@@ -121,18 +125,22 @@ def _unrecorded(stem: str, result: StageResult, hashes: Mapping[str, str]) -> st
     return ""
 
 
+def _is_altered(result: StageResult) -> bool:
+    """True for a part whose files have been changed: its hash is no longer the one recorded."""
+    return isinstance(result, Part) and bool(result.altered)
+
+
 def as_recorded(results: Results, hashes: Mapping[str, str] | None) -> Results:
     """``results`` without those that are not as recorded by ``hashes``, nor made from such; None: nothing is known.
 
-    A part whose files were altered stays: casts of its files judge it, and its verdict is undecided.
+    A part whose files were altered stays: casts of its files judge it, and until then its verdict is undecided.
     """
     if hashes is None:
         return results
     outdated = dict(results.outdated)
     for stem, result in _all(results):
-        altered = isinstance(result, Part) and bool(result.altered)
         source = next((name for name in result.made_from if name in outdated and is_own(name)), "")
-        why = "" if altered else _unrecorded(stem, result, hashes)
+        why = "" if _is_altered(result) else _unrecorded(stem, result, hashes)
         if why or source:
             outdated[stem] = f"{why or f'the {source} that it was made from does not count'}; {type(result).again()}"
     found = {stem: result for stem, result in results.found.items() if stem not in outdated}

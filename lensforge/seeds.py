@@ -6,8 +6,8 @@ They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40
 MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
-_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD = (
-    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64)
+_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN = (
+    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128)
 )
 
 
@@ -29,6 +29,11 @@ def of_replicate(seed: int, replicates: int, replicate: int, parts: int, part: i
 def of_verification(seed: int) -> int:
     """Seed for the rays that verify the exported part, the stray-light pass included."""
     return _VERIFICATION + seed
+
+
+def of_own_rays(seed: int) -> int:
+    """Seed for the rays that verification draws by itself."""
+    return _OWN + seed
 
 
 def of_far_field(seed: int, parts: int, part: int) -> int:

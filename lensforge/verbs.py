@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lensforge import stages
+from lensforge import cast_stages, stages
 from lensforge.arguments import require, source_of, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
@@ -80,7 +80,7 @@ def sweep(
 def run_in_memory(design: Design, threads: int | None = None) -> Results:
     """Evaluate, build, check and verify the lens of ``design``: the stages of a run, without a folder."""
     light, part = stages.evaluate(design.lens, threads=threads), stages.build(design.lens)
-    check, proof = stages.check(part), stages.verify(part, light, threads=threads)
+    check, proof = stages.check(part), cast_stages.verify(part, light, threads=threads)
     results: tuple[StageResult, ...] = (design, light, part, check, proof)
     return Results(design.lens, {result.stage: result for result in results})
 

@@ -21,7 +21,7 @@ from lensforge.optics.materials import normal_transmittance
 from lensforge.optimisation.design import Design
 from lensforge.records import Record, State, Text
 from lensforge.spec import Spec
-from lensforge.verification.proof import Proof
+from lensforge.verification.proof import JUDGED_FILES, Proof
 
 LARGEST_NMSE = 0.10
 LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
@@ -148,13 +148,20 @@ def _files(design: Design | None, part: Part | None, check: Check | None, proof:
     if part is None:
         yield "undecided", "no files have been exported"
         return
-    for name in part.altered:
-        yield "undecided", f"{name} is not the file that export.json describes: run `lensforge export` again"
+    for name in unjudged_files(part, proof):
+        verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
+        yield "undecided", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
     if proof is None:
         yield "undecided", "the exported part has not been verified"
     elif proof.altered_files and not part.altered:
         names = ", ".join(proof.altered_files)
         yield "undecided", f"the files that were verified are not those of the export: {names}; verify again"
+
+
+def unjudged_files(part: Part, proof: Proof | None) -> tuple[str, ...]:
+    """Files that are not as exported, and whose geometry and light no verification has judged as they are now."""
+    judged = JUDGED_FILES if proof is not None and proof.altered_files == part.altered else ()
+    return tuple(name for name in part.altered if name not in judged)
 
 
 def _cutting(lens: Lens, check: Check) -> Iterator[_Reason]:

@@ -86,7 +86,7 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
-        patch.setattr("lensforge.stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.cast_stages._STRAY_RAYS", 512)
         patch.setattr("lensforge.tolerancing.sensitivity.RAYS", 512)
         run_stray(folder)
         run_sensitivity(folder)
@@ -100,7 +100,7 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     from PIL import Image
     from scenes import hemisphere_directions
 
-    from lensforge.compared_folder import run_compare_photo, run_compare_surface
+    from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 
     light = run.light.map
     seen = np.kron(light[::-1] / light.max(), np.ones((8, 8)))  # 8 pixels of the camera for each, row 0 on top
@@ -111,3 +111,4 @@ def _measure_part(run: lensforge.Run, folder: Path) -> None:
     u = hemisphere_directions(2000)
     np.savetxt(cloud, u * run.lens.inner.radius(u)[:, None], delimiter=",")
     run_compare_surface(folder, points=cloud, surface="inner")
+    run_correct(folder, points=cloud, surface="inner", wavelength_mm=1.5)

@@ -16,10 +16,11 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "untrusted",
     "pictures", "kernels", "records", "jackknife", "criteria", "surfaces",
-    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "optimisation",
-    "evaluation", "tolerancing", "far_field", "geometry", "manufacturing", "verification", "screens", "measurement",
-    "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "measured_part",
-    "run_record", "run_folder", "compared_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
+    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "geometry",
+    "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing", "verification", "screens", "emissions",
+    "measurement", "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages",
+    "cast_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder", "pipeline",
+    "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -181,3 +182,10 @@ def test_verification_shares_nothing_with_the_design() -> None:
         for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
+
+
+def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:
+    samplers = {"qmc", "square", "planar", "areas", "intensity", "luminance", "radiance", "inverse_cdf", "placement"}
+    for name in ("emissions.py", "verification/emission.py"):
+        used = {own for own in _own(_tree(PACKAGE / name)) if own.startswith("lensforge.sources.")}
+        assert not {own.split(".")[2] for own in used} & samplers

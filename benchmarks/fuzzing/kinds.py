@@ -20,7 +20,7 @@ _MODULES = {
     "records": (
         "lens", "run", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "photometry",
         "compare",
-        "compare_inner", "compare_outer", "sweep", "level-0",
+        "compare_inner", "compare_outer", "correct_inner", "correct_outer", "sweep", "level-0",
     ),
     "folders": ("load", "report", "handover"),
     "archives": ("arrays", "radiance"),
@@ -29,7 +29,9 @@ _MODULES = {
     "checkpoints": ("checkpoint",),
     "picture_files": ("png", "tiff", "jpeg", "bmp", "no_picture"),
 }  # fmt: skip
-OPTIONAL = ("compare", "compare_inner", "compare_outer", "sweep", "level-0")  # records that a folder need not have
+OPTIONAL = (  # records that a folder need not have
+    "compare", "compare_inner", "compare_outer", "correct_inner", "correct_outer", "sweep", "level-0",
+)  # fmt: skip
 NAMES = tuple(name for names in _MODULES.values() for name in names)
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.lens import Lens
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
 from lensforge.manufacturing.result import Check, FaceName, FaceResult, ToolResult, Wall
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -23,10 +23,11 @@ def check_contradictions(check: Check, lens: Lens) -> Iterator[str]:
     yield from differing(
         "min_wall_mm", check.min_wall_mm, min(walls.radial.thickness_mm, walls.normal.thickness_mm), "its walls"
     )
-    yield from judged("criteria", check.criteria, (radial_criterion(spec, walls.radial),))
+    derived_walls = (radial_criterion(spec, walls.radial), *thickest_criteria(spec, walls.thickest))
+    yield from judged("criteria", check.criteria, derived_walls)
     derived = check_findings(spec, check.inner, check.outer, check.min_wall_mm, check.relief, check.tools)
     yield from judged("verdicts", check.verdicts, derived)
-    for wall in (walls.normal, walls.radial):
+    for wall in (walls.normal, walls.radial, walls.thickest, walls.thickest_normal):
         yield from _wall(wall)
     yield from _thinnest(check, lens)
     yield from _face("inner", check.inner, check.inner_sag_mm, check.inner_kappa_max, check.inner_residual_mm)
@@ -63,11 +64,12 @@ def _wall(wall: Wall) -> Iterator[str]:
 
 
 def _thinnest(check: Check, lens: Lens) -> Iterator[str]:
-    """The radial wall is nowhere thinner than stated."""
+    """The radial wall is nowhere thinner than stated, nor thicker."""
     u = fibonacci_hemisphere(_DIRECTIONS)
-    least = float((lens.outer.radius(u) - lens.inner.radius(u)).min())
-    most = least + _SAMPLED * abs(least)
-    yield from beyond("wall.radial", check.wall.radial.thickness_mm, -np.inf, most, "the surfaces of lens.json")
+    wall, walls, source = lens.outer.radius(u) - lens.inner.radius(u), check.wall, "the surfaces of lens.json"
+    least, most = float(wall.min()), float(wall.max())
+    yield from beyond("wall.radial", walls.radial.thickness_mm, -np.inf, least + _SAMPLED * abs(least), source)
+    yield from beyond("wall.thickest", walls.thickest.thickness_mm, most - _SAMPLED * abs(most), np.inf, source)
 
 
 def _face(

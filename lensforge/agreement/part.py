@@ -3,23 +3,31 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
-from lensforge.geometry.acceptance import PART_CRITERIA, mesh_volume_limit, part_criteria
-from lensforge.geometry.part import Part
+from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.part import STL_FILE, Part
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEAD_BYTES = 84  # name and count of a binary STL
+_AREA_OF_FACETS = 1.0  # relative, over the square of the rings: the facets of 3 to 24 rings lack 0.4 of their area
 _SINGLE, _ROUNDED = 1e-4, 1e-3  # relative: an STL has single precision, and volume is a difference of large numbers
 
 
 def part_contradictions(part: Part) -> Iterator[str]:
     """Contradictions of the record of the files.
 
-    Where a file is not the one that the record describes, its criteria are no judgement of it: only their limits count.
+    Where the STL is not the one that the record describes, its triangles say nothing about the record.
     """
     yield from _shop(part)
-    if part.altered:
+    yield from differing("mass_g", part.mass_g, mass_g(part.lens.spec, part.volume_mm3), "density and volume")
+    yield from _keep_out(part)
+    slack = (_ROUNDED + _AREA_OF_FACETS / max(part.triangulation.rings, 1) ** 2) * part.area_mesh_mm2
+    least, most = part.area_mesh_mm2 - slack, part.area_mesh_mm2 + slack
+    yield from beyond("area_mm2", part.area_mm2, least, most, "the facets of the mesh")
+    if STL_FILE in part.altered:
         yield from _criteria(part, None)
         return
     count = (len(part.stl) - _HEAD_BYTES) // _TRIANGLE.itemsize
@@ -38,7 +46,31 @@ def part_contradictions(part: Part) -> Iterator[str]:
     yield from beyond(
         "volume_mesh_mm3", part.volume_mesh_mm3, volume - slack, volume + slack, "the triangles of lens.stl"
     )
+    slack = _SINGLE * area
+    yield from beyond("area_mesh_mm2", part.area_mesh_mm2, area - slack, area + slack, "the triangles of lens.stl")
+    yield from _bounds(part, triangles.reshape(-1, 3))
     yield from _criteria(part, area)
+
+
+def _keep_out(part: Part) -> Iterator[str]:
+    """The distance from the keep-out is that of its two places, or less: these are known to a facet's size."""
+    found, named = part.keep_out, part.lens.spec.constraints.keep_out
+    yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
+    if found is not None:
+        apart = float(np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm)))
+        yield from beyond("keep_out.distance_mm", found.distance_mm, -np.inf, apart, "its places")
+
+
+def _bounds(part: Part, corners: Float[np.ndarray, "n 3"]) -> Iterator[str]:
+    """The box against the corners of the triangles, which are rounded to single precision."""
+    for name, stated, found in zip(("least", "largest"), part.bounds_mm, _box(corners), strict=True):
+        for axis, one, other in zip("xyz", stated, found, strict=True):
+            slack = _SINGLE * max(abs(other), 1.0)
+            yield from beyond(f"bounds_mm: {name} {axis}", one, other - slack, other + slack, "the corners of lens.stl")
+
+
+def _box(corners: Float[np.ndarray, "n 3"]) -> tuple[list[float], list[float]]:
+    return corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
 
 
 def _shop(part: Part) -> Iterator[str]:
@@ -69,7 +101,8 @@ def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:
         change = abs(part.volume_mesh_mm3 / part.volume_mm3 - 1.0)
         yield from differing("criteria: mesh_volume_change", stored.get("mesh_volume_change"), change, "its volumes")
     remedies = {name: own[name].remedy if name in own else "" for name in PART_CRITERIA}
-    yield from judged("criteria", part.criteria, part_criteria(measured, _volume_limit(part, area_mm2), remedies))
+    derived = part_criteria(measured, _volume_limit(part, area_mm2), remedies)
+    yield from judged("criteria", part.criteria, (*derived, *keep_out_criteria(part.lens.spec, part.keep_out)))
 
 
 def _volume_limit(part: Part, area_mm2: float | None) -> float:

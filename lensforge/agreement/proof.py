@@ -6,9 +6,10 @@ from math import sqrt
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.agreement.comparing import beyond, differing, judged
+from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.metrics import relative_square
+from lensforge.geometry.part import Part
 from lensforge.verification.acceptance import (
     DEVIATION_PER_DISTANCE,
     agreement_of,
@@ -16,16 +17,22 @@ from lensforge.verification.acceptance import (
     proof_criteria,
     stray_criteria,
 )
+from lensforge.verification.light_result import OwnRays
+from lensforge.verification.own_rays_criteria import LEAST_RAYS
 from lensforge.verification.proof import Agreement, Proof, ReceiverProof
 from lensforge.verification.stray_result import StrayLight
 
 _QUANTILES, _P99 = 500, 495  # intervals of the gaps' distribution, and the index of its 99 %
+_LIGHT = "evaluate.json has"
 _ENOUGH = 2 * _QUANTILES  # rays for a root mean square by quantiles
 
 
-def proof_contradictions(proof: Proof, distances_mm: Sequence[float], light: Light | None) -> Iterator[str]:
+def proof_contradictions(
+    proof: Proof, distances_mm: Sequence[float], light: Light | None, part: Part | None = None
+) -> Iterator[str]:
     """Contradictions of the record of a verification; ``distances_mm``: to the spec's receivers."""
     yield from judged("criteria", proof.criteria, proof_criteria(proof))
+    yield from _sizes(proof, part)
     if len(proof.receivers) != len(distances_mm):
         yield f"receivers: {len(proof.receivers)}, the spec has {len(distances_mm)}"
         return
@@ -34,6 +41,26 @@ def proof_contradictions(proof: Proof, distances_mm: Sequence[float], light: Lig
         if light is not None and lit is None:
             yield f"receivers: {receiver.name}: not in evaluate.json"
         yield from _on_receiver(receiver, distance_mm, None if lit is None else lit.map)
+        if receiver.own_rays is None:
+            yield f"receivers: {receiver.name}: own_rays is missing"
+        elif lit is not None:
+            yield from unlike("own_rays.efficiency_design", receiver.own_rays.efficiency_design, lit.efficiency, _LIGHT)
+            known = lit.nmse_of_noise is not None and receiver.own_rays.rays >= LEAST_RAYS
+            yield from unlike("own_rays.nmse_less_noise", receiver.own_rays.nmse_less_noise is not None, known, _LIGHT)
+
+
+def _sizes(proof: Proof, part: Part | None) -> Iterator[str]:
+    """The sizes against those of the export, and the files that are judged against the files that are there."""
+    if proof.sizes is None or proof.emission_apart is None:
+        yield f"{'sizes' if proof.sizes is None else 'emission_apart'}: missing"
+        return
+    yield from differing("volume_mm3", proof.volume_mm3, proof.sizes.mesh.size.volume_mm3, "its sizes")
+    if part is None:
+        return
+    yield from unlike("sizes.exported", proof.sizes.exported, part.size, "export.json has")
+    chord_mm = 1e-3 * part.triangulation.chord_error_um
+    yield from differing("sizes.chord_mm", proof.sizes.chord_mm, chord_mm, "the facets in export.json")
+    yield from unlike("altered_files", proof.altered_files, part.altered, "the files in the folder are")
 
 
 def _on_receiver(proof: ReceiverProof, distance_mm: float, design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
@@ -51,12 +78,23 @@ def _on_receiver(proof: ReceiverProof, distance_mm: float, design: Float[np.ndar
         yield from _gaps("brep.against_design", proof.brep.against_design, proof.gaps_step_mm)
     if proof.mitsuba is not None and proof.gaps_mitsuba_mm is not None:
         yield from _gaps("mitsuba.against_design", proof.mitsuba.against_design, proof.gaps_mitsuba_mm)
+    if proof.own_rays is not None:
+        yield from _own_rays(proof.own_rays)
     for name, cast, gaps in (
         ("brep", proof.brep, proof.gaps_step_mm),
         ("mitsuba", proof.mitsuba, proof.gaps_mitsuba_mm),
     ):
         if (cast is None) != (gaps is None):
             yield f"{name}: {'missing' if cast is None else 'given'}, but its distances are not so"
+
+
+def _own_rays(own: OwnRays) -> Iterator[str]:
+    flux, source = own.flux, "its shares of flux"
+    yield from differing("own_rays.flux", sum(flux.model_dump().values()), 1.0, "the laws of conservation")
+    yield from differing(
+        "own_rays.flux.missed", flux.missed, sum(own.missed_by_cause.model_dump().values()), "its causes"
+    )
+    yield from differing("own_rays.efficiency", own.efficiency.value, flux.detected, source)
 
 
 def _gaps(name: str, stated: Agreement, gaps_mm: Float[np.ndarray, " q"]) -> Iterator[str]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from pydantic import ValidationError
 
+from lensforge.agreement.correction import correction_contradictions
 from lensforge.agreement.cutting import check_contradictions
 from lensforge.agreement.light import light_contradictions
 from lensforge.agreement.part import part_contradictions
@@ -22,6 +23,7 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
 from lensforge.tolerancing.sensitivity_table import Sensitivity
@@ -54,7 +56,9 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
         case Proof():
             light = found.get(Light.stage)
             own = light if isinstance(light, Light) else None
-            yield from proof_contradictions(result, _distances_mm(lens), own)
+            part = found.get(Part.stage)
+            of = part if isinstance(part, Part) else None
+            yield from proof_contradictions(result, _distances_mm(lens), own, of)
         case StrayLight():
             yield from stray_contradictions(result)
         case Photometry():
@@ -65,6 +69,8 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             yield from photo_contradictions(result)
         case SurfaceComparison():
             yield from surface_contradictions(result)
+        case Correction():
+            yield from correction_contradictions(result, lens)
 
 
 def _distances_mm(lens: Lens) -> list[float]:

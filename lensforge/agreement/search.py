@@ -47,11 +47,17 @@ def _sampled(design: Design, lens: Lens) -> Iterator[tuple[str, float, float]]:
     u = u[first_images(u, lens.symmetry)][::_EVERY]
     inner, outer = lens.inner.radius(u), lens.outer.radius(u)
     limits, margins = lens.spec.constraints, design.constraints
-    for name, stated, field in (
+    wall = outer - inner
+    fields = [
         ("cavity_clearance_mm", margins.cavity_clearance_mm, _cavity(lens, u, inner)),
-        ("wall_margin_mm", margins.wall_margin_mm, outer - inner - limits.min_thickness_mm),
+        ("wall_margin_mm", margins.wall_margin_mm, wall - limits.min_thickness_mm),
         ("radius_margin_mm", margins.radius_margin_mm, limits.max_radius_mm - outer),
-    ):
+    ]
+    if limits.max_wall_mm is not None and margins.largest_wall_margin_mm is not None:
+        fields.append(("largest_wall_margin_mm", margins.largest_wall_margin_mm, limits.max_wall_mm - wall))
+    if limits.max_height_mm is not None and margins.height_margin_mm is not None:
+        fields.append(("height_margin_mm", margins.height_margin_mm, limits.max_height_mm - outer * u[:, 2]))
+    for name, stated, field in fields:
         yield f"constraints.{name}", stated, float(field.min()) + 1e-9 * limits.max_radius_mm
 
 

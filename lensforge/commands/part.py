@@ -1,4 +1,4 @@
-"""Commands on a finished part: sensitivity, handover to the shop, comparison with the machined part, photometry."""
+"""Commands on a finished part: sensitivity, handover, comparison with the machined part, its correction, photometry."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,7 +9,7 @@ from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
-from lensforge.compared_folder import run_compare_photo, run_compare_surface
+from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 from lensforge.errors import InputError
 
 if TYPE_CHECKING:
@@ -127,6 +127,51 @@ def compare(
         finish(directory, measured)
     else:
         raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
+
+
+@click.command()
+@FOLDER
+@click.option(
+    "--points", type=click.Path(path_type=Path), required=True, help="Points x, y, z in mm, of the first cut."
+)
+@click.option("--surface", type=click.Choice(["inner", "outer"]), required=True, help="Surface on which they lie.")
+@click.option(
+    "--wavelength",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Shortest wave of the deviation that is corrected (mm); default: by the noise of the points.",
+)
+@click.option("--gain", type=float, default=1.0, show_default=True, help="Share of the deviation that is mirrored.")
+@click.option(
+    "--registration",
+    type=click.Choice(["rigid", "shift", "none"]),
+    default="rigid",
+    show_default=True,
+    help="Motion that fits --points to the design; it is no part of the correction.",
+)
+@RAYS
+@THREADS
+def correct(
+    directory: Path,
+    points: Path,
+    surface: Literal["inner", "outer"],
+    wavelength: float | None,
+    gain: float,
+    registration: Literal["rigid", "shift", "none"],
+    rays: int | None,
+    threads: int | None,
+) -> None:
+    """Write the STEP of a face corrected for its second cut by points measured on the first, lens_corrected_*.step."""
+    with threads_of_torch(threads):
+        made = run_correct(
+            directory,
+            points=points,
+            surface=surface,
+            wavelength_mm=wavelength,
+            gain=gain,
+            registration=registration,
+            rays=rays,
+        )
+    finish(directory, made)
 
 
 @click.command()

@@ -18,6 +18,12 @@ from lensforge.run_folder import Run, open_run
 from lensforge.verdict import Verdict, verdict_on
 
 _METRIC = {"value", "unit", "standard_error"}
+# Digits that the errors of sampled figures carry (docs/definitions.md); the records keep all.
+_SIGNIFICANT = {"form_error_nm": 2, "normal_error_mrad": 2, "chord_error_um": 3}
+_DECIMALS = {
+    "thickness_mm": 6, "min_wall_mm": 6, "pv_mm": 6, "rms_mm": 6, "area_fraction_below_half": 5,
+    "area_fraction_below_two": 5, "undercut_fraction": 5, "reachable_fraction": 3, "local_ok_fraction": 3,
+}  # fmt: skip
 _NOT_NUMBERS = ("criteria", "version", "inputs", "conditions")
 
 
@@ -99,13 +105,24 @@ def print_table(content: Mapping[str, object], prefix: str = "") -> None:
                 print_table(rest, f"{prefix}{key}.{entry['name']}.")
         else:
             shown = json.dumps(value) if isinstance(value, list | tuple) else value
-            click.echo(printable(f"{prefix}{key}\t{shown}"))
+            click.echo(printable(f"{prefix}{key}\t{_to_its_digits([*prefix.split('.'), key], shown)}"))
+
+
+def _to_its_digits(names: Sequence[str], value: object) -> object:
+    """A number without the digits that its error does not carry; ``names``: its path in the record."""
+    if not isinstance(value, float):
+        return value
+    significant = next((_SIGNIFICANT[name] for name in names if name in _SIGNIFICANT), None)
+    if significant is not None:
+        return float(f"{value:.{significant}g}")
+    decimals = _DECIMALS.get(names[-1])
+    return value if decimals is None else round(value, decimals)
 
 
 _HEADLINE = {
     "evaluate": ("nmse", "uniformity", "efficiency", "share_in_target"),
     "design": ("steps", "seconds", "max_radius_mm", "height_mm", "constraints"),
-    "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3"),
+    "export": ("form_error_nm", "normal_error_mrad", "watertight", "genus", "volume_mm3", "mass_g", "keep_out"),
     "check": ("min_wall_mm",),
     "verify": ("nmse_vs_design", "noise_floor_nmse", "deviation_mm"),
 }

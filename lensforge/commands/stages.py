@@ -43,7 +43,7 @@ def evaluate(
 )
 @click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, extended by DEG degrees.")
 @click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
-@click.option("--rings", type=int, help="Rings of the mesh; default: as many as its tolerance needs.")
+@click.option("--rings", type=int, help="Equal rings of the mesh; default: its facets are within 1 um of the faces.")
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: that of the spec.")
 def export(
     directory: Path,
@@ -87,11 +87,8 @@ def verify(
     with threads_of_torch(threads):
         proof = pipeline.run_verify(directory, rays=rays)
         followed = pipeline.run_stray(directory, rays=rays, base=base) if stray else None
-    if proof.altered_files:
-        names = ", ".join(proof.altered_files)
-        click.echo(
-            warning_line(f"{names}: not as exported, by export.json; the rays went through what is there"), err=True
-        )
+    for note in proof.notes:
+        click.echo(warning_line(note), err=True)
     finish(directory, proof, "files", **({} if followed is None else {"stray_light": followed}))
 
 

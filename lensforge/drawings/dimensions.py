@@ -12,7 +12,9 @@ from jaxtyping import Float
 
 from lensforge.drawings.offset_face import OffsetFace
 from lensforge.geometry.custom_base import read_custom_base, tessellated
-from lensforge.geometry.plan import relief_ring
+from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.outline import Outline
+from lensforge.geometry.plan import lay_out
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.surfaces.chart import to_chart, to_sphere
@@ -71,12 +73,12 @@ def highest_point_mm(surface: Surface) -> float:
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:
-    base = lens.spec.base
+    base = base_with_room(lens)
     if base.kind == "none":
         return []
     if base.file is not None:
         return _box_of_file(base.file)
-    ring = relief_ring(lens.inner, lens.outer, base)
+    plan = lay_out(lens.inner, lens.outer, base)
     square = base.kind == "square"
     found = [
         Dimension(
@@ -85,8 +87,9 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
         Dimension("height of the base below A", base.height_mm),
     ]
     for name, value in (
-        ("relief step below A", base.relief_step_mm or None),
-        ("diameter of the step's wall", None if ring is None else 2.0 * float(ring.radius(np.zeros(1))[0])),
+        ("relief step below A", base.step_mm or None),
+        ("diameter of the step's wall", _diameter(plan.ring)),
+        ("diameter of the bore", _diameter(plan.bore)),
         ("clocking flat, across +x, from the axis", base.flat_mm),
         ("diameter of the pocket", base.pocket_diameter_mm),
         ("depth of the pocket", base.pocket_depth_mm if base.pocket_diameter_mm else None),
@@ -96,6 +99,10 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
         if value is not None:
             found.append(Dimension(name, value))
     return found
+
+
+def _diameter(circle: Outline | None) -> float | None:
+    return None if circle is None else 2.0 * float(circle.radius(np.zeros(1))[0])
 
 
 def _box_of_file(path: Path) -> list[Dimension]:

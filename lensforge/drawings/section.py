@@ -7,14 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from lensforge.geometry.outline import outline_of
-from lensforge.geometry.plan import relief_ring
-from lensforge.geometry.section import Curve, body_outlines, profile
+from lensforge.geometry.base_profile import base_corners
+from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.plan import lay_out, rim_radius
+from lensforge.geometry.section import Curve, body_outlines
 from lensforge.lens import Lens
 from lensforge.report.figure_style import BLUE, GREY, INK, WIDE, in_report_style, new_figure
-from lensforge.spec import BaseSection
 
-_X = np.array([1.0, 0.0, 0.0])
 _BOX = {"boxstyle": "square", "facecolor": "white"}
 _CLEAR = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
 _WIDTH, _TALLEST = 1.5 * WIDE, 6.5  # inches
@@ -62,33 +61,26 @@ def _extent(outlines: list[Curve]) -> tuple[float, float, float]:
 def heights(lens: Lens, lowest_mm: float) -> tuple[list[Span], list[Span]]:
     """Heights (z from, z to) of the lens and of its base, smallest first."""
     apexes = [float(surface.radius(np.array([[0.0, 0.0, 1.0]]))[0]) for surface in (lens.inner, lens.outer)]
-    base, found = lens.spec.base, [(lowest_mm, 0.0)]
+    base, found = base_with_room(lens), [(lowest_mm, 0.0)]
     if base.kind in ("cylinder", "square"):
-        found += [(-base.relief_step_mm, 0.0)] if base.relief_step_mm > 0.0 else []
+        found += [(-base.step_mm, 0.0)] if base.step_mm > 0.0 else []
         found += [(lowest_mm, lowest_mm + base.pocket_depth_mm)] if base.pocket_diameter_mm is not None else []
         found += [(lowest_mm, lowest_mm + base.flange_height_mm)] if base.flange_diameter_mm is not None else []
     return [(0.0, apex) for apex in apexes], _by_size(found) if lowest_mm < 0.0 else []
 
 
 def widths(lens: Lens, outlines: list[Curve]) -> list[Span]:
-    """Widths (x from, x to) in the section, smallest first: rims, wall of the step, pocket, base, flange."""
-    rims = [profile(surface, _X)[[0, -1], 0] for surface in (lens.inner, lens.outer)]
-    found = [(float(first), float(last)) for first, last in rims]
-    base = lens.spec.base
-    if base.kind in ("cylinder", "square"):
-        right, left = (_side(base, turn) for turn in (0.0, np.pi))
-        ring = relief_ring(lens.inner, lens.outer, base)
-        round_ones = [base.pocket_diameter_mm, base.flange_diameter_mm]
-        round_ones.append(None if ring is None else 2.0 * float(ring.radius(np.zeros(1))[0]))
-        found += [(-left, right), *((-width / 2.0, width / 2.0) for width in round_ones if width is not None)]
-    elif base.kind == "step":
+    """Widths (x from, x to) in the section, smallest first: rims, bore, wall of the step, pocket, base, flange."""
+    base = base_with_room(lens)
+    corners = base_corners(lay_out(lens.inner, lens.outer, base))
+    turns = np.array([0.0, np.pi])
+    found = {tuple(each.radius(turns)) for each in corners}
+    found |= {tuple(rim_radius(surface)(turns)) for surface in (lens.inner, lens.outer)}
+    spans = [(-float(left), float(right)) for right, left in found]
+    if base.kind == "step":
         across = np.concatenate(outlines)[:, 0]
-        found.append((float(across.min()), float(across.max())))
-    return _by_size(found)
-
-
-def _side(base: BaseSection, azimuth: float) -> float:
-    return float(outline_of(base).radius(np.array([azimuth]))[0])
+        spans.append((float(across.min()), float(across.max())))
+    return _by_size(spans)
 
 
 def _by_size(spans: list[Span]) -> list[Span]:

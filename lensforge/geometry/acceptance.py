@@ -1,8 +1,9 @@
-"""Acceptance of the exported files: the largest errors, and the criteria on the values measured by reading back."""
+"""Acceptance of the exported files: the largest errors, the criteria on values measured by reading back, the mass."""
 
 from collections.abc import Mapping
 
 from lensforge.criteria import Criterion, Sense, at_least, at_most
+from lensforge.spec import Spec
 
 # The largest errors of an exported face.
 FORM_LIMIT_NM, NORMAL_LIMIT_MRAD = 1.0, 0.02
@@ -43,6 +44,12 @@ def part_criteria(
         (at_most if sense == "<=" else at_least)(name, measured[name], limits[name], unit, remedies[name])
         for name, (sense, unit) in PART_CRITERIA.items()
     )
+
+
+def mass_g(spec: Spec, volume_mm3: float) -> float | None:
+    """Mass (g) of a part of ``volume_mm3`` (mm^3); None where the spec states no density."""
+    density = spec.lens.density_g_per_cm3
+    return None if density is None else 1e-3 * density * volume_mm3
 
 
 def mesh_volume_limit(area_mm2: float, chord_error_mm: float, volume_mm3: float) -> float:

@@ -14,7 +14,8 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
-from lensforge.geometry.mesh import INNER, OUTER, RIM, BodyMesh
+from lensforge.geometry.base_profile import INNER, OUTER, RIM
+from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.solid import Solid, uniquely_named
 from lensforge.geometry.step_reading import parse_apart
 from lensforge.untrusted.archives import MOST_STEP_MIB

@@ -5,10 +5,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from lensforge.criteria import Criterion
-from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
+from lensforge.geometry.acceptance import mass_g, mesh_volume_limit, part_criteria
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
+from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
-from lensforge.geometry.mesh import INNER, OUTER, BodyMesh, build_mesh
+from lensforge.geometry.keep_out import read_keep_out
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_distance import keep_out_distance
+from lensforge.geometry.mesh import BodyMesh, build_mesh, mesh_error
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (
     STEP_FILE,
@@ -16,6 +22,7 @@ from lensforge.geometry.part import (
     SURFACES_FILE,
     THREEMF_FILE,
     Faces,
+    KeepOutDistance,
     Part,
     Signature,
     SplineNodes,
@@ -23,9 +30,11 @@ from lensforge.geometry.part import (
     UntrimmedSurfaces,
     stamp_of,
 )
-from lensforge.geometry.patch import fit_extended
+from lensforge.geometry.patch import Patch, fit_extended
 from lensforge.geometry.plan import Plan, make_plan
-from lensforge.geometry.rings import MeshTolerance, mesh_error, rings_for
+from lensforge.geometry.refinement import CHORD_MM
+from lensforge.geometry.rings import rings_for
+from lensforge.geometry.size import mesh_bounds_mm, solid_area_mm2
 from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
 from lensforge.geometry.step import (
     parse_step,
@@ -47,9 +56,9 @@ from lensforge.surfaces.scaled import scaled
 class _Body:
     """Plan, mesh and solid of the lens, and the errors of the mesh's facets against its faces."""
 
-    plan: Plan
+    plan: Plan[Patch]
     mesh: BodyMesh
-    reached: MeshTolerance
+    reached: FacetError
     solid: Solid
 
 
@@ -71,7 +80,7 @@ def build_part(
     *,
     nodes: int | None = None,
     rings: int | None = None,
-    tolerance: MeshTolerance | None = None,
+    chord_mm: float = CHORD_MM,
     schema: Schema = "AP214",
     runout_deg: float | None = None,
     date: str | None = None,
@@ -79,7 +88,8 @@ def build_part(
     """Make the part: the bytes of STEP, STL and 3MF, and their errors, measured by reading these bytes back.
 
     ``nodes``: spline nodes across each optical face, by default as many as the form needs.
-    ``rings``: rings of the mesh, by default as many as ``tolerance`` needs.
+    ``rings``: equal rings of the mesh; by default as many as the faces' detail needs, their facets split where they
+    are more than ``chord_mm`` (mm) from the surface.
     ``runout_deg``: also write ``lens_surfaces.step``, the optical faces untrimmed and extended by this angle (degrees)
     beyond the rim, for the run-out of the tool; those of a mould insert are scaled by 1 + shrinkage, the part is not.
     ``date``: of the files, by default ``manufacture.date``; an AP242 part carries ``manufacture.form_tolerance_um``.
@@ -88,7 +98,7 @@ def build_part(
     """
     start = time.perf_counter()
     require_schema(schema)
-    body = _build(lens, nodes, rings, tolerance or MeshTolerance())
+    body = _build(lens, nodes, rings, chord_mm)
     shop, name = lens.spec.manufacture, lens.spec.name
     signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
     header = StepHeader(**signature.model_dump())
@@ -101,6 +111,7 @@ def build_part(
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
+    keep_out = _keep_out(lens, body)
     files = {STEP_FILE: step, STL_FILE: stl, THREEMF_FILE: threemf}
     if surfaces_step is not None:
         files[SURFACES_FILE] = surfaces_step
@@ -111,6 +122,11 @@ def build_part(
         normal_error_mrad=Extent(max=proof.form.normal_max_mrad, rms=proof.form.normal_rms_mrad),
         volume_mm3=proof.solid.volume_mm3,
         volume_mesh_mm3=proof.stl.volume_mm3,
+        mass_g=mass_g(lens.spec, proof.solid.volume_mm3),
+        keep_out=keep_out,
+        area_mm2=solid_area_mm2(proof.solid),
+        area_mesh_mm2=body.mesh.area(),
+        bounds_mm=mesh_bounds_mm(body.mesh),
         watertight=proof.stl.watertight,
         genus=proof.stl.genus,
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
@@ -122,7 +138,7 @@ def build_part(
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=_criteria(proof),
+        criteria=(*_criteria(proof), *keep_out_criteria(lens.spec, keep_out)),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -130,20 +146,26 @@ def build_part(
     )
 
 
-def _build(lens: Lens, nodes: int | None, rings: int | None, tolerance: MeshTolerance) -> _Body:
+def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) -> _Body:
     """Fit the faces, build mesh and solid, and join the base where it comes from a file."""
     base = None if lens.spec.base.file is None else read_custom_base(lens.spec.base.file)
-    plan = make_plan(*fit_faces(lens, nodes, nodes), lens.spec.base)
-    mesh = build_mesh(plan, rings_for(plan, tolerance) if rings is None else rings)
-    reached = mesh_error(plan, mesh.rings)
+    plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
+    mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
+    reached = mesh_error(mesh, plan)
     solid = build_solid(plan)
     if base is not None:
         mesh, solid = join_mesh(mesh, base, reached.chord_mm), join_base(solid, base)
     return _Body(plan, mesh, reached, solid)
 
 
+def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
+    """Distance of the body from the keep-out of the spec; None where it has none."""
+    path = lens.spec.constraints.keep_out
+    return None if path is None else keep_out_distance(body.mesh, read_keep_out(path), body.reached.chord_mm)
+
+
 def _untrimmed(
-    lens: Lens, plan: Plan, runout_deg: float, schema: Schema, header: StepHeader
+    lens: Lens, plan: Plan[Patch], runout_deg: float, schema: Schema, header: StepHeader
 ) -> tuple[UntrimmedSurfaces, bytes]:
     """The untrimmed faces as a STEP file of their own, and their form error above the rim as read back."""
     scale = lens.spec.manufacture.scale

@@ -3,8 +3,9 @@
 "Valid and watertight" says nothing about form: a face that is 12 um off passes every topological test.
 """
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
+from lensforge.geometry.local_search import refined_maximum
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import MAX_NODES, Patch, default_nodes, fit_patch
 from lensforge.geometry.plan import rim_directions
@@ -22,6 +24,9 @@ from lensforge.surfaces.surface import Surface
 SAMPLES = 4096
 _RIM_SHARE = 4  # for every four samples a further one lies exactly on the rim, where splines are worst
 _SAME_CHART = 1e-3
+# Between the nodes of a spline its error rises and falls, on the finest (240 nodes) every 0.005 of the chart; samples
+# are 0.03 apart. Against 400,000 points the largest of the samples is 1 to 22 % too low, that of the search up to 3 %.
+_REACH, _STARTS, _ROUNDS = 0.01, 24, 4
 # A fit aims at half of the largest errors that are accepted; errors fall with these powers of the node count.
 _FORM_AIM_NM, _NORMAL_AIM_MRAD = 0.5 * FORM_LIMIT_NM, 0.5 * NORMAL_LIMIT_MRAD
 _FORM_ORDER, _NORMAL_ORDER = 6, 5
@@ -116,18 +121,10 @@ def face_points(
 
 def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> FormError:
     """Compare points and normals with ``surface``; the distance is the radial one times the cosine, to first order."""
-    radius = np.linalg.norm(points, axis=1)
-    directions = points / radius[:, None]
-    rho = surface.radius(directions)
-    exact = directions - surface.gradient(directions) / rho[:, None]
-    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
-    distance = (radius - rho) * np.sum(exact * directions, axis=1) * 1e6
-    sine = np.linalg.norm(np.cross(normals, exact), axis=1)
-    cosine = np.abs(np.sum(normals * exact, axis=1))
-    angle = np.arctan2(sine, cosine) * 1e3
-    farthest, steepest = int(np.argmax(np.abs(distance))), int(np.argmax(angle))
+    distance, angle = _errors(surface, points, normals)
+    farthest, steepest = int(np.argmax(distance)), int(np.argmax(angle))
     return FormError(
-        float(np.abs(distance[farthest])),
+        float(distance[farthest]),
         _rms(distance),
         float(angle[steepest]),
         _rms(angle),
@@ -136,13 +133,51 @@ def form_error(surface: Surface, points: Float[np.ndarray, "n 3"], normals: Floa
     )
 
 
+def _errors(
+    surface: Surface, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Distance (nm) and angle between normals (mrad) from ``surface`` at each point, both at least 0."""
+    radius = np.linalg.norm(points, axis=1)
+    directions = points / radius[:, None]
+    rho = surface.radius(directions)
+    exact = directions - surface.gradient(directions) / rho[:, None]
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    distance = np.abs(radius - rho) * np.sum(exact * directions, axis=1) * 1e6
+    sine = np.linalg.norm(np.cross(normals, exact), axis=1)
+    cosine = np.abs(np.sum(normals * exact, axis=1))
+    return distance, np.arctan2(sine, cosine) * 1e3
+
+
+Evaluate = Callable[[Float[np.ndarray, "n 2"]], tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]]
+
+
+def largest_errors(surface: Surface, evaluate: Evaluate, chart: Float[np.ndarray, "n 2"]) -> FormError:
+    """Form error at ``chart`` points, its largest values searched for between them too.
+
+    ``evaluate``: points (mm) and unit normals of the face at chart points.
+    """
+    sampled = evaluate(chart)
+    found = form_error(surface, *sampled)
+    for kind, values in enumerate(_errors(surface, *sampled)):
+
+        def error(points: Float[np.ndarray, "m 2"], kind: int = kind) -> Float[np.ndarray, " m"]:
+            return _errors(surface, *evaluate(points))[kind]
+
+        place, largest = refined_maximum(error, chart, values, _REACH, starts=_STARTS, rounds=_ROUNDS)
+        at = _place(evaluate(place[None])[0][0])
+        if kind == 0:
+            found = replace(found, form_max_nm=largest, form_at_mm=at)
+        else:
+            found = replace(found, normal_max_mrad=largest, normal_at_mm=at)
+    return found
+
+
 def face_error(surface: Surface, face: Any, count: int = SAMPLES) -> FormError:
     """Form error of a face over the hemisphere. Raises :class:`InputError` if its parameters are not the chart's."""
     chart = chart_samples(count)
-    points, normals = face_points(face, chart)
-    if not np.allclose(to_chart(points), chart, atol=_SAME_CHART):
+    if not np.allclose(to_chart(face_points(face, chart)[0]), chart, atol=_SAME_CHART):
         raise InputError("the optical face is not over the lens's chart; run `lensforge export` again")
-    return form_error(surface, points, normals)
+    return largest_errors(surface, lambda points: face_points(face, points), chart)
 
 
 def _rms(values: Float[np.ndarray, " n"]) -> float:

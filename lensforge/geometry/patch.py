@@ -72,6 +72,20 @@ class Patch:
         return radius
 
     @cached_property
+    def trimmed(self) -> "Patch":
+        """The same patch over the unit disc; at the corners of its square it goes no deeper than near the disc.
+
+        CAD programs take the bounding box of a face from all control points. Those that no point of the disc depends
+        on are raised to the lowest one on which the disc does.
+        """
+        first, last = self.knots[: -DEGREE - 1], self.knots[DEGREE + 1 :]
+        nearest = np.clip(0.0, first, last)  # of each function's support to the axis
+        bound = np.add.outer(nearest**2, nearest**2) < 1.0
+        control = self.control.copy()
+        control[~bound, 2] = np.maximum(control[~bound, 2], control[bound, 2].min())
+        return Patch(control, self.knots)
+
+    @cached_property
     def _spline(self) -> NdBSpline:
         return NdBSpline((self.knots, self.knots), self.control, DEGREE)
 

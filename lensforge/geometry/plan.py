@@ -5,51 +5,48 @@ outline (a *ledge* of the base projects), outside (the dome *overhangs* the base
 outline. Mesh and solid are both built arc by arc from this plan, so neither needs a boolean operation.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
 
 from lensforge.errors import InputError, remedy
+from lensforge.geometry.arcs import Arc, Radius, arcs_between, sampled_azimuths
 from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
-from lensforge.geometry.patch import Patch
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
-from lensforge.surfaces.surface import Surface
 
-Relation = Literal["bare", "ledge", "overhang", "flush"]
-Radius = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]  # distance (mm) from the axis over azimuths
-
-FLUSH_MM = 1e-6  # rim and outline closer than this all around are one edge
 _MIN_BASE_WALL_MM = 0.01
-_SAMPLES = 2048  # azimuths: 20 across the narrowest usual SRBF
 _WALL_NODES = 96  # chart nodes at which the wall is tested
 
 
+@runtime_checkable
+class StarShaped(Protocol):
+    """A surface by its distance (mm) from the origin: of the design, or fitted for the CAD file."""
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Distance (mm) from the origin in unit ``directions``."""
+        ...
+
+
+Face = TypeVar("Face", bound=StarShaped)
+
+
 @dataclass(frozen=True)
-class Arc:
-    """Azimuths from ``start`` to ``end`` (rad) over which the seat keeps its ``relation`` to the outline."""
-
-    start: float
-    end: float
-    relation: Relation
-
-
-@dataclass(frozen=True)
-class Plan:
+class Plan(Generic[Face]):
     """The two optical faces of a lens, its base, and the arcs of the seat, which go once around.
 
-    ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat.
+    ``ring``: the circle of a relief step's wall that is set back from the outer rim; it is then the seat. ``bore``: the
+    circle of a bore that is set back from the cavity's rim.
     """
 
-    inner: Patch
-    outer: Patch
+    inner: Face
+    outer: Face
     base: BaseSection
     arcs: tuple[Arc, ...]
     ring: Outline | None = None
+    bore: Outline | None = None
 
     @property
     def has_base(self) -> bool:
@@ -79,7 +76,7 @@ class Plan:
     @property
     def relief_mm(self) -> float:
         """Depth below z = 0 at which the base's outline begins; a flush base has no step."""
-        return 0.0 if self.flush else self.base.relief_step_mm
+        return 0.0 if self.flush else self.base.step_mm
 
     @property
     def shoulder_mm(self) -> float:
@@ -107,48 +104,79 @@ def rim_directions(azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"
     return np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1)
 
 
-def make_plan(inner: Patch, outer: Patch, base: BaseSection) -> Plan:
+def make_plan(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
     """Lay out the body. Raises :class:`InputError` if the surfaces touch or the base cannot hold the cavity."""
     with remedy("raise constraints.min_thickness_mm and design again"):
         _require_wall(inner, outer)
+    if base.kind in ("cylinder", "square"):
+        _require_opening_inside(inner, base, outline_of(base))
+    plan = lay_out(inner, outer, base)
+    met = len(plan.arcs) > 1 or (plan.ring is not None and plan.flush)
+    if base.step_mm > 0.0 and met:
+        widths = 2.0 * (rim_radius(outer) if plan.ring is None else plan.ring.radius)(sampled_azimuths())
+        raise InputError(
+            f"base.relief_step_mm = {base.step_mm:g}: the wall of the step, {widths.min():.4g} to "
+            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
+        )
+    return plan
+
+
+def lay_out(inner: Face, outer: Face, base: BaseSection) -> Plan[Face]:
+    """The plan of a body that need not be possible, for a drawing.
+
+    Raises :class:`InputError` where a setback leaves nothing of the base.
+    """
     if base.kind in ("none", "step"):
         return Plan(inner, outer, base, (Arc(0.0, FULL_TURN, "bare"),))
     outline = outline_of(base)
-    _require_opening_inside(inner, base, outline)
-    ring = relief_ring(inner, outer, base)
-    seat = _rim_radius(outer) if ring is None else ring.radius
-    arcs = _arcs(seat, outline)
-    if base.relief_step_mm > 0.0 and (len(arcs) > 1 or (ring is not None and arcs[0].relation == "flush")):
-        widths = 2.0 * seat(_samples())
-        raise InputError(
-            f"base.relief_step_mm = {base.relief_step_mm:g}: the wall of the step, {widths.min():.4g} to "
-            f"{widths.max():.4g} mm wide, meets the side of the base; make the base wider, or set the step to 0"
-        )
-    return Plan(inner, outer, base, arcs, ring)
+    bore = _bore(inner, base, outline)
+    ring = _relief_ring(inner if bore is None else bore, outer, base)
+    seat = rim_radius(outer) if ring is None else ring.radius
+    return Plan(inner, outer, base, arcs_between(seat, outline), ring, bore)
 
 
-def _rim_radius(patch: Patch) -> Radius:
-    return lambda azimuths: patch.radius(rim_directions(azimuths))
+def rim_radius(face: StarShaped) -> Radius:
+    """Distance (mm) of a face's rim from the axis, over azimuths."""
+    return lambda azimuths: face.radius(rim_directions(azimuths))
 
 
-def relief_ring(inner: Patch | Surface, outer: Patch | Surface, base: BaseSection) -> Outline | None:
-    """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
-    if base.relief_setback_mm == 0.0:
+def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | None:
+    """The bore's circle; None where it is extruded from the cavity's rim."""
+    if not base.bore_setback_mm:
         return None
-    opening, rim = (patch.radius(rim_directions(_samples())) for patch in (inner, outer))
-    room = float(rim.min() - opening.max()) - _MIN_BASE_WALL_MM
+    azimuths = sampled_azimuths()
+    opening = float(rim_radius(inner)(azimuths).max())
+    room = float(outline.radius(azimuths).min())
+    if base.pocket_diameter_mm is not None:
+        room = min(room, base.pocket_diameter_mm / 2.0)
+    if base.bore_setback_mm > room - opening - _MIN_BASE_WALL_MM:
+        raise InputError(
+            f"base.bore_setback_mm = {base.bore_setback_mm:g}: the bore must fit inside the base and its pocket; "
+            f"at most {room - opening - _MIN_BASE_WALL_MM:.4g}"
+        )
+    return circle(opening + base.bore_setback_mm)
+
+
+def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSection) -> Outline | None:
+    """The wall of a step that is set back from the outer rim; None where it is extruded from the rim itself."""
+    if not base.relief_setback_mm:
+        return None
+    azimuths = sampled_azimuths()
+    hole = opening.radius(azimuths) if isinstance(opening, Outline) else rim_radius(opening)(azimuths)
+    rim = rim_radius(outer)(azimuths)
+    room = float(rim.min() - hole.max()) - _MIN_BASE_WALL_MM
     if base.relief_setback_mm > room:
         raise InputError(
-            f"base.relief_setback_mm = {base.relief_setback_mm:g}: the step's wall would open the cavity; "
+            f"base.relief_setback_mm = {base.relief_setback_mm:g}: the step's wall would open the cavity or its bore; "
             f"at most {room:.4g}"
         )
     return circle(float(rim.min()) - base.relief_setback_mm)
 
 
-def _require_wall(inner: Patch, outer: Patch) -> None:
+def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
     chart = grid(_WALL_NODES, half_width=1.0).reshape(-1, 2)
     directions = to_sphere(chart[np.sum(chart**2, axis=1) <= 1.0])
-    directions = np.concatenate([directions, rim_directions(_samples())])
+    directions = np.concatenate([directions, rim_directions(sampled_azimuths())])
     wall = outer.radius(directions) - inner.radius(directions)
     worst = int(np.argmin(wall))
     if wall[worst] <= 0.0:
@@ -159,8 +187,8 @@ def _require_wall(inner: Patch, outer: Patch) -> None:
         )
 
 
-def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -> None:
-    azimuths = _samples()
+def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outline) -> None:
+    azimuths = sampled_azimuths()
     opening = inner.radius(rim_directions(azimuths)) + _MIN_BASE_WALL_MM
     needed = float((opening / outline.radius(azimuths)).max())
     field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
@@ -178,35 +206,3 @@ def _require_opening_inside(inner: Patch, base: BaseSection, outline: Outline) -
             f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "
             f"to {room:.4g}, inside the base"
         )
-
-
-def _arcs(seat: Radius, outline: Outline) -> tuple[Arc, ...]:
-    azimuths = _samples()
-    overhang = seat(azimuths) - outline.radius(azimuths)
-    if np.abs(overhang).max() <= FLUSH_MM:
-        return (Arc(0.0, FULL_TURN, "flush"),)
-    outside = overhang > 0.0
-    changes = np.nonzero(outside != np.roll(outside, -1))[0]
-    if len(changes) == 0:
-        return (Arc(0.0, FULL_TURN, "overhang" if outside[0] else "ledge"),)
-    step = FULL_TURN / len(azimuths)
-    starts = [_root(_overhang_at(seat, outline), azimuths[k], azimuths[k] + step) for k in changes]
-    ends = [*starts[1:], starts[0] + FULL_TURN]
-    relations: list[Relation] = ["ledge" if outside[k] else "overhang" for k in changes]
-    return tuple(Arc(*arc) for arc in zip(starts, ends, relations, strict=True))
-
-
-def _overhang_at(seat: Radius, outline: Outline) -> Callable[[float], float]:
-    def overhang(azimuth: float) -> float:
-        at = np.array([azimuth])
-        return float(seat(at)[0] - outline.radius(at)[0])
-
-    return overhang
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-14))
-
-
-def _samples() -> Float[np.ndarray, " n"]:
-    return np.linspace(0.0, FULL_TURN, _SAMPLES, endpoint=False)

@@ -1,8 +1,4 @@
-"""Concentric rings of points over a dome, the strips of triangles between them, and the count that a tolerance needs.
-
-The count is measured, not assumed. The distance from a facet to its surface falls as rings^-2 and the angle between
-their normals as rings^-1, so one trial mesh predicts the count, and a second one confirms it.
-"""
+"""Concentric rings of points over a dome, the strips of triangles between them, and the count to begin with."""
 
 from dataclasses import dataclass
 
@@ -12,17 +8,13 @@ from jaxtyping import Float, Int
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import Plan, rim_directions
-from lensforge.surfaces.chart import to_chart
 
 _CROSSING_REPLACES = 0.1  # of an azimuth step: a crossing this close to a grid azimuth replaces it
-_TRIAL_RINGS = 48
-_TRIALS = 3
-_MARGIN = 1.02
 # With 96 rings the verification's cast uses less than half of its deviation limit on the roughest shipped lens, a 7 mm
-# one; with 128 a quarter. More would only help programs that trace flat facets, without fitted normals; but the pi of
-# 1,493 functions, whose faces take splines of 214 nodes, uses 1.6 of the limit with 128 rings and 0.56 with 160.
-MIN_RINGS, MAX_RINGS = 96, 128
-_RINGS_PER_NODE = 0.8  # of the finer face's spline, where that makes more than 128
+# one; but the pi of 1,493 functions, whose faces take splines of 214 nodes, uses 1.6 of the limit with 128 rings and
+# 0.56 with 160.
+MIN_RINGS, MOST_RINGS = 96, 1000  # 1000 are 12 million triangles
+_RINGS_PER_NODE = 0.8  # of the finer face's spline
 
 
 @dataclass(frozen=True)
@@ -45,14 +37,6 @@ def dome_rings(patch: Patch, rings: int, rim: Float[np.ndarray, " n"], name: str
     points = patch.radius(together)[:, None] * together
     parts = np.split(points, np.cumsum([len(ring) for ring in azimuths])[:-1])
     return [Ring(ring, part, name) for ring, part in zip(azimuths, parts, strict=True)]
-
-
-def dome_mesh(patch: Patch, rings: int) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
-    """Vertices and outward-facing triangles of one open dome, rim included."""
-    stack = dome_rings(patch, rings, rim_azimuths(6 * rings, np.array([])), "")
-    ids = number_rings(stack)
-    strips = [zip_rings(stack[k], stack[k + 1], ids[k], ids[k + 1]) for k in range(rings)]
-    return np.concatenate([ring.points for ring in stack]), np.concatenate(strips)
 
 
 def rim_azimuths(count: int, crossings: Float[np.ndarray, " k"]) -> Float[np.ndarray, " n"]:
@@ -106,59 +90,15 @@ def _cone(polar: float, azimuths: Float[np.ndarray, " n"]) -> Float[np.ndarray, 
     return plane
 
 
-@dataclass(frozen=True)
-class MeshTolerance:
-    """Distance (mm) and angle (rad) between facets of the optical surfaces and the surface above their centres."""
-
-    chord_mm: float = 1e-3
-    normal_rad: float = 0.01
+def rings_for(plan: Plan[Patch], chord_mm: float) -> int:
+    """Rings to begin with: for the detail of the faces, and for the base's cylinder to be within ``chord_mm``."""
+    of_detail = int(np.ceil(_RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes)))
+    return min(MOST_RINGS, max(MIN_RINGS, of_detail, _rings_of_base(plan, chord_mm)))
 
 
-def rings_for(plan: Plan, tolerance: MeshTolerance) -> int:
-    """Rings for which both optical surfaces and the base's cylinder are within ``tolerance``.
-
-    From 96 to 128, or to 0.8 of the nodes of the faces, which are as many as their detail takes.
-    """
-    rings, most = _TRIAL_RINGS, _most_rings(plan)
-    for _ in range(_TRIALS):
-        reached = mesh_error(plan, rings)
-        by_chord = np.sqrt(reached.chord_mm / tolerance.chord_mm)
-        by_normal = reached.normal_rad / tolerance.normal_rad
-        if rings > _TRIAL_RINGS and max(by_chord, by_normal) <= 1.0:
-            break
-        needed = int(np.ceil(rings * _MARGIN * max(by_chord, by_normal)))
-        rings = int(np.clip(needed, _rings_of_base(plan, tolerance), most))
-        if needed >= most:
-            break
-    return rings
-
-
-def _most_rings(plan: Plan) -> int:
-    return max(MAX_RINGS, int(np.ceil(_RINGS_PER_NODE * max(plan.inner.nodes, plan.outer.nodes))))
-
-
-def mesh_error(plan: Plan, rings: int) -> MeshTolerance:
-    """Errors of a mesh of ``rings``: the larger ones of the two optical surfaces."""
-    inner, outer = facet_error(plan.inner, rings), facet_error(plan.outer, rings)
-    return MeshTolerance(max(inner.chord_mm, outer.chord_mm), max(inner.normal_rad, outer.normal_rad))
-
-
-def facet_error(patch: Patch, rings: int) -> MeshTolerance:
-    """Largest distance and angle between the facets of a dome and its surface, above the facets' centres."""
-    vertices, triangles = dome_mesh(patch, rings)
-    corners = vertices[triangles]
-    facet = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    facet /= np.linalg.norm(facet, axis=1, keepdims=True)
-    chart = to_chart(corners.mean(axis=1))
-    distance = np.abs(np.sum((patch.points(chart) - corners[:, 0]) * facet, axis=1))
-    sine = np.linalg.norm(np.cross(patch.normals(chart), facet), axis=1)
-    return MeshTolerance(float(distance.max()), float(np.arcsin(np.minimum(sine, 1.0)).max()))
-
-
-def _rings_of_base(plan: Plan, tolerance: MeshTolerance) -> int:
+def _rings_of_base(plan: Plan[Patch], chord_mm: float) -> int:
     """Rings for the widest cylinder, from which a polygon of 6 n corners is R (pi / 6n)^2 / 2 away."""
     if not plan.has_base:
-        return MIN_RINGS
+        return 0
     radius = (plan.base.flange_diameter_mm or plan.base.widest_mm) / 2.0
-    rings = np.pi / 6.0 * np.sqrt(radius / (2.0 * tolerance.chord_mm))
-    return int(np.clip(np.ceil(rings), MIN_RINGS, MAX_RINGS))
+    return int(np.ceil(np.pi / 6.0 * np.sqrt(radius / (2.0 * chord_mm))))

@@ -6,9 +6,10 @@ Lens and built-in bases are cut in closed form, a base from a STEP file by its m
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.geometry.base_profile import Corner, base_corners
 from lensforge.geometry.custom_base import read_custom_base, tessellated
-from lensforge.geometry.outline import Outline, circle, outline_of
-from lensforge.geometry.plan import FLUSH_MM, relief_ring, rim_directions
+from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.plan import lay_out, rim_directions
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.surface import Surface
@@ -26,11 +27,18 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     azimuth = np.radians(azimuth_deg)
     across = rim_directions(np.array([azimuth]))[0]
     inner, outer = profile(lens.inner, across), profile(lens.outer, across)
-    base = lens.spec.base
+    base = base_with_room(lens)
     if base.file is not None:
         return [np.concatenate([outer, inner[::-1]]), *_cut_of_file(base, across)]
-    right, left = (_base_corners(lens, azimuth + turn) for turn in (0.0, np.pi))
+    corners = base_corners(lay_out(lens.inner, lens.outer, base))[1:]  # the first is the outer rim itself
+    right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+
+
+def _at(corners: list[Corner], azimuth: float) -> Curve:
+    """Distance from the axis and z of corners of the base on one side of the section."""
+    turn = np.array([azimuth])
+    return np.array([(float(each.radius(turn)[0]), -each.depth_mm) for each in corners]).reshape(-1, 2)
 
 
 def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361) -> Curve:
@@ -41,41 +49,6 @@ def profile(surface: Surface, across: Float[np.ndarray, " 3"], count: int = 361)
     directions = polar[:, :1] * across + polar[:, 1:] * np.array([0.0, 0.0, 1.0])
     curve: Curve = surface.radius(directions)[:, None] * polar
     return curve
-
-
-def _base_corners(lens: Lens, azimuth: float) -> Curve:
-    """Corners of the base on one side, from the outer rim around to the foot of the bore; none without a base."""
-    base = lens.spec.base
-    if base.kind == "none":
-        return np.empty((0, 2))
-    at = np.array([azimuth])
-    rim, bore = (float(surface.radius(rim_directions(at))[0]) for surface in (lens.outer, lens.inner))
-    side, bottom = _at(outline_of(base), at), -base.height_mm
-    corners = _seat(relief_ring(lens.inner, lens.outer, base), base, rim, side)
-    if base.flange_diameter_mm is not None:
-        flange, shoulder = _at(circle(base.flange_diameter_mm / 2.0), at), bottom + base.flange_height_mm
-        corners += [(side, shoulder), (flange, shoulder), (flange, bottom)]
-    else:
-        corners.append((side, bottom))
-    if base.pocket_diameter_mm is not None:
-        pocket, ceiling = base.pocket_diameter_mm / 2.0, bottom + base.pocket_depth_mm
-        corners += [(pocket, bottom), (pocket, ceiling), (bore, ceiling)]
-    else:
-        corners.append((bore, bottom))
-    return np.array(corners)
-
-
-def _seat(ring: Outline | None, base: BaseSection, rim: float, side: float) -> list[tuple[float, float]]:
-    """Corners from the rim down the step, if there is one, and across to the base's side."""
-    top = -base.relief_step_mm
-    if ring is not None:
-        wall = _at(ring, np.zeros(1))
-        return [(wall, 0.0), (wall, top), (side, top)]
-    return [] if abs(rim - side) <= FLUSH_MM else [(rim, top), (side, top)]
-
-
-def _at(outline: Outline, azimuth: Float[np.ndarray, "1"]) -> float:
-    return float(outline.radius(azimuth)[0])
 
 
 def _cut_of_file(base: BaseSection, across: Float[np.ndarray, " 3"]) -> list[Curve]:

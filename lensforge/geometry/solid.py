@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from lensforge.geometry.arcs import Arc
 from lensforge.geometry.base import FLAT, body_faces
-from lensforge.geometry.edges import geom_surface, rim_edges, wire
-from lensforge.geometry.mesh import (
+from lensforge.geometry.base_profile import (
     BORE,
+    BORE_TOP,
     BOTTOM,
     FLANGE_SIDE,
     FLANGE_TOP,
@@ -25,15 +26,17 @@ from lensforge.geometry.mesh import (
     SIDE,
     TOP,
 )
+from lensforge.geometry.edges import geom_surface, rim_edges, wire
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
-from lensforge.geometry.plan import Arc, Plan
+from lensforge.geometry.plan import Plan
 
 # Outward direction of each face: along +z or -z, away from the axis or towards it.
 _UP, _DOWN, _AWAY, _TOWARDS = "+z", "-z", "+r", "-r"
 _OUTWARD = {
     **{OUTER: _UP, INNER: _DOWN, RIM: _DOWN, TOP: _UP, SIDE: _AWAY, BOTTOM: _DOWN, BORE: _TOWARDS},
     **{RELIEF: _AWAY, FLAT: _AWAY, FLANGE_TOP: _UP, FLANGE_SIDE: _AWAY, POCKET_SIDE: _TOWARDS, POCKET_TOP: _DOWN},
+    **{BORE_TOP: _DOWN},
 }
 
 # Relative. The default integration errs by 1e-4 on planes with spline edges; the error is a tenth of this setting.
@@ -78,12 +81,14 @@ class Solid:
         return len(shape.Shells()) - (len(shape.Vertices()) - edges + 2 * len(faces) - loops) // 2
 
 
-def build_solid(plan: Plan) -> Solid:
+def build_solid(plan: Plan[Patch]) -> Solid:
     """Build the closed solid of a plan."""
-    inner_surface, outer_surface = geom_surface(plan.inner), geom_surface(plan.outer)
-    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs)
-    inner_rim = rim_edges(plan.inner, inner_surface, (Arc(0.0, FULL_TURN, "bare"),))
-    faces = [(OUTER, _trimmed(outer_surface, outer_rim)), (INNER, _trimmed(inner_surface, inner_rim))]
+    inner_surface, outer_surface = geom_surface(plan.inner.trimmed), geom_surface(plan.outer.trimmed)
+    outer_rim = rim_edges(plan.outer, outer_surface, plan.arcs, split=len(plan.arcs) == 1)
+    whole = (Arc(0.0, FULL_TURN, "bare"),)
+    (inner_rim,) = rim_edges(plan.inner, inner_surface, whole, split=True)
+    outer_boundary = [edge for chain in outer_rim for edge in chain]
+    faces = [(OUTER, _trimmed(outer_surface, outer_boundary)), (INNER, _trimmed(inner_surface, inner_rim))]
     faces += body_faces(plan, inner_rim, outer_rim)
     return _assembled([(name, _facing(face, _OUTWARD[name])) for name, face in faces])
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from lensforge.errors import InputError
 from lensforge.files import temporary_file
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.form_tolerance import FormTolerance
-from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.step_settings import configure, new_document
 
 _DATUM = "A"

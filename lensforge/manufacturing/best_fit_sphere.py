@@ -1,4 +1,7 @@
-"""The best-fit sphere of a face, by five definitions; rms values are over the area.
+"""The best-fit sphere of a face, by five definitions.
+
+Averages are over the area, by its integration points. A centre that an extreme decides is that of the samples; the
+extremes from it are searched for between them.
 
 A deviation is measured along the sphere's normal, ``|P - c| - R``: positive where the face is farther from the centre
 than the sphere. A deviation along z would diverge at the steep rim of a hemisphere.
@@ -34,85 +37,101 @@ _REACH = 0.75  # the scan's half-width in sphere radii
 
 @dataclass(frozen=True)
 class BestFitSphere:
-    """A sphere (mm) and the face's departure from it: deviation (mm) and angle between normals (rad) per sample."""
+    """A sphere (mm) and the face's departure from it: deviation (mm) and angle between normals (rad) per sample.
+
+    ``pv_mm`` and ``largest_slope``: peak-to-valley deviation (mm) and largest angle (rad), between the samples too.
+    """
 
     variant: Variant
     radius_mm: float
     centre_mm: Float[np.ndarray, "3"]
     deviation_mm: Float[np.ndarray, " k"]
-    slope_departure: Float[np.ndarray, " k"]
+    slope_departure: Float[np.ndarray, " q"]
     rms_mm: float
-
-    @property
-    def pv_mm(self) -> float:
-        """Peak-to-valley deviation (mm)."""
-        return float(np.ptp(self.deviation_mm))
+    pv_mm: float
+    largest_slope: float
 
 
 def best_fit_sphere(samples: FaceSamples, variant: Variant = "least_squares") -> BestFitSphere:
     """Fit the named sphere to a face."""
-    points = samples.points
-    shares = samples.areas / samples.areas.sum()
-    centre = _centre(variant, points, shares)
-    away = points - centre
-    distance = np.linalg.norm(away, axis=1)
-    radius = _radius(variant, distance, shares)
-    deviation = distance - radius
-    # The angle from its chord: accurate also where the two normals nearly agree.
-    chord = np.linalg.norm(samples.outward - away / distance[:, None], axis=1)
+    area = samples.area
+    shares = area.areas / area.total_mm2
+    centre = _centre(variant, samples, shares)
+    away = samples.points - centre
+    distance, slopes = np.linalg.norm(away, axis=1), _angles(samples.outward, away)
+    patch = samples.face.patch
+
+    def outward(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
+        found: Float[np.ndarray, " m"] = np.linalg.norm(patch.points(points) - centre, axis=1)
+        return found
+
+    def slope(points: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, " m"]:
+        return _angles(patch.normals(points), patch.points(points) - centre)
+
+    farthest, nearest = samples.largest(outward, distance)[1], -samples.largest(lambda c: -outward(c), -distance)[1]
+    from_area = np.linalg.norm(area.points - centre, axis=1)
+    radius = _radius(variant, float(shares @ from_area), farthest, nearest)
     return BestFitSphere(
         variant=variant,
         radius_mm=radius,
         centre_mm=centre,
-        deviation_mm=deviation,
-        slope_departure=2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)),
-        rms_mm=float(np.sqrt(shares @ deviation**2)),
+        deviation_mm=distance - radius,
+        slope_departure=slopes,
+        rms_mm=float(np.sqrt(shares @ (from_area - radius) ** 2)),
+        pv_mm=(farthest - radius) - (nearest - radius),
+        largest_slope=samples.largest(slope, slopes)[1],
     )
 
 
-def _centre(
-    variant: Variant, points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"]
-) -> Float[np.ndarray, "3"]:
+def _angles(normals: Float[np.ndarray, "k 3"], away: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, " k"]:
+    """Angles (rad) between unit normals and vectors, from their chords: accurate also where they nearly agree."""
+    chord = np.linalg.norm(normals - away / np.linalg.norm(away, axis=1, keepdims=True), axis=1)
+    angles: Float[np.ndarray, " k"] = 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
+    return angles
+
+
+def _centre(variant: Variant, samples: FaceSamples, shares: Float[np.ndarray, " q"]) -> Float[np.ndarray, "3"]:
     match variant:
         case "least_squares":
-            return _least_squares_centre(points, shares, free=False)
+            return _least_squares_centre(samples.area.points, shares, free=False)
         case "free_centre":
-            return _least_squares_centre(points, shares, free=True)
+            return _least_squares_centre(samples.area.points, shares, free=True)
         case "minimum_pv" | "inscribed":
-            return _minimum_pv_centre(points, shares)
+            return _minimum_pv_centre(samples.points, _least_squares_centre(samples.area.points, shares, free=False))
         case "enclosing":
-            reach = float(np.linalg.norm(points, axis=1).max())
-            return _minimise_on_axis(lambda distance: float(distance.max()), points, -reach, reach)
+            reach = float(np.linalg.norm(samples.points, axis=1).max())
+            return _minimise_on_axis(lambda distance: float(distance.max()), samples.points, -reach, reach)
 
 
-def _radius(variant: Variant, distance: Float[np.ndarray, " k"], shares: Float[np.ndarray, " k"]) -> float:
+def _radius(variant: Variant, mean_mm: float, farthest_mm: float, nearest_mm: float) -> float:
+    """The radius (mm) from the mean distance over the area and the extreme distances from the centre."""
     match variant:
         case "least_squares" | "free_centre":
-            return float(shares @ distance)
+            return mean_mm
         case "minimum_pv":
-            return float(distance.max() + distance.min()) / 2.0
+            return (farthest_mm + nearest_mm) / 2.0
         case "enclosing":
-            return float(distance.max())
+            return farthest_mm
         case "inscribed":
-            return float(distance.min())
+            return nearest_mm
 
 
 def _least_squares_centre(
-    points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"], free: bool
+    points: Float[np.ndarray, "q 3"], shares: Float[np.ndarray, " q"], free: bool
 ) -> Float[np.ndarray, "3"]:
     """Variable projection: for any centre the best radius is the mean distance over the area."""
     moving = np.eye(3) if free else np.array([[0.0, 0.0, 1.0]])
     root = np.sqrt(shares)
 
-    def residual(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, " k"]:
+    def residual(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, " q"]:
         distance = np.linalg.norm(points - parameters @ moving, axis=1)
-        departure: Float[np.ndarray, " k"] = root * (distance - shares @ distance)
+        departure: Float[np.ndarray, " q"] = root * (distance - shares @ distance)
         return departure
 
-    def slope(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, "k p"]:
+    def slope(parameters: Float[np.ndarray, " p"]) -> Float[np.ndarray, "q p"]:
         away = points - parameters @ moving
         towards = -(away / np.linalg.norm(away, axis=1, keepdims=True)) @ moving.T
-        change: Float[np.ndarray, "k p"] = root[:, None] * (towards - shares @ towards)
+        change: Float[np.ndarray, "q p"] = root[:, None] * (towards - shares @ towards)
         return change
 
     scale = float(np.linalg.norm(points, axis=1).mean())
@@ -122,11 +141,11 @@ def _least_squares_centre(
     return centre
 
 
-def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], shares: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3"]:
+def _minimum_pv_centre(points: Float[np.ndarray, "k 3"], near: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     def zone(distance: Float[np.ndarray, " k"]) -> float:
         return float(np.ptp(distance))
 
-    around = float(_least_squares_centre(points, shares, free=False)[2])
+    around = float(near[2])
     reach = _REACH * float(np.linalg.norm(points, axis=1).max())
     scan = around + np.linspace(-reach, reach, _SCAN)
     best = scan[int(np.argmin([zone(np.linalg.norm(points - [0.0, 0.0, z], axis=1)) for z in scan]))]

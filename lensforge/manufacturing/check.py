@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.part import Part, SplineNodes
+from lensforge.geometry.plan import lay_out
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
@@ -22,7 +24,7 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_wall_mm, radial_wall_mm, thinnest
+from lensforge.manufacturing.wall import normal_lines, radial_lines, thickest, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -40,10 +42,11 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     manufacture = lens.spec.manufacture
     inner, outer = _faces(lens, nodes)
     walls = _walls(inner, outer, manufacture.scale)
-    base = lens.spec.base if manufacture.make == "part" else None  # a mould insert has none
-    custom = None if base is None or base.file is None else read_base_mesh(base.file)
-    relief = check_relief(base, custom, manufacture.cutter_radius_mm, inner, outer)
-    tools = check_tools(manufacture.tools, inner, outer, base, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
+    patches = inner.samples.face.patch, outer.samples.face.patch
+    plan = lay_out(*patches, base_with_room(lens)) if manufacture.make == "part" else None  # an insert has no base
+    custom = None if plan is None or plan.base.file is None else read_base_mesh(plan.base.file)
+    relief = check_relief(plan, custom, manufacture.cutter_radius_mm, inner, outer)
+    tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
     min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # the radial one may be less at a rim
     return Check(
@@ -57,7 +60,7 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(radial_criterion(lens.spec, walls.radial),),
+        criteria=(radial_criterion(lens.spec, walls.radial), *thickest_criteria(lens.spec, walls.thickest)),
         verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
@@ -97,10 +100,11 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
 def _walls(inner: FaceCheck, outer: FaceCheck, scale: float) -> Walls:
     """Walls of the lens itself: ``scale`` is that of the faces against the lens's."""
     samples, face = inner.samples, outer.samples.face
-    rays = samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
     return Walls(
-        normal=_of_lens(thinnest(samples, normal_wall_mm(samples, face), samples.outward), scale),
-        radial=_of_lens(thinnest(samples, radial_wall_mm(samples, face), rays), scale),
+        normal=_of_lens(thinnest(samples, face, normal_lines), scale),
+        radial=_of_lens(thinnest(samples, face, radial_lines), scale),
+        thickest=_of_lens(thickest(samples, face, radial_lines), scale),
+        thickest_normal=_of_lens(thickest(samples, face, normal_lines), scale),
     )
 
 
@@ -116,7 +120,7 @@ def _scallops(lens: Lens, inner: FaceCheck, outer: FaceCheck) -> Scallops:
     cutter_mm, limit_rad = manufacture.cutter_radius_mm, 1e-3 * manufacture.slope_limit_mrad
 
     def of(face: FaceCheck) -> Scallop:
-        kappa = max(float(face.samples.curvatures.maximum.max()), -1.0 / cutter_mm)
+        kappa = max(face.highest_curvature, -1.0 / cutter_mm)
         return scallop(cutter_mm, manufacture.stepover_mm, limit_rad, kappa)
 
     return Scallops(

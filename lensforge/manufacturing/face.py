@@ -2,25 +2,29 @@
 
 The face is the spline that is written to STEP, with its own derivatives. Its samples are the nodes of a square chart
 grid inside the rim, so that values per sample are also a map, and the nodes just outside, moved onto the rim: extremes
-often lie there, and their cells complete the area.
+often lie there. Extremes are then searched for between the samples. Integrals over the area take points of their own
+(``quadrature``): the cells of a square grid fit a round rim poorly.
 
 Draft is the angle of the face to the optical axis, along which a mould opens. The outer face is drawn along +z and
 the cavity's core along -z; since their air-side normals are opposite too, the same formula with the outward normal
 serves both: ``draft = asin(n . z)``. A negative draft is an undercut.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.geometry.acceptance import NORMAL_LIMIT_MRAD
 from lensforge.geometry.curvature import Jet, PrincipalCurvatures, principal_curvatures
+from lensforge.geometry.local_search import refined_maximum
 from lensforge.geometry.patch import Patch
+from lensforge.manufacturing.quadrature import AreaRule, area_rule
 from lensforge.surfaces.chart import HALF_WIDTH
 
-_ZOOM_NODES, _ZOOM_ROUNDS = 21, 3
 _UNDERCUT = 1e-3 * NORMAL_LIMIT_MRAD  # a hemisphere's rim has n.z = 0 up to the error of the exported normals
 
 
@@ -53,19 +57,15 @@ class OpticalFace:
         """Unit normals that point from the material into the air."""
         return float(self.air) * jet.normal
 
+    def curvatures(self, points: Float[np.ndarray, "n 2"]) -> PrincipalCurvatures:
+        """Principal curvatures (1/mm) at chart ``points``, seen from the air."""
+        jet = self.jet(points)
+        return principal_curvatures(jet, self.air_normal(jet))
+
     def smallest_curvature(self, start: Float[np.ndarray, "2"], step: float) -> float:
-        """The lowest curvature (1/mm) within ``step`` of chart point ``start`` and the rim, on ever finer grids."""
-        centre, lowest = np.array(start, dtype=np.float64), np.inf
-        for _ in range(_ZOOM_ROUNDS):
-            axis = np.linspace(-step, step, _ZOOM_NODES)
-            window = centre + np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-            window = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
-            jet = self.jet(window)
-            kappa = principal_curvatures(jet, self.air_normal(jet)).minimum
-            best = int(np.argmin(kappa))
-            centre, lowest = window[best], min(lowest, float(kappa[best]))
-            step *= 2.0 / (_ZOOM_NODES - 1)
-        return lowest
+        """The lowest curvature (1/mm) within ``step`` of chart point ``start`` and the rim."""
+        at = self.curvatures(start[None])
+        return -refined_maximum(lambda points: -self.curvatures(points).minimum, start[None], -at.minimum, step)[1]
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,54 @@ class FaceSamples:
         """Unit normals pointing away from the origin, whichever side the air is on."""
         return float(self.face.air) * self.normals
 
+    @cached_property
+    def area(self) -> "FaceArea":
+        """The face's integration points, which are not the samples."""
+        return integrate_face(self.face)
+
+    def largest(
+        self, figure: Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, " m"]], values: Float[np.ndarray, " k"]
+    ) -> tuple[Float[np.ndarray, "2"], float]:
+        """Chart point and value of the largest ``figure``, between the samples too; ``values``: it at the samples."""
+        return refined_maximum(figure, self.chart, values, self.grid.step)
+
     def lowest_curvature(self) -> float:
         """The lowest curvature (1/mm) of the face, searched for between the samples too."""
-        sharpest = self.chart[int(np.argmin(self.curvatures.minimum))]
-        return self.face.smallest_curvature(sharpest, self.grid.step)
+        return -self.largest(lambda points: -self.face.curvatures(points).minimum, -self.curvatures.minimum)[1]
+
+    def highest_curvature(self) -> float:
+        """The highest curvature (1/mm) of the face, searched for between the samples too."""
+        return self.largest(lambda points: self.face.curvatures(points).maximum, self.curvatures.maximum)[1]
 
     def fraction(self, where: Bool[np.ndarray, " k"]) -> float:
-        """Share of the face's area where ``where`` is True."""
+        """Share of the face's area where ``where`` is True, to the width of a cell along the edge of that part."""
         return float(self.areas[where].sum() / self.areas.sum())
+
+
+@dataclass(frozen=True)
+class FaceArea:
+    """A face at ``q`` integration points: points (mm), unit outward normals, and the area (mm^2) of each."""
+
+    rule: AreaRule
+    points: Float[np.ndarray, "q 3"]
+    outward: Float[np.ndarray, "q 3"]
+    areas: Float[np.ndarray, " q"]
+
+    @property
+    def total_mm2(self) -> float:
+        """Area of the face (mm^2)."""
+        return float(self.areas.sum())
+
+    def share_below(self, values: Float[np.ndarray, " q"], limit: float) -> float:
+        """Share of the area where ``values`` are below ``limit``."""
+        return self.rule.share_below(values, limit, self.areas)
+
+
+def integrate_face(face: OpticalFace) -> FaceArea:
+    """Points, normals and areas of ``face`` for integrals over its area."""
+    rule = area_rule()
+    jet = face.jet(rule.chart)
+    return FaceArea(rule, jet.point, jet.normal, rule.weights * jet.area_element)
 
 
 def sample_face(face: OpticalFace, nodes: int) -> FaceSamples:
@@ -154,11 +194,23 @@ def draft_rad(samples: FaceSamples) -> Float[np.ndarray, " k"]:
     return draft
 
 
+def least_draft_rad(samples: FaceSamples) -> float:
+    """The least draft angle (rad) of the face, searched for between the samples too."""
+    patch = samples.face.patch
+    steepest = samples.largest(lambda points: -patch.normals(points)[:, 2], -samples.outward[:, 2])[1]
+    return -float(np.arcsin(np.clip(steepest, -1.0, 1.0)))
+
+
+def fraction_below_draft(samples: FaceSamples, draft_rad: float) -> float:
+    """Share of the area whose draft is less than ``draft_rad``."""
+    return samples.area.share_below(samples.area.outward[:, 2], float(np.sin(draft_rad)))
+
+
 def undercut_fraction(samples: FaceSamples) -> float:
     """Share of the area that neither a two-part mould nor an untilted cutter reaches along the axis."""
-    return samples.fraction(samples.outward[:, 2] < -_UNDERCUT)
+    return samples.area.share_below(samples.area.outward[:, 2], -_UNDERCUT)
 
 
 def largest_tilt_rad(samples: FaceSamples) -> float:
     """Largest angle (rad) between the face's normal and the axis: the tilt of a tool that is held normal to it."""
-    return float(np.pi / 2.0 - draft_rad(samples).min())
+    return float(np.pi / 2.0) - least_draft_rad(samples)

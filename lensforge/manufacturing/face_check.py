@@ -10,8 +10,9 @@ from lensforge.manufacturing.cutter import largest_ball_mm, local_fit, reachable
 from lensforge.manufacturing.face import (
     FaceSamples,
     OpticalFace,
-    draft_rad,
+    fraction_below_draft,
     largest_tilt_rad,
+    least_draft_rad,
     sample_face,
     undercut_fraction,
 )
@@ -27,7 +28,8 @@ class FaceCheck:
     name: FaceName
     samples: FaceSamples
     sphere: BestFitSphere
-    lowest_curvature: float  # 1/mm, searched between the samples too
+    lowest_curvature: float  # 1/mm, searched between the samples too, as the next
+    highest_curvature: float
     cutter_radius_mm: float
     ball_mm: Float[np.ndarray, " k"]
     residual_mm: Float[np.ndarray, " k"]
@@ -62,6 +64,7 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
         samples=samples,
         sphere=best_fit_sphere(samples),
         lowest_curvature=samples.lowest_curvature(),
+        highest_curvature=samples.highest_curvature(),
         cutter_radius_mm=cutter_radius_mm,
         ball_mm=ball,
         residual_mm=residual_height_mm(samples, ball, cutter_radius_mm),
@@ -71,25 +74,24 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
 def face_result(check: FaceCheck) -> FaceResult:
     """The record of a measured face; an infinite number is None."""
     samples = check.samples
-    draft = np.degrees(draft_rad(samples))
     others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)
     return FaceResult(
         best_fit_sphere=_sphere(check.sphere),
         other_spheres=tuple(_sphere(sphere) for sphere in others),
         curvature=Curvature(
             kappa_min_per_mm=check.lowest_curvature,
-            kappa_max_per_mm=float(check.samples.curvatures.maximum.max()),
+            kappa_max_per_mm=check.highest_curvature,
             smallest_concave_radius_mm=bounded(check.smallest_concave_radius_mm),
         ),
         cutter=_cutter(check),
         draft_deg=Draft(
-            min=float(draft.min()),
-            area_fraction_below_half=samples.fraction(draft < 0.5),
-            area_fraction_below_two=samples.fraction(draft < 2.0),
+            min=float(np.degrees(least_draft_rad(samples))),
+            area_fraction_below_half=fraction_below_draft(samples, float(np.deg2rad(0.5))),
+            area_fraction_below_two=fraction_below_draft(samples, float(np.deg2rad(2.0))),
         ),
         undercut_fraction=undercut_fraction(samples),
         largest_tilt_deg=float(np.degrees(largest_tilt_rad(samples))),
-        area_mm2=float(samples.areas.sum()),
+        area_mm2=samples.area.total_mm2,
     )
 
 
@@ -106,7 +108,7 @@ def _sphere(sphere: BestFitSphere) -> Sphere:
         centre_mm=(x, y, z),
         pv_mm=sphere.pv_mm,
         rms_mm=sphere.rms_mm,
-        slope_departure_mrad=1e3 * float(sphere.slope_departure.max()),
+        slope_departure_mrad=1e3 * sphere.largest_slope,
     )
 
 

@@ -6,20 +6,10 @@ what the file's own numbers say.
 
 from math import ceil, degrees
 
-from lensforge.criteria import Criterion, at_least, within
+from lensforge.criteria import Criterion, at_least, at_most, within
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
-from lensforge.manufacturing.result import (
-    CustomBaseRelief,
-    Cutter,
-    FaceName,
-    FaceResult,
-    Finding,
-    InnerRelief,
-    OuterRelief,
-    Relief,
-    ToolResult,
-    Wall,
-)
+from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
+from lensforge.manufacturing.result import Cutter, FaceName, FaceResult, Finding, ToolResult, Wall
 from lensforge.spec import Spec
 
 GOOD_DRAFT_DEG = 2.0
@@ -55,6 +45,17 @@ def radial_criterion(spec: Spec, radial: Wall) -> Criterion:
     return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
 
 
+def thickest_criteria(spec: Spec, thickest: Wall) -> tuple[Criterion, ...]:
+    """The largest radial wall, where the spec limits it."""
+    limits = spec.constraints
+    if limits.max_wall_mm is None:
+        return ()
+    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in thickest.inner_point_mm)
+    limit = limits.max_wall_mm + limits.tolerance_mm
+    remedy = f"raise lens.inner_offset_mm or give the last level more steps; the wall is thickest at ({place}) mm"
+    return (at_most("largest radial wall", thickest.thickness_mm, limit, "mm", remedy),)
+
+
 def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
     """Reach of the spec's ball cutter on a face."""
     ball, largest = f"a ball of {cutter.radius_mm:g} mm radius", cutter.largest_radius_mm
@@ -80,40 +81,42 @@ def relief_findings(relief: Relief) -> list[Finding]:
 
 def _relief_finding(surface: FaceName, relief: _AnyRelief) -> Finding:
     """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
-    retreat, setback = _needed(relief)
-    needed = None if retreat is None else max(retreat, setback)
+    retreat, second = _needed(relief)
+    needed = None if retreat is None else max(retreat, second)
     if retreat is None:
         reason = f"the ball reaches no part of the {surface} face, with or without the base"
     elif within(needed, "<=", 0.0):
         reason = f"the base clears the ball at the {surface} face"
     else:
         reached = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
-        reason = f"{reached}; {_remedy(relief, retreat, setback)}"
+        reason = f"{reached}; {_remedy(relief, retreat, second)}"
     return Finding(name="relief", surface=surface, value=needed, sense="<=", limit=0.0, unit="mm", reason=reason)
 
 
 def _needed(relief: _AnyRelief) -> tuple[float | None, float]:
-    """Retreat (mm) that the base needs, None where nothing is reached, and the setback (mm) of its step's wall."""
+    """Retreat (mm) that the base needs, None where nothing is reached, and a second one: step's wall, or pocket."""
     match relief:
         case OuterRelief():
             return relief.smallest_step_mm, relief.step_clearance_mm or 0.0
         case InnerRelief():
-            return relief.bore_clearance_mm, 0.0
+            return relief.bore_clearance_mm, relief.pocket_diameter_mm or 0.0
         case CustomBaseRelief():
             return relief.retreat_mm, 0.0
 
 
-def _remedy(relief: _AnyRelief, retreat_mm: float, setback_mm: float) -> str:
+def _remedy(relief: _AnyRelief, retreat_mm: float, second_mm: float) -> str:
     match relief:
         case CustomBaseRelief():
             return f"the base in its file must be cut back by up to {retreat_mm:.4g} mm where the ball hits it"
         case InnerRelief():
-            return f"a bore {retreat_mm:.4g} mm larger in radius than the cavity would clear the ball"
-        case OuterRelief() if setback_mm <= 0.0:
+            fields = {"bore_setback_mm": retreat_mm, "pocket_diameter_mm": second_mm}
+            needed = [f"base.{name} = {_up(value)}" for name, value in fields.items() if value > 0.0]
+            return f"{' and '.join(needed)} would clear the ball"
+        case OuterRelief() if second_mm <= 0.0:
             return f"base.relief_step_mm = {_up(retreat_mm)} would clear the ball"
         case OuterRelief():
             step = f"base.relief_step_mm = {_up(retreat_mm)} and " if retreat_mm > 0.0 else ""
-            return f"the rim is undercut, and needs {step}base.relief_setback_mm = {_up(setback_mm)}"
+            return f"the rim is undercut, and needs {step}base.relief_setback_mm = {_up(second_mm)}"
 
 
 def _up(length_mm: float) -> str:

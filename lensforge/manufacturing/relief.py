@@ -1,9 +1,9 @@
 """Clearance of the ball at the base: near the rim the ball extends below z = 0, where it may hit the base.
 
-A built-in base is a disc below z = 0 with a bore straight down from the cavity's rim. The measures say how far that
-material must be cut back for the ball to touch a sample: down, below the outer face; sideways, around the bore; and
-away from the outer rim, where a relief step's wall runs down from an undercut rim. A custom base, from a STEP file, is
-represented by its mesh; CAD and mesh libraries load only where a spec has one.
+The measures say how far the material of a built-in base must be cut back for the ball to touch a sample: down, below
+the outer face; sideways, around the bore and the pocket; and away from the outer rim, where a relief step's wall runs
+down from an undercut rim. A custom base, from a STEP file, is represented by its mesh; CAD and mesh libraries load only
+where a spec has one.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,13 @@ from scipy.spatial import cKDTree
 
 from lensforge.geometry.acceptance import FORM_LIMIT_NM
 from lensforge.geometry.custom_base import read_custom_base, tessellated
+from lensforge.geometry.cutter_room import largest_wall_mm, needed_step_mm, smallest_bore_mm
+from lensforge.geometry.patch import Patch
+from lensforge.geometry.plan import Plan
 from lensforge.manufacturing.cutter import LEAF
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck
-from lensforge.manufacturing.result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
-from lensforge.spec import BaseSection
+from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
 _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
@@ -63,89 +65,104 @@ def read_base_mesh(path: Path) -> CustomBaseMesh:
     return CustomBaseMesh(trimesh.Trimesh(vertices, triangles, process=False))
 
 
-def relief_step_mm(outer: FaceSamples, cutter_radius_mm: float, base_diameter_mm: float) -> Float[np.ndarray, " k"]:
-    """Depth (mm) below z = 0 at which the base's top clears the ball at each sample; 0 where it need not be lower.
+def wall_retreat_mm(face: FaceSamples, cutter_radius_mm: float, depth_mm: float) -> Float[np.ndarray, " k"]:
+    """Width (mm) by which a wall straight down from the face's rim, to ``depth_mm``, enters the ball at each sample.
 
-    Outside the disc of ``base_diameter_mm`` nothing limits the ball.
+    Valid for samples that the ball reaches on the face itself: a centre above z = 0 is then at least R from the rim. A
+    centre below, where the cavity narrows upwards or the outer rim is undercut, must be R away from the wall.
     """
-    centres = outer.points + cutter_radius_mm * outer.normals
-    outside = np.maximum(np.hypot(centres[:, 0], centres[:, 1]) - base_diameter_mm / 2.0, 0.0)
-    below = np.sqrt(np.maximum(cutter_radius_mm**2 - outside**2, 0.0))
-    step = np.where(outside < cutter_radius_mm, below - centres[:, 2], 0.0)
-    return np.where(step > _CLEAR_MM, step, 0.0)
-
-
-def bore_clearance_mm(inner: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """Width (mm, all around) that the bore needs beyond the cavity's rim for the ball to touch each sample.
-
-    Valid for samples that the ball reaches in the cavity itself: a centre above z = 0 is then at least R from the rim.
-    A centre below, where the cavity narrows upwards, must be R away from the wall of the bore.
-    """
-    return _clearance_mm(inner, cutter_radius_mm)
-
-
-def step_clearance_mm(outer: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """Setback (mm) from the outer rim that a relief step's wall needs for the ball to touch each sample.
-
-    0 where a wall straight down from the rim is clear; larger only near a rim that is undercut.
-    """
-    return _clearance_mm(outer, cutter_radius_mm)
-
-
-def _clearance_mm(face: FaceSamples, cutter_radius_mm: float) -> Float[np.ndarray, " k"]:
-    """Depth (mm) of the ball in a wall straight down from the face's rim; 0 for a centre above z = 0."""
     centres = face.points + cutter_radius_mm * face.normals
-    low = centres[:, 2] < 0.0
-    clearance = np.zeros(len(centres))
+    below = np.maximum(-centres[:, 2] - depth_mm, 0.0)
+    low = (centres[:, 2] < 0.0) & (below < cutter_radius_mm)
+    retreat = np.zeros(len(centres))
     if low.any():
-        clearance[low] = cutter_radius_mm - _distance_to_rim(face.face, centres[low, :2])
-    return np.where(clearance > _CLEAR_MM, clearance, 0.0)
+        across = np.sqrt(cutter_radius_mm**2 - below[low] ** 2)
+        retreat[low] = across - _distance_to_rim(face.face, centres[low, :2])
+    return np.where(retreat > _CLEAR_MM, retreat, 0.0)
 
 
 def _distance_to_rim(face: OpticalFace, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
     """Distance (mm) in the plane z = 0 to the face's rim."""
-    azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
-    circle = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
-    distance, _ = cKDTree(face.radius(circle)[:, None] * circle, leafsize=LEAF).query(points)
+    distance, _ = cKDTree(_rim_mm(face)[:, None] * _turn(), leafsize=LEAF).query(points)
     nearest: Float[np.ndarray, " n"] = distance
     return nearest
 
 
+def _rim_mm(face: OpticalFace) -> Float[np.ndarray, " n"]:
+    """Distance (mm) of the rim from the axis, all around."""
+    return face.radius(_turn())
+
+
+def _turn() -> Float[np.ndarray, "n 2"]:
+    azimuth = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
+    return np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+
+
 def check_relief(
-    base: BaseSection | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
+    plan: Plan[Patch] | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
 ) -> Relief:
     """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
 
-    ``base``: None for a mould insert; ``custom``: the base from a STEP file, if ``base`` names one.
+    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
-    if base is None or base.kind == "none":
-        note = "a mould insert has no base" if base is None else "there is no base"
-        return Relief(outer=None, inner=None, note=note)
     if custom is not None:
         return Relief(outer=_at_custom(outer, custom, cutter_mm), inner=_at_custom(inner, custom, cutter_mm))
-    step = _missing_step(base, cutter_mm, outer)
-    setback = step_clearance_mm(outer.samples, cutter_mm)
-    setback = np.where(setback > base.relief_setback_mm, setback, 0.0)
-    clearance = bore_clearance_mm(inner.samples, cutter_mm)
-    return Relief(
-        outer=OuterRelief(
-            smallest_step_mm=_largest_reached(outer, step),
-            step_clearance_mm=_largest_reached(outer, setback),
-            flush_fraction=_clear(outer, np.maximum(step, setback)),
-        ),
-        inner=InnerRelief(
-            bore_clearance_mm=_largest_reached(inner, clearance), flush_fraction=_clear(inner, clearance)
-        ),
+    if plan is None or not plan.has_base:
+        note = "a mould insert has no base" if plan is None else "there is no base"
+        return Relief(outer=None, inner=None, note=note)
+    return Relief(outer=_outer_relief(plan, outer, cutter_mm), inner=_inner_relief(plan, inner, cutter_mm))
+
+
+def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> OuterRelief:
+    distance, height = _centres(face.samples, cutter_mm)
+
+    def missing(base_mm: float, present_mm: float) -> Float[np.ndarray, " k"]:
+        return np.maximum(needed_step_mm(distance, height, cutter_mm, base_mm) - present_mm, 0.0)
+
+    base, present = plan.base, plan.relief_mm
+    step = missing(base.widest_mm / 2.0, present)
+    if base.flange_diameter_mm is not None:
+        step = np.maximum(step, missing(base.flange_diameter_mm / 2.0, plan.shoulder_mm))
+    step = np.where(step > _CLEAR_MM, step + present, 0.0)
+    if plan.ring is None:
+        setback = wall_retreat_mm(face.samples, cutter_mm, base.height_mm)
+    else:
+        wall = float(plan.ring.radius(np.zeros(1))[0])
+        largest = largest_wall_mm(distance, height, cutter_mm)
+        setback = np.where(largest < wall - _CLEAR_MM, _rim_mm(face.samples.face).min() - largest, 0.0)
+    return OuterRelief(
+        smallest_step_mm=_largest_reached(face, step),
+        step_clearance_mm=_largest_reached(face, setback),
+        flush_fraction=_clear(face, np.maximum(step, setback)),
     )
 
 
-def _missing_step(base: BaseSection, cutter_mm: float, outer: FaceCheck) -> Float[np.ndarray, " k"]:
-    """The step (mm) that each sample needs, flange included; 0 where the present one is enough."""
-    step = relief_step_mm(outer.samples, cutter_mm, base.widest_mm) - base.relief_step_mm
-    if base.flange_diameter_mm is not None:
-        shoulder = base.height_mm - base.flange_height_mm
-        step = np.maximum(step, relief_step_mm(outer.samples, cutter_mm, base.flange_diameter_mm) - shoulder)
-    return np.where(step > 0.0, step + base.relief_step_mm, 0.0)
+def _inner_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> InnerRelief:
+    distance, height = _centres(face.samples, cutter_mm)
+
+    def needed(radius_mm: float, top_mm: float, bottom_mm: float) -> Float[np.ndarray, " k"]:
+        radius = smallest_bore_mm(distance, height, cutter_mm, top_mm, bottom_mm)
+        return np.where(radius > radius_mm + _CLEAR_MM, radius, 0.0)
+
+    if plan.bore is None:
+        bore = wall_retreat_mm(face.samples, cutter_mm, plan.bore_mm)
+    else:
+        bore = needed(float(plan.bore.radius(np.zeros(1))[0]), 0.0, plan.bore_mm)
+        bore = np.where(bore > 0.0, bore - _rim_mm(face.samples.face).max(), 0.0)
+    pocket = np.zeros(len(bore))
+    if plan.base.pocket_diameter_mm is not None:
+        pocket = 2.0 * needed(plan.base.pocket_diameter_mm / 2.0, plan.bore_mm, plan.base.height_mm)
+    return InnerRelief(
+        bore_clearance_mm=_largest_reached(face, bore),
+        pocket_diameter_mm=_largest_reached(face, pocket),
+        flush_fraction=_clear(face, np.maximum(bore, pocket)),
+    )
+
+
+def _centres(face: FaceSamples, cutter_radius_mm: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Distance from the axis and height (mm) of the centres of the balls that touch the samples."""
+    centres = face.points + cutter_radius_mm * face.normals
+    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
 
 
 def _at_custom(face: FaceCheck, custom: CustomBaseMesh, cutter_mm: float) -> CustomBaseRelief:

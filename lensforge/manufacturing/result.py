@@ -7,6 +7,7 @@ from jaxtyping import Float
 from pydantic import computed_field
 
 from lensforge.criteria import Criterion, Judged, within
+from lensforge.manufacturing.relief_result import Relief
 from lensforge.records import (
     Array,
     NotNegative,
@@ -84,7 +85,7 @@ class FaceResult(Record):
 
 
 class Wall(Record):
-    """The thinnest place of the wall."""
+    """One place of the wall, the thinnest or the thickest."""
 
     thickness_mm: Number
     inner_point_mm: Point
@@ -92,49 +93,12 @@ class Wall(Record):
 
 
 class Walls(Record):
-    """The thinnest wall along the cavity's normal, and along the ray from the origin."""
+    """The thinnest wall along the cavity's normal and along the ray from the origin; ``thickest``: along the ray."""
 
     normal: Wall
     radial: Wall
-
-
-class OuterRelief(Record):
-    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    smallest_step_mm: NotNegative | None
-    step_clearance_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class InnerRelief(Record):
-    """Radius that the bore needs beyond the cavity's; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    bore_clearance_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class CustomBaseRelief(Record):
-    """Largest depth of a custom base in the ball; None where nothing is reached.
-
-    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
-    """
-
-    retreat_mm: NotNegative | None
-    flush_fraction: Share
-
-
-class Relief(Record):
-    """Clearance of the ball at the base; ``note`` says why there is nothing to clear."""
-
-    outer: OuterRelief | CustomBaseRelief | None
-    inner: InnerRelief | CustomBaseRelief | None
-    note: Text | None = None
+    thickest: Wall
+    thickest_normal: Wall
 
 
 class Scallop(Record):

@@ -9,23 +9,27 @@ for planning; the shop's own simulation decides.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.geometry.base_profile import base_corners
+from lensforge.geometry.patch import Patch
+from lensforge.geometry.plan import Plan
 from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide, FaceSamples, sample_face
 from lensforge.manufacturing.face_check import FaceCheck, bounded
 from lensforge.manufacturing.relief import CustomBaseMesh
 from lensforge.manufacturing.result import ToolReach, ToolResult
-from lensforge.spec import BaseSection, Tool
+from lensforge.spec import Tool
 
 _CLEARANCE = 1e-9  # mm: a shank that touches is clear
 _TILT_STEP_RAD = np.deg2rad(15.0)
 _AZIMUTHS = 12
 _CHUNK = 256
 _CONTACT_NODES, _OBSTACLE_NODES = 41, 61
-_RINGS = 9
+_AROUND, _RINGS = 96, 9  # points around the base, and rings between two of its corners
 _AWAY = {AirSide.OUTSIDE: np.array([0.0, 0.0, 1.0]), AirSide.INSIDE: np.array([0.0, 0.0, -1.0])}
 
 
@@ -106,17 +110,17 @@ def check_tools(
     tools: tuple[Tool, ...],
     inner: FaceCheck,
     outer: FaceCheck,
-    base: BaseSection | None,
+    plan: Plan[Patch] | None,
     custom: CustomBaseMesh | None,
     max_tilt_rad: float,
 ) -> tuple[ToolResult, ...]:
     """Reach of each tool on each face.
 
-    ``base``: None for a mould insert; ``custom``: the base from a STEP file, if ``base`` names one.
+    ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
     if not tools:
         return ()
-    reaches = [_reaches(tools, face, _obstacles(face, base, custom), max_tilt_rad) for face in (inner, outer)]
+    reaches = [_reaches(tools, face, _obstacles(face, plan, custom), max_tilt_rad) for face in (inner, outer)]
     return tuple(
         ToolResult(
             name=tool.name,
@@ -151,21 +155,25 @@ def _reaches(
     return found
 
 
-def _obstacles(face: FaceCheck, base: BaseSection | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
-    """Points of the face itself, and of the base near it: the bore below the cavity, the top around the dome."""
+def _obstacles(face: FaceCheck, plan: Plan[Patch] | None, custom: CustomBaseMesh | None) -> Float[np.ndarray, "m 3"]:
+    """Points of the face itself, and all over the base."""
     on_face = sample_face(face.samples.face, _OBSTACLE_NODES).points
-    if base is None or base.kind == "none":
-        return on_face
     if custom is not None:
         return np.concatenate([on_face, custom.points()])
-    turn = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    rim = face.samples.face.radius(circle)
+    if plan is None or not plan.has_base:
+        return on_face
+    return np.concatenate([on_face, _on_base(plan)])
+
+
+def _on_base(plan: Plan[Patch]) -> Float[np.ndarray, "m 3"]:
+    """Points on rings around the base, from the outer rim to the bore."""
+    turn = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    across = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     rings = []
-    for share in np.linspace(0.0, 1.0, _RINGS):
-        if face.name == "inner":
-            radius, depth = rim, share * base.height_mm
-        else:
-            radius, depth = rim + share * np.maximum(base.widest_mm / 2.0 - rim, 0.0), base.relief_step_mm
-        rings.append(np.column_stack([radius[:, None] * circle, np.full(len(turn), -depth)]))
-    return np.concatenate([on_face, *rings])
+    for corner, following in pairwise(base_corners(plan)):
+        start, end = corner.radius(turn), following.radius(turn)
+        for share in np.linspace(0.0, 1.0, _RINGS):
+            radius = (1.0 - share) * start + share * end
+            depth = (1.0 - share) * corner.depth_mm + share * following.depth_mm
+            rings.append(np.column_stack([radius[:, None] * across, np.full(_AROUND, -depth)]))
+    return np.concatenate(rings)

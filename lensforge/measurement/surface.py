@@ -81,7 +81,7 @@ def compare_surface(
         point_count=len(cloud),
         used_share=form.used,
         covered_share=form.covered,
-        pose=_pose(form.motion),
+        pose=pose_of(form.motion),
         point_deviation_um=_extent(1e3 * form.distances),
         form_deviation_um=_extent(height[np.isfinite(height)]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
@@ -147,7 +147,8 @@ def _map(patch: Patch, deviation: SrbfSurface) -> tuple[Float[np.ndarray, " m"],
     return axis, height
 
 
-def _pose(motion: RigidMotion) -> Pose:
+def pose_of(motion: RigidMotion) -> Pose:
+    """The record of a motion."""
     return Pose(
         rotation_deg=_triple(np.degrees(motion.rotation_rad)),
         rotation_standard_error_deg=_triple(np.degrees(motion.rotation_error_rad)),

@@ -5,6 +5,7 @@ own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the s
 """
 
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 import torch
@@ -29,12 +30,17 @@ class AugmentedLagrangian:
 
     @staticmethod
     def of(spec: Spec, grid: TableGrid, penalty: float = 2e4, *, sparse: bool = False) -> "AugmentedLagrangian":
-        """The spec's constraints at points of ``grid``; ``sparse``: at a quarter of its nodes, all for curvatures."""
+        """The spec's constraints at points of ``grid``.
+
+        ``sparse``: at a quarter of its nodes; at all for curvatures, and for a keep-out, whose outline is sharp.
+        """
         constraints = constraints_of(spec)
         derivatives = any(constraint.derivatives for constraint in constraints)
-        every = (1 if derivatives else 2) if sparse else None
+        detailed = derivatives or spec.constraints.keep_out is not None
+        every = (1 if detailed else 2) if sparse else None
         points = constraint_points(grid, spec.lens.basis.symmetry, every_node=every)
-        return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives), penalty)
+        spacing = grid.step * (1.0 if every is None else every * sqrt(2.0))  # with centres: triangles of three points
+        return AugmentedLagrangian(constraints, ChartOperator.of(grid, points, derivatives, spacing), penalty)
 
     def __post_init__(self) -> None:
         area = self.chart_operator.points.scale**2

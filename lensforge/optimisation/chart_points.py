@@ -23,17 +23,22 @@ _JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ChartPoints:
-    """``k`` points of the chart: coordinates, and the scale ``2/(1 + X^2 + Y^2)`` from chart to sphere."""
+    """``k`` points of the chart: coordinates, and the scale ``2/(1 + X^2 + Y^2)`` from chart to sphere.
+
+    ``spacing``: chart distance from a point to the others of its cell, for which it speaks too; 0: for itself alone.
+    """
 
     x: Float[Tensor, " k"]
     y: Float[Tensor, " k"]
+    spacing: float = 0.0
 
     @staticmethod
-    def of(points: Float[np.ndarray, "k 2"]) -> "ChartPoints":
+    def of(points: Float[np.ndarray, "k 2"], spacing: float = 0.0) -> "ChartPoints":
         """The points in the rows of an array."""
-        return ChartPoints(*torch.from_numpy(np.ascontiguousarray(points.T)))
+        x, y = torch.from_numpy(np.ascontiguousarray(points.T))
+        return ChartPoints(x, y, spacing)
 
     @cached_property
     def scale(self) -> Float[Tensor, " k"]:
@@ -62,11 +67,13 @@ class ChartOperator:
     operator: SparseMatrix
 
     @staticmethod
-    def of(grid: TableGrid, points: Float[np.ndarray, "k 2"], derivatives: bool) -> "ChartOperator":
+    def of(
+        grid: TableGrid, points: Float[np.ndarray, "k 2"], derivatives: bool, spacing: float = 0.0
+    ) -> "ChartOperator":
         """Operator for tables of ``grid``; with ``derivatives`` the first and second ones too."""
         orders = _JET if derivatives else _VALUE
         matrix = vstack([_evaluation(grid, points, order) for order in orders], format="csr")
-        return ChartOperator(ChartPoints.of(points), SparseMatrix(matrix))
+        return ChartOperator(ChartPoints.of(points, spacing), SparseMatrix(matrix))
 
     def jets(self, *tables: Float[Tensor, "side side"]) -> list[RadiusJet]:
         """Radius and derivatives of each table; differentiable by its coefficients."""

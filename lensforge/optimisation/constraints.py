@@ -1,8 +1,9 @@
-"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones for manufacture.
+"""Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones for manufacture and assembly.
 
 The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. Optionally no concave region is tighter
 than the ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that
-a mould opens along the axis. A constraint that the spec leaves out is not computed.
+a mould opens along the axis; the wall is nowhere too thick, the lens not too high, and the cavity clear of a keep-out.
+A constraint that the spec leaves out is not computed.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
+from lensforge.optimisation.keep_out import KeepOutExtent
 from lensforge.optimisation.limits import Limit, limits_of
 from lensforge.optimisation.surface_shape import draft_sine, least_curvature
 from lensforge.spec import Spec
@@ -45,7 +47,7 @@ class Constraint(Limit):
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
     """The paper's three, and the optional ones that the spec has."""
-    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec))
+    return (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))
 
 
 def _of_paper(spec: Spec) -> list[Constraint]:
@@ -62,12 +64,43 @@ def _of_paper(spec: Spec) -> list[Constraint]:
     def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
         return limits.max_radius_mm - outer.rho
 
-    fields = {"cavity_clearance_mm": cavity, "wall_margin_mm": wall, "radius_margin_mm": size}
-    known, factor = limits_of(spec), 1.0 / limits.max_radius_mm
-    return [
-        Constraint(**vars(known[key]), field=field, factor=factor, margin=limits.margin_mm)
-        for key, field in fields.items()
-    ]
+    return _of_lengths(spec, {"cavity_clearance_mm": cavity, "wall_margin_mm": wall, "radius_margin_mm": size})
+
+
+def _of_lengths(spec: Spec, fields: dict[str, Field]) -> list[Constraint]:
+    """Constraints on lengths by the keys of their margins."""
+    known, limits = limits_of(spec), spec.constraints
+    factor, margin = 1.0 / limits.max_radius_mm, limits.margin_mm
+    return [Constraint(**vars(known[key]), field=field, factor=factor, margin=margin) for key, field in fields.items()]
+
+
+def _of_envelope(spec: Spec) -> list[Constraint]:
+    """The largest wall, the largest height and the keep-out, where the spec has them."""
+    limits, fields = spec.constraints, dict[str, Field]()
+    if limits.max_wall_mm is not None:
+        fields["largest_wall_margin_mm"] = partial(_thickness_left, limits.max_wall_mm)
+    if limits.max_height_mm is not None:
+        fields["height_margin_mm"] = partial(_height_left, limits.max_height_mm)
+    if limits.keep_out is not None:
+        fields["keep_out_clearance_mm"] = partial(_beyond_keep_out, KeepOutExtent.of(spec))
+    return _of_lengths(spec, fields)
+
+
+def _thickness_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Thickness (mm) left before the wall is too thick."""
+    return limit_mm - (outer.rho - inner.rho)
+
+
+def _height_left(limit_mm: float, inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+    """Height (mm) left above the outer surface."""
+    return limit_mm - outer.rho * points.cosine
+
+
+def _beyond_keep_out(
+    extent: KeepOutExtent, inner: RadiusJet, outer: RadiusJet, points: ChartPoints
+) -> Float[Tensor, " k"]:
+    """Length (mm) along the ray from the grown keep-out to the inner surface."""
+    return inner.rho - extent.at(points)
 
 
 def _of_cutter(spec: Spec) -> list[Constraint]:

@@ -25,7 +25,10 @@ class Margins(Record):
 
     ``cavity_clearance_mm``: height of the inner surface above the cavity's paraboloid. ``wall_margin_mm``: wall
     thickness above the minimum. ``radius_margin_mm``: from the outer surface to the largest radius. Where the spec
-    limits them: curvature left before a concave region is as tight as the ball, and draft above the minimum.
+    limits them: curvature left before a concave region is as tight as the ball, and draft above the minimum;
+    ``largest_wall_margin_mm``: wall thickness below the largest; ``height_margin_mm``: from the outer surface up to the
+    largest height; ``keep_out_clearance_mm``: from the keep-out, grown by its margin, outwards to the inner surface
+    along the ray from the origin.
     """
 
     cavity_clearance_mm: Number
@@ -35,6 +38,9 @@ class Margins(Record):
     outer_curvature_margin_per_mm: Number | None = None
     inner_draft_margin_deg: Number | None = None
     outer_draft_margin_deg: Number | None = None
+    largest_wall_margin_mm: Number | None = None
+    height_margin_mm: Number | None = None
+    keep_out_clearance_mm: Number | None = None
 
 
 class Level(Record):

@@ -21,6 +21,7 @@ from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import DIRECTIONS
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.problem import Problem
+from lensforge.spec import Spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -33,6 +34,7 @@ _ZOOM_POINTS = 21
 _ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
 _ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
 _STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
+_OF_PAPER = 3  # constraints that every lens has
 _HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of steps finds its way out of fewer
 
 
@@ -97,14 +99,13 @@ def project_to_feasible(
 def require_feasible_start(problems: Iterable[Problem]) -> None:
     """Raise :class:`InputError` where no lens is found that keeps all limits, before a search for the best of them.
 
-    For limits of shape, and fixed surfaces; of the others the spec knows all. The starting lens is projected, at first
-    by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
+    For optional limits, and fixed surfaces; of the paper's three the spec knows all. The starting lens is projected, at
+    first by the functions of the first level of the first of ``problems``, at last by all functions of the last one.
     """
     offsets = torch.ones(2, dtype=torch.float64)
     for problem in problems:
         spec, parametrisation, constraints = problem.spec, problem.parametrisation, problem.constraints
-        of_shape = any(constraint.derivatives for constraint in constraints.constraints)
-        if spec.lens.fixed == (None, None) and not of_shape:
+        if spec.lens.fixed == (None, None) and len(constraints.constraints) == _OF_PAPER:
             return
         for functions in sorted({parametrisation.basis.levels[0], parametrisation.basis.size}):
             weights = torch.zeros(functions, 2, dtype=torch.float64)
@@ -112,10 +113,17 @@ def require_feasible_start(problems: Iterable[Problem]) -> None:
             if shortfall <= _HOPELESS:
                 return
     least = constraints.least(constraints.fields(*parametrisation.tables(weights + moved[1:], offsets + moved[0])))
-    given = ", ".join(f"{name} = {value:g}" for name, value in spec.constraints.model_dump(exclude_none=True).items())
+    given = ", ".join(f"{name} = {value}" for name, value in _given(spec).items())
     missed = [each for each in constraints.constraints if least[each.key] < -each.tolerance]
     words = "; ".join(f"{each.name} {least[each.key]:.3g} {each.unit}: {each.remedy}" for each in missed)
     raise InputError(f"constraints: no lens was found that keeps all of {given}; the nearest one has {words}")
+
+
+def _given(spec: Spec) -> dict[str, str]:
+    """The limits of ``spec`` by name, as text: the paper's, and those that it sets."""
+    limits = spec.constraints
+    values = limits.model_dump(exclude_none=True, exclude={"keep_out_margin_mm"} if limits.keep_out is None else None)
+    return {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in values.items()}
 
 
 def _least_move(

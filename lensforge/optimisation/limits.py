@@ -1,7 +1,7 @@
 """Limits of a feasible lens: each constraint of the spec by name, with its tolerance, and the criteria on its margin.
 
-The paper's three, Eqs. (10) to (14), and for manufacture those that the spec sets. No tracer is loaded: a record of a
-search is held against them wherever it is read.
+The paper's three, Eqs. (10) to (14), and for manufacture and assembly those that the spec sets. No tracer is loaded: a
+record of a search is held against them wherever it is read.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ class Limit:
 
 def limits_of(spec: Spec) -> dict[str, Limit]:
     """The limits of ``spec`` by the key of their margin: the paper's three, and the optional ones that it has."""
-    return {limit.key: limit for limit in (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec))}
+    return {limit.key: limit for limit in (*_of_paper(spec), *_of_cutter(spec), *_of_mould(spec), *_of_envelope(spec))}
 
 
 def _of_paper(spec: Spec) -> Iterator[Limit]:
@@ -60,6 +60,21 @@ def _of_mould(spec: Spec) -> Iterator[Limit]:
         if limit_deg is not None:
             remedy = f"lower constraints.{surface}_draft_deg or take more steps"
             yield Limit(f"{surface}_draft_margin_deg", "deg", _DRAFT_TOLERANCE_DEG, remedy)
+
+
+def _of_envelope(spec: Spec) -> Iterator[Limit]:
+    limits = spec.constraints
+    for key, given, remedy in (
+        ("largest_wall_margin_mm", limits.max_wall_mm, "raise constraints.max_wall_mm or lens.inner_offset_mm"),
+        ("height_margin_mm", limits.max_height_mm, "raise constraints.max_height_mm or lower lens.outer_offset_mm"),
+        (
+            "keep_out_clearance_mm",
+            limits.keep_out,
+            "raise lens.inner_offset_mm or lower constraints.keep_out_margin_mm",
+        ),
+    ):
+        if given is not None:
+            yield Limit(key, "mm", limits.tolerance_mm, remedy)
 
 
 def constraint_criteria(spec: Spec, measured: Margins) -> tuple[Criterion, ...]:

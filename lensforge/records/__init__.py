@@ -1,6 +1,7 @@
 """Records: frozen, every field typed, finite and within its range; a stage's result is a record with files."""
 
 from lensforge.records.arrays import Array, Image, Irradiance, Line, PixelCentres, SquareImage
+from lensforge.records.body import BodySize, Box
 from lensforge.records.conditions import Conditions
 from lensforge.records.fields import (
     Count,
@@ -21,6 +22,8 @@ from lensforge.records.result import Given, InFile, SimulatedResult, StageResult
 
 __all__ = [
     "Array",
+    "BodySize",
+    "Box",
     "Conditions",
     "Count",
     "Extent",

@@ -122,7 +122,9 @@ def _size_cards(results: Results) -> Iterator[Card]:
     within, clear = (_state(results, name) for name in ("radius margin", "cavity clearance"))
     largest = f"the largest; at most {limits.max_radius_mm:g} mm allowed"
     yield Card("Lens radius", number(record.max_radius_mm, 4), "mm", largest, within)
-    yield Card("Lens height", number(record.height_mm, 4), "mm", "above the source plane, without the base")
+    most = "" if limits.max_height_mm is None else f"; at most {limits.max_height_mm:g} mm allowed"
+    low = _state(results, "height margin")
+    yield Card("Lens height", number(record.height_mm, 4), "mm", f"above the source plane, without the base{most}", low)
     keep_out = f"to the {limits.cavity_height_mm:g} mm high, {2.0 * limits.cavity_radius_mm:g} mm wide keep-out space"
     yield Card("Cavity clearance", number(record.constraints.cavity_clearance_mm, 3), "mm", keep_out, clear)
 
@@ -132,7 +134,13 @@ def _file_cards(results: Results) -> Iterator[Card]:
     if record is not None:
         note = f"of the STEP file as read back; normals within {number(record.normal_error_mrad.max, 2)} mrad"
         state = _state(results, "form_error", "normal_error")
-        yield Card("Form error", number(record.form_error_nm.max, 3), "nm", note, state)
+        yield Card("Form error", number(record.form_error_nm.max, 2), "nm", note, state)
+        weight = "" if record.mass_g is None else f"; {number(record.mass_g, 4)} g by the density of the spec"
+        yield Card("Volume", number(record.volume_mm3, 5), "mm³", f"of the solid, base included{weight}")
+        if record.keep_out is not None:
+            margin = f"from lens and base; required: {results.spec.constraints.keep_out_margin_mm:g} mm"
+            clear = _state(results, "keep_out_distance")
+            yield Card("Keep-out distance", number(record.keep_out.distance_mm, 4), "mm", margin, clear)
 
 
 def _mill_cards(results: Results) -> Iterator[Card]:
@@ -147,6 +155,11 @@ def _mill_cards(results: Results) -> Iterator[Card]:
     yield Card("Ball mill", value, unit, note, "pass" if fits else "open")
     wall = f"along the cavity's normal; required: {results.spec.constraints.min_thickness_mm:g} mm radially"
     yield Card("Thinnest wall", number(record.min_wall_mm, 4), "mm", wall, _state(results, "radial wall"))
+    most = results.spec.constraints.max_wall_mm
+    if most is not None:
+        thickest = f"along the ray from the origin; at most {most:g} mm allowed"
+        state = _state(results, "largest radial wall")
+        yield Card("Thickest wall", number(record.wall.thickest.thickness_mm, 4), "mm", thickest, state)
 
 
 def _largest_mill(face: FaceResult) -> float:

@@ -9,6 +9,7 @@ from lensforge.optimisation.design import Design
 from lensforge.records import State
 from lensforge.report.numerals import number
 from lensforge.results import Results
+from lensforge.verification.proof import Proof
 
 Shown = Literal["pass", "fail", "open"]  # the style of a verdict on the page
 
@@ -24,6 +25,8 @@ _STEMS = {
     "compare": "photograph",
     "compare_inner": "inner surface",
     "compare_outer": "outer surface",
+    "correct_inner": "correction of the inner surface",
+    "correct_outer": "correction of the outer surface",
 }
 
 _REMARKS = {
@@ -125,6 +128,12 @@ def outdated(results: Results) -> list[str]:
     return [
         f"{stem}.json does not count: {why.rpartition(f'{stem}.json: ')[2]}." for stem, why in results.outdated.items()
     ]
+
+
+def altered_files(results: Results) -> tuple[str, ...]:
+    """A sentence for each file that is not as exported, and was judged all the same."""
+    proof = results.find(Proof)
+    return () if proof is None else tuple(f"{note}." for note in proof.notes)
 
 
 def source_warnings(results: Results) -> tuple[str, ...]:

@@ -72,6 +72,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "subtitle": task(lens.spec),
         "headline": headline.headline(results),
         "outdated": headline.outdated(results),
+        "altered_files": headline.altered_files(results),
         "warnings": headline.source_warnings(results),
         "cards": cards(results),
         "criteria": headline.criterion_rows(results),

@@ -8,6 +8,7 @@ from lensforge.figures.light_unit import LightUnit
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.records import Metric
 from lensforge.report import irradiance_figures, line_figures, surface_figures
+from lensforge.report.corrected import correction_facts, correction_pictures
 from lensforge.report.numerals import NOTHING, number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
@@ -36,6 +37,9 @@ def measured(results: Results) -> list[Measured]:
     for side, surface in results.surfaces.items():
         pictures = [_surface_pictures(results, surface)]
         found.append(Measured(f"The {side} surface, measured", _surface_facts(surface), pictures))
+    for side, made in results.corrections.items():
+        title = f"The {side} surface, corrected for a second cut"
+        found.append(Measured(title, correction_facts(made), [correction_pictures(made)]))
     return found
 
 

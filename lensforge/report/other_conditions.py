@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.measurement.comparison import SurfaceComparison
+from lensforge.measurement.correction_result import Correction
 from lensforge.records import SimulatedResult, State
 from lensforge.report import irradiance_figures
 from lensforge.report.headline import SHOWN, Shown
@@ -158,3 +159,7 @@ def _figures(result: SimulatedResult) -> Iterator[str]:
         case SurfaceComparison():
             yield f"form PV {number(result.form_deviation_um.pv, 3)} µm"
             yield f"NMSE with the {result.surface} surface {number_with_error(result.measured.nmse, 3)}"
+        case Correction():
+            yield f"deviation {number(result.deviation_um.rms, 3)} µm rms"
+            yield f"{number(result.expected_um.rms, 2)} µm expected of the second cut"
+            yield f"NMSE expected of the second cut {number_with_error(result.second_cut.nmse, 3)}"

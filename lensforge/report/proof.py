@@ -20,8 +20,8 @@ def step_facts(results: Results) -> Facts:
         return []
     form, normal = record.form_error_nm, record.normal_error_mrad
     return [
-        ("Form error of the optical faces", f"{number(form.max, 3)} nm largest, {number(form.rms, 3)} nm rms"),
-        ("Error of their normals", f"{number(normal.max, 3)} mrad largest, {number(normal.rms, 3)} mrad rms"),
+        ("Form error of the optical faces", f"{number(form.max, 2)} nm largest, {number(form.rms, 2)} nm rms"),
+        ("Error of their normals", f"{number(normal.max, 2)} mrad largest, {number(normal.rms, 2)} mrad rms"),
         ("Volume", f"{number(record.volume_mm3, 6)} mm³"),
         ("Mesh", f"{'watertight' if record.watertight else 'not watertight'}, genus {record.genus}"),
     ]

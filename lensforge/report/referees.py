@@ -8,12 +8,14 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from lensforge.records import Metric
 from lensforge.report.figure_style import BLUE, GREEN, INK, ORANGE, WIDE, in_report_style, new_figure
 from lensforge.report.headline import criteria_state
-from lensforge.report.numerals import number
+from lensforge.report.numerals import number, percent
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import numbered, suffix
 from lensforge.results import Results
+from lensforge.verification.light_result import OwnRays
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
 
 _COLOURS = (BLUE, GREEN, ORANGE)
@@ -62,6 +64,8 @@ def _rows(proof: Proof, index: int) -> Iterator[RefereeRow]:
         yield _brep(proof, receiver.brep, index)
     if receiver.mitsuba is not None:
         yield _mitsuba(proof, receiver.mitsuba, index)
+    if receiver.own_rays is not None:
+        yield _own_rays(proof, receiver.own_rays, index)
 
 
 def _state(proof: Proof, index: int, *names: str) -> str:
@@ -91,6 +95,21 @@ def _mitsuba(proof: Proof, mitsuba: MitsubaCast, index: int) -> RefereeRow:
     state = _state(proof, index, *(f"mitsuba_{name}" for name in names))
     name = f"Mitsuba {mitsuba.version}, flat facets{suffix(proof.receivers, index)}"
     return RefereeRow(name, "lens.stl", number(mitsuba.rays), *_gaps(mitsuba.against_design), says, state)
+
+
+def _own_rays(proof: Proof, own: OwnRays, index: int) -> RefereeRow:
+    says = f"efficiency {_percent(own.efficiency)}, the design\u2019s light {_percent(own.efficiency_design)}"
+    if own.nmse_less_noise is not None:
+        error = number(own.nmse_less_noise.standard_error, 2)
+        says += f"; NMSE less noise {number(own.nmse_less_noise.value, 2)} \u00b1 {error}"
+    state = _state(proof, index, "own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
+    name = f"Rays drawn apart from the design\u2019s{suffix(proof.receivers, index)}"
+    return RefereeRow(name, "lens.stl", number(own.rays), "", "", "", says, state)
+
+
+def _percent(share: Metric) -> str:
+    error = "" if share.standard_error is None else f" \u00b1 {percent(share.standard_error, 2)}"
+    return f"{percent(share.value, 2)}{error}"
 
 
 def _gaps(agreement: Agreement) -> tuple[str, str, str]:

@@ -18,6 +18,7 @@ from lensforge.optimisation.design import Level
 from lensforge.report.figure_style import (
     BLUE,
     GREEN,
+    GREY,
     INK,
     NARROW,
     ORANGE,
@@ -33,6 +34,9 @@ _CONSTRAINT_CURVES = {
     "cavity_clearance_mm": ("cavity", GREEN),
     "wall_margin_mm": ("thickness", BLUE),
     "radius_margin_mm": ("radius", ORANGE),
+    "largest_wall_margin_mm": ("largest wall", INK),
+    "height_margin_mm": ("height", RED),
+    "keep_out_clearance_mm": ("keep-out", GREY),
 }
 _CURVE_COLOURS = {"loss": INK, "nmse": BLUE, "efficiency": GREEN}
 _LINEAR_MM = 0.01  # the scale is linear within, so that it includes 0
@@ -71,7 +75,9 @@ def constraint_history(levels: Sequence[Level]) -> Figure:
     figure, axes = new_figure(NARROW, _CURVE_HEIGHT)
     for start, level in _draw_levels(axes, levels):
         for name, (label, colour) in _CONSTRAINT_CURVES.items():
-            values = np.array(level.constraints.get(name, ()), dtype=np.float64)
+            if name not in level.constraints:
+                continue
+            values = np.array(level.constraints[name], dtype=np.float64)
             axes.plot(_steps(start, values), values, color=colour, label=label if start == 0 else None)
     axes.set_yscale("symlog", linthresh=_LINEAR_MM, linscale=0.5)
     axes.set(ylabel="least margin (mm)")

@@ -5,7 +5,7 @@ A wrong field is reported in one line: its name, its value, what is allowed.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tomli_w
 from pydantic import Field, ValidationError, model_validator
@@ -145,6 +145,15 @@ class Spec(Section):
             raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where")
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
+    def is_cut(self, face: Literal["inner", "outer"]) -> bool:
+        """True for a face that is designed for the cutter of ``[manufacture]``: the base gives it room there.
+
+        Its concave radius is bounded by the cutter's or more, or the whole part is required to be cut.
+        """
+        radius_mm: float | None = getattr(self.constraints, f"{face}_concave_radius_mm")
+        designed = radius_mm is not None and radius_mm >= self.manufacture.cutter_radius_mm
+        return self.manufacture.make == "part" and (designed or self.manufacture.required)
+
     @property
     def has_uniform_region(self) -> bool:
         """True where a target names a region of uniform light."""
@@ -175,7 +184,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="the shipped specs are in examples/")
     content.setdefault("name", path.stem)
-    for section in ("source", "target", "receivers", "base"):
+    for section in ("source", "target", "receivers", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

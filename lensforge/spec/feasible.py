@@ -28,6 +28,7 @@ def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture:
     _require_shapes_of_fixed(lens, limits, manufacture)
     inner = smallest_inner_mm(lens, limits)
     _require_fixed_inside(lens, limits, inner)
+    _require_fixed_below(lens, limits)
     if lens.fixed_outer is None:
         _require_room_for_draft(limits, inner)
     _require_room_for_ball(lens, limits, manufacture, inner)
@@ -80,6 +81,25 @@ def _require_fixed_inside(lens: LensSection, limits: ConstraintsSection, inner: 
                 f"they reach {inner[worst] + wall:.4g} mm from the origin (constraints.cavity_height_mm = "
                 f"{limits.cavity_height_mm:g}, cavity_radius_mm = {limits.cavity_radius_mm:g}, min_thickness_mm = "
                 f"{wall:g}), the surface is at {inner[worst] + wall + room[worst]:.4g}; lower one of the three"
+            )
+
+
+def _require_fixed_below(lens: LensSection, limits: ConstraintsSection) -> None:
+    """Fixed surfaces against the largest height; of free ones the section of the limits knows all."""
+    if limits.max_height_mm is None:
+        return
+    for name, surface, wall in (
+        ("lens.fixed_inner", lens.fixed_inner, limits.min_thickness_mm),
+        ("lens.fixed_outer", lens.fixed_outer, 0.0),
+    ):
+        if surface is None:
+            continue
+        height = float(((surface.on_meridian_mm(_POLAR) + wall) * np.cos(_POLAR)).max())
+        if height > limits.max_height_mm:
+            under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
+            raise ValueError(
+                f"{name}{under} reaches {height:.6g} mm above z = 0, constraints.max_height_mm = "
+                f"{limits.max_height_mm:g}; make it at least {rounded_up(height)}, or choose another surface"
             )
 
 

@@ -10,16 +10,17 @@ from lensforge.files import require_regular_file
 from lensforge.spec.section import Section
 
 _NAMED = "the spec names it"
+_FIELDS = ("file", "keep_out")  # fields that name a file
 
 
 def resolve_files(table: object, folder: Path) -> None:
-    """Make every ``file`` in ``table``, however deep, relative to ``folder``."""
+    """Make every field of ``table`` that names a file, however deep, relative to ``folder``."""
     if isinstance(table, list):
         for entry in table:
             resolve_files(entry, folder)
     elif isinstance(table, dict):
         for key, value in table.items():
-            if key == "file" and isinstance(value, str):
+            if key in _FIELDS and isinstance(value, str):
                 table[key] = _in_folder(value, folder)
             else:
                 resolve_files(value, folder)

@@ -134,7 +134,7 @@ class LensSection(Section):
     dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` is used where a single number is
     needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d of a dispersive
     material of one's own. ``absorption_per_mm`` (Beer-Lambert) enters the stray-light pass of ``verify``, not the
-    design.
+    design; ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
@@ -142,6 +142,7 @@ class LensSection(Section):
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
     levels: Levels = "auto"
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
     inner_offset_mm: Millimetres | None = None

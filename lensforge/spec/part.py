@@ -13,10 +13,12 @@ class BaseSection(Section):
     """The clamping base: the paper's one-inch cylinder, a square, a STEP ``file`` of one's own, or none.
 
     ``height_mm``: total height. ``relief_step_mm``: depth of the base's top below the rim, so that a cutter reaches the
-    rim; with ``relief_setback_mm`` the step's wall is a circle at least that far inside the rim, without it the wall
-    follows the rim straight down. ``flat_mm``: distance of a clocking flat, across +x, from the axis.
-    ``pocket_*``: a wider bore from below for the LED. ``flange_*``: a wider ring at the bottom. A STEP file has all of
-    these itself: one solid in the lens's coordinates, its top in z = 0.
+    rim; with ``relief_setback_mm`` the step's wall is a circle at least that far inside the rim, with 0 the wall
+    follows the rim straight down. ``bore_setback_mm``: the bore below the cavity is a circle at least that far outside
+    the cavity's rim, with 0 it follows the rim straight down. Left out, these three are what the cutter needs at a face
+    that is designed for it (:meth:`Spec.is_cut`), and 0 elsewhere. ``flat_mm``: distance of a clocking flat, across +x,
+    from the axis. ``pocket_*``: a wider bore from below for the LED. ``flange_*``: a wider ring at the bottom. A STEP
+    file has all of these itself: one solid in the lens's coordinates, its top in z = 0.
     """
 
     kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
@@ -24,8 +26,9 @@ class BaseSection(Section):
     diameter_mm: Millimetres = 25.4
     side_mm: Millimetres = 25.4
     height_mm: Millimetres = 2.0
-    relief_step_mm: MillimetresOrZero = 0.0
-    relief_setback_mm: MillimetresOrZero = 0.0
+    relief_step_mm: MillimetresOrZero | None = None
+    relief_setback_mm: MillimetresOrZero | None = None
+    bore_setback_mm: MillimetresOrZero | None = None
     flat_mm: Millimetres | None = None
     pocket_diameter_mm: Millimetres | None = None
     pocket_depth_mm: Millimetres = 1.0
@@ -36,7 +39,8 @@ class BaseSection(Section):
     def _file_is_the_whole_base(self) -> "BaseSection":
         if (self.kind == "step") != (self.file is not None):
             raise ValueError('kind = "step" and file go together: give both, or neither')
-        shapes = ("relief_step_mm", "relief_setback_mm", "flat_mm", "pocket_diameter_mm", "flange_diameter_mm")
+        room = ("relief_step_mm", "relief_setback_mm", "bore_setback_mm")
+        shapes = (*room, "flat_mm", "pocket_diameter_mm", "flange_diameter_mm")
         given = [name for name in shapes if getattr(self, name)]
         if self.kind == "step" and given:
             raise ValueError(f"{given[0]} does not go with kind = 'step': the file holds the whole base")
@@ -48,9 +52,9 @@ class BaseSection(Section):
         pocket = 0.0 if self.pocket_diameter_mm is None else self.pocket_depth_mm
         if self.kind in ("none", "step"):
             return self
-        if self.relief_setback_mm > 0.0 and self.relief_step_mm == 0.0:
+        if self.relief_setback_mm and not self.step_mm:
             raise ValueError(f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0")
-        if self.relief_step_mm + flange >= self.height_mm:
+        if self.step_mm + flange >= self.height_mm:
             raise ValueError(f"relief_step_mm and flange_height_mm must leave some of height_mm = {self.height_mm:g}")
         if pocket >= self.height_mm:
             raise ValueError(f"pocket_depth_mm = {pocket:g} must be below height_mm = {self.height_mm:g}")
@@ -59,6 +63,11 @@ class BaseSection(Section):
         if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
             raise ValueError(f"flange_diameter_mm must exceed the width of the base, {self.widest_mm:g}")
         return self
+
+    @property
+    def step_mm(self) -> float:
+        """``relief_step_mm``, 0 where it is left out."""
+        return self.relief_step_mm or 0.0
 
     @property
     def widest_mm(self) -> float:

@@ -4,12 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section, rounded_up
 from lensforge.surfaces.srbf import MOST_LEVELS
 
 Accuracy = Literal["draft", "standard", "reference"]
 MOST_STEPS = 1_000_000  # of a level; a search of 5000 takes minutes, and its history is kept
 Steps = Annotated[int, Field(ge=1, le=MOST_STEPS)]
+KEEP_OUT_MARGIN_MM = 0.1  # a placed package may be off by 0.05 mm, and so may a lens on its board
 DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 
 
@@ -18,6 +19,10 @@ class ConstraintsSection(Section):
 
     Optional, for manufacture: no concave region of a face is tighter than ``*_concave_radius_mm``, the ball that mills
     it, and each face has a draft of at least ``*_draft_deg`` along the axis, the direction in which its mould opens.
+    ``max_wall_mm``: largest thickness, along rays from the origin as ``min_thickness_mm``.
+
+    Optional, for assembly: ``max_height_mm`` of the outer face above z = 0. ``keep_out``: a STEP file of solids in the
+    lens's coordinates (LED package, bond wires, board) from which lens and base stay ``keep_out_margin_mm`` away.
     """
 
     cavity_height_mm: Millimetres
@@ -28,6 +33,10 @@ class ConstraintsSection(Section):
     outer_concave_radius_mm: Millimetres | None = None
     inner_draft_deg: DraftDegrees | None = None
     outer_draft_deg: DraftDegrees | None = None
+    max_wall_mm: Millimetres | None = None
+    max_height_mm: Millimetres | None = None
+    keep_out: FilePath | None = None
+    keep_out_margin_mm: MillimetresOrZero = KEEP_OUT_MARGIN_MM
 
     @property
     def tolerance_mm(self) -> float:
@@ -52,6 +61,35 @@ class ConstraintsSection(Section):
             raise ValueError(
                 f"{name} = {reach:g} and min_thickness_mm = {self.min_thickness_mm:g} do not fit into max_radius_mm = "
                 f"{self.max_radius_mm:g}: make it at least {rounded_up(least)}, or lower one of the two"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _largest_wall_and_height_leave_room(self) -> "ConstraintsSection":
+        """Refuse a wall or a height that no lens has, its margins included: one for each limit that takes part."""
+        wall, margin = self.min_thickness_mm, self.margin_mm
+        for name, least, words in (
+            ("max_wall_mm", wall + 2.0 * margin, f"min_thickness_mm = {wall:g} needs"),
+            (
+                "max_height_mm",
+                self.cavity_height_mm + wall + 3.0 * margin,
+                f"cavity_height_mm = {self.cavity_height_mm:g} and min_thickness_mm = {wall:g} need",
+            ),
+        ):
+            given = getattr(self, name)
+            if given is not None and given < least:
+                raise ValueError(
+                    f"{name} = {given:g}: {words} at least {rounded_up(least)}, of which the margins of the search are "
+                    f"{margin:.3g} mm each; raise it, or lower the other"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _margin_is_of_a_keep_out(self) -> "ConstraintsSection":
+        if self.keep_out is None and self.keep_out_margin_mm != KEEP_OUT_MARGIN_MM:
+            raise ValueError(
+                f"keep_out_margin_mm = {self.keep_out_margin_mm:g} goes with keep_out, a STEP file of what the lens "
+                "stays away from; give both, or neither"
             )
         return self
 

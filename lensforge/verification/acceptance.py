@@ -8,7 +8,9 @@ from collections.abc import Iterator
 
 from lensforge.criteria import Criterion, at_most
 from lensforge.verification.advice import Evidence, form_of_mesh
+from lensforge.verification.own_rays_criteria import emission_criterion, own_rays_criteria
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
+from lensforge.verification.size_criteria import other_body, size_criteria
 from lensforge.verification.stray_result import StrayFlux, StrayLight
 
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
@@ -63,6 +65,8 @@ def proof_criteria(proof: Proof) -> tuple[Criterion, ...]:
     found = [
         at_most("open_edges", proof.open_edges, 0.0, "edges", "export again: the mesh is not closed"),
         plain_criterion(proof.plain_cast),
+        *size_criteria(proof.sizes, proof.faults),
+        *([] if proof.emission_apart is None else [emission_criterion(proof.emission_apart)]),
     ]
     for number, receiver in enumerate(proof.receivers):
         own = _receiver_criteria(proof, receiver)
@@ -78,13 +82,24 @@ def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]
     """Criteria of the casts on one receiver; its distance follows from the limit of the deviation."""
     brep, mitsuba, distance_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_PER_DISTANCE
     step_alike = None if brep is None else brep_evidence(brep, distance_mm).lands_alike
-    form = form_of_mesh(proof.open_edges, step_alike)
-    evidence = Evidence(agreement_of(receiver), receiver.deviation_limit_mm, FLUX_SHARE, FATE_SHARE, form)
+    fault, other = proof.faults.mesh, other_body(proof.sizes, "lens.stl")
+    evidence = mesh_evidence(receiver, form_of_mesh(proof.open_edges, step_alike, other), fault)
     return [
         *_mesh_criteria(receiver, evidence),
-        *([] if brep is None else brep_criteria(brep, distance_mm)),
-        *([] if mitsuba is None else mitsuba_criteria(mitsuba, distance_mm)),
+        *([] if brep is None else brep_criteria(brep, distance_mm, _step_fault(proof))),
+        *([] if mitsuba is None else mitsuba_criteria(mitsuba, distance_mm, fault or other)),
+        *([] if receiver.own_rays is None else own_rays_criteria(receiver.own_rays)),
     ]
+
+
+def mesh_evidence(receiver: ReceiverProof, form: str = "", fault: str = "") -> Evidence:
+    """Agreement of the mesh with the design on one receiver, and its limits; ``form``, ``fault``: its remedies."""
+    limit = receiver.deviation_limit_mm
+    return Evidence(agreement_of(receiver), limit, FLUX_SHARE, FATE_SHARE, form, fault)
+
+
+def _step_fault(proof: Proof) -> str:
+    return proof.faults.step or other_body(proof.sizes, "lens.step")
 
 
 def _mesh_criteria(proof: ReceiverProof, found: Evidence) -> Iterator[Criterion]:
@@ -108,9 +123,9 @@ def plain_criterion(plain: PlainCast) -> Criterion:
     return at_most("plain_cast_disagreements", plain.disagreements, 0.0, "casts", remedy)
 
 
-def brep_criteria(cast: BrepCast, distance_mm: float) -> list[Criterion]:
-    """Acceptance criteria of a STEP file; ``distance_mm``: to the receiver."""
-    design, seen = cast.against_design, brep_evidence(cast, distance_mm)
+def brep_criteria(cast: BrepCast, distance_mm: float, fault: str = "") -> list[Criterion]:
+    """Acceptance criteria of a STEP file; ``distance_mm``: to the receiver, ``fault``: recognised in the file."""
+    design, seen = cast.against_design, brep_evidence(cast, distance_mm, fault)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
     return [
         at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
@@ -119,18 +134,18 @@ def brep_criteria(cast: BrepCast, distance_mm: float) -> list[Criterion]:
     ]
 
 
-def brep_evidence(cast: BrepCast, distance_mm: float) -> Evidence:
+def brep_evidence(cast: BrepCast, distance_mm: float, fault: str = "") -> Evidence:
     """Agreement of the STEP file with the design, and its limits; ``distance_mm``: to the receiver."""
     form = "export again; if it stays, lens.step is not the lens of lens.json"
     limit, fates = BREP_DEVIATION_PER_DISTANCE * distance_mm, BREP_FATE_RAYS / BREP_RAYS
-    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form)
+    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault)
 
 
-def mitsuba_criteria(cast: MitsubaCast, distance_mm: float) -> list[Criterion]:
-    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver."""
+def mitsuba_criteria(cast: MitsubaCast, distance_mm: float, fault: str = "") -> list[Criterion]:
+    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver, ``fault``: of the mesh."""
     design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
     limit, form = MITSUBA_DEVIATION_PER_DISTANCE * distance_mm, form_of_mesh(0, None)
-    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form)
+    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault)
     fates = design.fates_flux
     return [
         at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),

@@ -29,7 +29,8 @@ _AT_A_LIMIT = "this light is near the rim or the limit of total reflection: expo
 class Evidence:
     """Agreement of a file with the design, and its limits: rms deviation (mm), shares of flux for losses and fates.
 
-    ``form``: what to try where its rays land elsewhere.
+    ``form``: what to try where its rays land elsewhere. ``fault``: the fault that was recognised in the file, if any;
+    then all else follows from it.
     """
 
     agreement: Agreement
@@ -37,6 +38,7 @@ class Evidence:
     flux: float
     fates: float
     form: str
+    fault: str = ""
 
     @property
     def lands_alike(self) -> bool:
@@ -45,13 +47,15 @@ class Evidence:
 
     def of_deviation(self) -> str:
         """Remedy of rays that land elsewhere."""
+        if self.fault:
+            return self.fault
         if self.agreement.compared == 0:
             return f"no ray lands on the receiver in both: {self.of_fates()}"
         return self.form
 
     def of_flux(self) -> str:
         """Remedy of rays with another flux: a matter of the form only if they land elsewhere, too."""
-        if not self.lands_alike:
+        if self.fault or not self.lands_alike:
             return self.of_deviation()
         return (
             "the rays land where they should, so the mesh is right, but lose other shares at the surfaces: is the "
@@ -64,8 +68,8 @@ class Evidence:
         Near the rim or a limit angle any error of form decides a fate: then it is that of the form.
         """
         pairs = self.agreement.pairs
-        if not pairs:
-            return self.form
+        if self.fault or not pairs:
+            return self.fault or self.form
         named = ", ".join(_said(pair) for pair in pairs[:_NAMED])
         advice = _BY_PART.get(pairs[0].part) or _BY_DESIGN.get(pairs[0].design)
         if advice is None:
@@ -74,7 +78,7 @@ class Evidence:
 
     def of_pixels(self) -> str:
         """Remedy of other pixels for the same rays: the first of form, fates and losses that fails."""
-        if not self.lands_alike:
+        if self.fault or not self.lands_alike:
             return self.of_deviation()
         if self.agreement.fates_flux > self.fates:
             return self.of_fates()
@@ -83,10 +87,15 @@ class Evidence:
         return "the landings keep their limit, but cross the borders of pixels: export with a finer mesh"
 
 
-def form_of_mesh(open_edges: int, step_lands_alike: bool | None) -> str:
-    """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast."""
+def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "") -> str:
+    """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
+
+    ``other_body``: words on how its size differs from that of the export; empty where it does not.
+    """
     if open_edges > 0:
         return "export again: the mesh is not closed"
+    if other_body:
+        return other_body
     if step_lands_alike is None:
         return "export with a finer mesh; if it stays, the file is not the lens of lens.json"
     if step_lands_alike:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from lensforge.files import temporary_folder, write_json
-from lensforge.records import SimulatedResult
+from lensforge.records import BodySize, SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.own_content import made_here
@@ -29,6 +29,7 @@ _MEMORY_MIB, _MEMORY_KIB_PER_TRIANGLE, _STL_RECORD = 1536, 4, 50
 # Many times what is usual, since the machine may be slow and shared: 2**14 rays take 50 s where six others compute.
 _SECONDS, _SECONDS_PER_RAY = 180.0, 0.01
 _OF_EXPECTED = ("irradiance", "landings", "flux", "fates")  # arrays that go to the child
+_RAYS, _OWN = "rays.", "own."  # beginnings of the names of their arrays
 _JOB, _ARRAYS, _STL, _STEP = "job.json", "given.npz", "part.stl", "part.step"
 
 _Result = TypeVar("_Result", bound=SimulatedResult)
@@ -52,9 +53,18 @@ def stray_apart(stl: bytes, *, rays: RayBundle, **given: Any) -> StrayLight:
     return _cast_in_child(StrayLight, stl, b"", rays, given)
 
 
+def _arrays_of(prefix: str, rays: RayBundle) -> dict[str, Any]:
+    return {f"{prefix}{name}": value for name, value in vars(rays).items() if value is not None}
+
+
 def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle, given: dict[str, Any]) -> _Result:
     """Leave the work on the files in a folder to a child process, and read the record that it writes."""
-    numbers, arrays = dict(given), {f"rays.{name}": value for name, value in vars(rays).items() if value is not None}
+    numbers, arrays, count = dict(given), _arrays_of(_RAYS, rays), len(rays)
+    if (own := numbers.pop("own", None)) is not None:
+        arrays |= _arrays_of(_OWN, own.rays)
+        numbers["own"], count = [asdict(design) for design in own.designs], count + len(own.rays)
+    if (exported := numbers.pop("exported", None)) is not None:
+        numbers["exported"] = exported.model_dump()
     screens: Sequence[Screen] = numbers.pop("screens", ())
     for k, expected in enumerate(numbers.pop("expected", ())):
         screens = (*screens, expected.screen)
@@ -68,7 +78,7 @@ def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle
         job = {"stage": kind.stage, "given": numbers, "screens": [asdict(screen) for screen in screens]}
         write_json(folder / _JOB, job)
         memory_mib = _MEMORY_MIB + _MEMORY_KIB_PER_TRIANGLE * len(stl) // _STL_RECORD // 1024
-        limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * len(rays))
+        limits = ChildLimits(memory_mib, _SECONDS + _SECONDS_PER_RAY * count)
         words = "export it again, or cast fewer rays"
         work_in_child(Path(__file__).resolve(), folder, limits, origin="lens.stl and lens.step", remedy=words)
         return kind.read(folder)
@@ -77,6 +87,7 @@ def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle
 def _cast(folder: Path) -> None:
     """Work of the child process: the record of the cast through the files in ``folder``."""
     from lensforge.verification.comparison import Expected
+    from lensforge.verification.own_rays import DesignLight, OwnLight
     from lensforge.verification.screen import Screen
     from lensforge.verification.stray import trace_stray
     from lensforge.verification.verify import verify_part
@@ -84,18 +95,27 @@ def _cast(folder: Path) -> None:
     job = json.loads((folder / _JOB).read_text(encoding="utf-8"))
     with np.load(folder / _ARRAYS, allow_pickle=False) as archive:
         arrays = dict(archive)
-    bundle = {name: arrays.pop(name) for name in [*arrays] if name.startswith("rays.")}
-    rays = RayBundle(**{name.removeprefix("rays."): value for name, value in bundle.items()})
+    rays, given = _bundle_in(arrays, _RAYS), job["given"]
     screens, stl = [Screen(**screen) for screen in job["screens"]], (folder / _STL).read_bytes()
     if job["stage"] == Proof.stage:
         expected = [
             Expected(screen, *(arrays.get(f"expected.{k}.{name}") for name in _OF_EXPECTED))  # type: ignore[arg-type]
             for k, screen in enumerate(screens)
         ]
+        if "own" in given:
+            given["own"] = OwnLight(_bundle_in(arrays, _OWN), tuple(DesignLight(**each) for each in given["own"]))
+        if "exported" in given:
+            given["exported"] = BodySize.model_validate(given["exported"])
         step = (folder / _STEP).read_bytes()
-        verify_part(stl, rays=rays, step=step, expected=expected, **job["given"]).write(folder)
+        verify_part(stl, rays=rays, step=step, expected=expected, **given).write(folder)
     else:
-        trace_stray(stl, rays=rays, screens=screens, **job["given"]).write(folder)
+        trace_stray(stl, rays=rays, screens=screens, **given).write(folder)
+
+
+def _bundle_in(arrays: dict[str, Any], prefix: str) -> RayBundle:
+    """The rays whose arrays have names with ``prefix``."""
+    found = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+    return RayBundle(**found)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
+from lensforge.verification.light_result import PartFlux, PartMissed
 from lensforge.verification.passage import CastFate, LandedRays
-from lensforge.verification.proof import Agreement, FatePair, PartFlux, PartMissed
+from lensforge.verification.proof import Agreement, FatePair
 from lensforge.verification.screen import Screen
 
 

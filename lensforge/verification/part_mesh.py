@@ -20,6 +20,7 @@ from lensforge.untrusted.stl import MOST_TRIANGLES, stl_corners
 
 # Facets that meet at a larger angle belong to different faces; a mesh of a lens bends by a few degrees at most.
 CREASE_RAD = np.deg2rad(30.0)
+LEVEL_MM = 1e-4  # what is nearer to z = 0 lies there, in single precision too
 # Degree of the polynomial fitted around a vertex. It limits what the verification can see: on the smallest shipped
 # lenses the normals of a cubic are wrong by 130 urad rms at the vertices, which lands rays 0.027 mm off at 150 mm,
 # nearly twice what the criterion allows; those of a quintic land them 0.003 mm off on the same mesh, as do exact ones.

@@ -23,9 +23,13 @@ from lensforge.records import (
     Text,
     stated,
 )
+from lensforge.verification.light_result import OwnRays, PartFlux, PartMissed
+from lensforge.verification.size_result import Faults, Sizes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+JUDGED_FILES = ("lens.step", "lens.stl")  # of the part: rays go through them
 
 Gaps = Annotated[Float[np.ndarray, " q"], Array("q")]
 
@@ -96,30 +100,6 @@ class MitsubaCast(Record):
     against_design: Agreement
 
 
-class PartFlux(Record):
-    """The flux budget of the part; shares of the emitted flux."""
-
-    detected: Share
-    outside: Share
-    missed: Share
-    total_reflection: Share
-    reflected: Share
-
-
-class PartMissed(Record):
-    """Flux that never reaches the receiver's plane, by cause; shares of the emitted flux.
-
-    ``base``: met on the way in or in the body. ``starts_outside``: met the outside of the lens before the inside.
-    """
-
-    no_hit: Share
-    starts_inside: Share
-    starts_outside: Share = 0.0
-    base: Share
-    back_into_cavity: Share
-    missed_receiver: Share
-
-
 class ReceiverProof(Record):
     """Rays through the exported part on one receiver, against the same rays through the design.
 
@@ -148,6 +128,7 @@ class ReceiverProof(Record):
     missed_by_cause: PartMissed
     brep: BrepCast | None
     mitsuba: MitsubaCast | None
+    own_rays: OwnRays | None
     irradiance: Irradiance
     design_irradiance: Irradiance
     gaps_mesh_mm: Gaps
@@ -164,7 +145,9 @@ class Proof(SimulatedResult):
     """Rays through the exported part, against the same rays through the design, on every receiver.
 
     Results that are not of the rays or the mesh are those of the first receiver. ``altered_files``: those whose content
-    was not what export.json describes when the rays were cast.
+    was not what export.json describes when the rays were cast. ``sizes``: None where no size as exported was given.
+    ``emission_apart``: largest difference of a moment of the design's rays, as they leave the source, from that of rays
+    which verification has drawn, in standard errors; None where it has drawn none.
     """
 
     stage: ClassVar[str] = "verify"
@@ -177,6 +160,9 @@ class Proof(SimulatedResult):
     triangles: Count
     open_edges: Count
     volume_mm3: Number
+    sizes: Sizes | None
+    faults: Faults
+    emission_apart: NotNegative | None
     facet_height_um: Extent
     altered_files: tuple[Text, ...] = ()
     plain_cast: PlainCast
@@ -208,6 +194,12 @@ class Proof(SimulatedResult):
         return self.first.deviation_mm
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each file that is not as exported: it was judged all the same."""
+        judged = (name for name in self.altered_files if name in JUDGED_FILES)
+        return tuple(f"{name} is not the file that was exported: judged by its geometry and light" for name in judged)
+
+    @property
     def brep(self) -> BrepCast | None:
         """Rays through the STEP file, on the first receiver."""
         return self.first.brep
@@ -221,7 +213,8 @@ class Proof(SimulatedResult):
         failed = [str(criterion) for criterion in self.criteria if not criterion.passed]
         deviation = f"{self.deviation_mm.rms:.3g} mm rms, {self.deviation_mm.max:.3g} mm at most"
         verdict = "; ".join(failed) or "every criterion is met"
-        return f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+        found = f"part: {self.rays} rays land {deviation} from where the design sends them; {verdict}"
+        return "; ".join([found, *self.notes])
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Cumulative share of the rays over the distance between their first landings and the design's."""

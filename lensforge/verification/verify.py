@@ -12,18 +12,37 @@ from typing import Any
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.records import Extent
+from lensforge.records import BodySize, Extent
 from lensforge.sources.bundle import RayBundle
-from lensforge.verification.acceptance import BREP_RAYS, DEVIATION_PER_DISTANCE, proof_criteria
-from lensforge.verification.brep_cast import StepBody, cast_brep
+from lensforge.verification.acceptance import (
+    BREP_RAYS,
+    DEVIATION_PER_DISTANCE,
+    brep_evidence,
+    mesh_evidence,
+    proof_criteria,
+)
+from lensforge.verification.body import facet_errors, mesh_size
+from lensforge.verification.brep_cast import cast_brep, through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
+from lensforge.verification.light_result import OwnRays
+from lensforge.verification.misplaced import recognised, through_mesh
 from lensforge.verification.mitsuba_cast import cast_mitsuba
-from lensforge.verification.part_mesh import read_part_mesh
+from lensforge.verification.own_rays import OwnLight, emission_apart, judge_own_rays
+from lensforge.verification.part_mesh import PartMesh, read_part_mesh
 from lensforge.verification.passage import LandedRays, Passage, send_through
 from lensforge.verification.plain_cast import cast_plain
-from lensforge.verification.proof import BrepCast, Gaps, LandingDeviation, MitsubaCast, Proof, ReceiverProof
+from lensforge.verification.proof import (
+    BrepCast,
+    Gaps,
+    LandingDeviation,
+    MitsubaCast,
+    Proof,
+    ReceiverProof,
+)
 from lensforge.verification.screen import nmse, squared_norm
+from lensforge.verification.size_result import Faults, SizedFile, Sizes
+from lensforge.verification.step_body import StepBody
 
 
 def verify_part(
@@ -37,6 +56,9 @@ def verify_part(
     step: bytes | None = None,
     step_rays: int = BREP_RAYS,
     mitsuba_rays: int = 0,
+    own: OwnLight | None = None,
+    exported: BodySize | None = None,
+    chord_mm: float = 0.0,
     threads: int = 1,
     inputs: Mapping[str, str] | None = None,
 ) -> Proof:
@@ -45,8 +67,10 @@ def verify_part(
     ``expected``: the design's light and the landings of the same rays, on each receiver, of ``names``. trimesh's own
     ray cast traces ``plain_rays`` of the rays, to verify the grid. ``step``: the bytes of the same part's STEP file,
     through which the CAD kernel casts ``step_rays`` of the rays; without it ``brep`` is None. Mitsuba casts
-    ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. The result does not
-    depend on ``threads``. ``inputs``: hashes of the inputs, by name.
+    ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. ``own``: further
+    rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``exported``:
+    size of the part as exported, its box within ``chord_mm`` of the solid's. The result does not depend on ``threads``.
+    ``inputs``: hashes of the inputs, by name.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
@@ -63,10 +87,12 @@ def verify_part(
     none: list[Any] = [None] * len(expected)
     by_step = none if body is None else cast_brep(body, rays, refractive_index, expected, passage, step_rays)
     by_mitsuba = cast_mitsuba(part, rays, refractive_index, expected, mitsuba_rays) if mitsuba_rays else none
+    by_own = none if own is None else _own_light(part, grid, own, refractive_index, expected, threads)
     received = tuple(
-        _on_receiver(name, rays, passage, each, brep, mitsuba)
-        for name, each, brep, mitsuba in zip(names, expected, by_step, by_mitsuba, strict=True)
+        _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
+        for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
     )
+    sizes = None if exported is None else _sizes(part, body, exported, chord_mm)
     heights = np.abs(passage.facets_um)
     proof = Proof(
         inputs=dict(inputs or {}),
@@ -76,12 +102,56 @@ def verify_part(
         triangles=len(part.mesh.faces),
         open_edges=part.open_edges,
         volume_mm3=float(part.mesh.volume),
+        sizes=sizes,
+        faults=Faults(),
+        emission_apart=None if own is None else emission_apart(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
         plain_cast=plain,
         criteria=(),
         seconds=perf_counter() - started,
     )
-    return proof.model_copy(update={"criteria": proof_criteria(proof)})
+    faults = _faults(proof, (part, grid, body), (rays, refractive_index, expected[0]))
+    proof = proof.model_copy(update={"faults": faults})
+    return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
+
+
+def _own_light(
+    part: PartMesh, grid: Grid, own: OwnLight, refractive_index: float, expected: Sequence[Expected], threads: int
+) -> list[OwnRays]:
+    """Light of the rays that verification has drawn, on each receiver."""
+    passage = send_through(part, grid, own.rays, refractive_index, threads)
+    pairs = zip(expected, own.designs, strict=True)
+    return [judge_own_rays(own.rays, passage, each, design) for each, design in pairs]
+
+
+def _sizes(part: PartMesh, body: StepBody | None, exported: BodySize, chord_mm: float) -> Sizes:
+    """Size of the part in its files, beside that of the export."""
+    facets = facet_errors(part.mesh)
+    mesh = SizedFile(
+        size=mesh_size(part.mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
+    )
+    step = None if body is None else SizedFile(size=body.size())
+    return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
+
+
+def _faults(
+    proof: Proof, files: tuple[PartMesh, Grid, StepBody | None], light: tuple[RayBundle, float, Expected]
+) -> Faults:
+    """Faults of the files whose light on the first receiver is not the design's, where they can be recognised.
+
+    ``light``: rays, refractive index, and the design's results on the first receiver.
+    """
+    (part, grid, body), first, sizes = files, proof.first, proof.sizes
+    exported = None if sizes is None else sizes.exported
+    seen, found = mesh_evidence(first), Faults()
+    if part.open_edges == 0 and not (seen.lands_alike and seen.agreement.fates_flux <= seen.fates):
+        words = recognised(through_mesh(part, grid), mesh_size(part.mesh), exported, *light)
+        found = found.model_copy(update={"mesh": words})
+    if body is None or first.brep is None or sizes is None or sizes.step is None:
+        return found
+    if not brep_evidence(first.brep, light[2].screen.distance_mm).lands_alike:
+        found = found.model_copy(update={"step": recognised(through_step(body), sizes.step.size, exported, *light)})
+    return found
 
 
 def _require_rays(rays: RayBundle, expected: Sequence[Expected]) -> None:
@@ -98,10 +168,10 @@ def _on_receiver(
     rays: RayBundle,
     passage: Passage,
     expected: Expected,
-    brep: tuple[BrepCast, Gaps] | None,
-    mitsuba: tuple[MitsubaCast, Gaps] | None,
+    others: tuple[tuple[BrepCast, Gaps] | None, tuple[MitsubaCast, Gaps] | None, OwnRays | None],
 ) -> ReceiverProof:
-    """The rays of ``passage`` on one receiver against the design's."""
+    """The rays of ``passage`` on one receiver against the design's; ``others``: the other casts there."""
+    brep, mitsuba, own_rays = others
     screen, landed = expected.screen, LandedRays.of(passage, expected.screen)
     image, variance = (see(landed.landings, landed.flux) for see in (screen.irradiance, screen.noise))
     agreement = compare(rays, landed, expected)
@@ -127,6 +197,7 @@ def _on_receiver(
         missed_by_cause=missed,
         brep=brep[0] if brep else None,
         mitsuba=mitsuba[0] if mitsuba else None,
+        own_rays=own_rays,
         irradiance=image,
         design_irradiance=expected.irradiance,
         gaps_mesh_mm=gap_quantiles(landed, expected),

@@ -6,9 +6,10 @@ from geometry_lenses import exact_volume, make_lens
 from nightly import first_by_day
 
 from lensforge.errors import InputError
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
 from lensforge.geometry.export import build_part
-from lensforge.geometry.mesh import INNER, OUTER, build_mesh
+from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.mesh_files import parse_3mf
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan

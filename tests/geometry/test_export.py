@@ -11,7 +11,6 @@ from nightly import first_by_day
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import face_points
-from lensforge.geometry.rings import MeshTolerance
 from lensforge.geometry.step import parse_surfaces
 from lensforge.surfaces.chart import to_sphere
 from lensforge.version import __version__
@@ -24,6 +23,11 @@ KEYS = {
     "normal_error_mrad",
     "volume_mm3",
     "volume_mesh_mm3",
+    "area_mm2",
+    "area_mesh_mm2",
+    "bounds_mm",
+    "mass_g",
+    "keep_out",
     "watertight",
     "genus",
     "faces",
@@ -84,9 +88,10 @@ def test_too_few_nodes_fail_the_form_criteria_without_raising():
 def test_rings_and_tolerance_are_knobs():
     lens = make_lens(0.8, 2.45)
     assert build_part(lens, rings=20).triangulation.rings == 20
-    mesh = build_part(lens, tolerance=MeshTolerance(chord_mm=1e-3, normal_rad=5e-3)).triangulation
-    assert mesh.rings >= 96
-    assert mesh.normal_error_mrad <= 5.0
+    mesh = build_part(lens, chord_mm=1e-4).triangulation
+    assert mesh.rings == 132, "the base's cylinder of 12.7 mm needs them"
+    assert 0.05 < mesh.chord_error_um <= 0.1
+    assert build_part(lens).triangulation.chord_error_um <= 1.0
 
 
 def test_building_a_part_leaves_no_file_behind(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ from geometry_lenses import random_surface
 
 from lensforge.errors import InputError
 from lensforge.geometry.edges import geom_surface
-from lensforge.geometry.form import chart_samples, face_error, fit_to_form, form_error, worst
+from lensforge.geometry.form import chart_samples, face_error, fit_to_form, form_error, largest_errors, worst
 from lensforge.geometry.patch import Patch, fit_patch, node_axis
 from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.srbf import SrbfSurface
@@ -99,3 +99,33 @@ def test_the_place_of_the_worst_is_named():
     error = worst([form_error(SURFACE, dented, normals), form_error(SURFACE, points, turned)])
     assert error.form_at_mm == pytest.approx(tuple(dented[17]), abs=1e-12)
     assert error.normal_at_mm == pytest.approx(tuple(points[30]), abs=1e-12)
+
+
+def test_the_largest_errors_are_sought_between_the_samples():
+    """A bump that is narrower than the samples' spacing, at a place in closed form, is measured at its peak."""
+    peak, width = np.array([0.31, 0.42]), 0.03
+
+    def bumpy(chart):
+        directions = to_sphere(chart)
+        height = 5e-6 * np.exp(-np.sum((chart - peak) ** 2, axis=1) / width**2)
+        points = (SURFACE.radius(directions) + height)[:, None] * directions
+        return points, SURFACE.normal(directions)
+
+    chart = chart_samples(1024)
+    sampled, found = form_error(SURFACE, *bumpy(chart)), largest_errors(SURFACE, bumpy, chart)
+    at = SURFACE.radius(to_sphere(peak[None]))[0] * to_sphere(peak)
+    tilt = SURFACE.normal(to_sphere(peak[None]))[0] @ to_sphere(peak)
+    assert found.form_max_nm == pytest.approx(5.0 * tilt, rel=1e-4)
+    assert found.form_at_mm == pytest.approx(tuple(at), abs=1e-3)
+    assert sampled.form_max_nm < 0.95 * found.form_max_nm
+    assert found.form_rms_nm == sampled.form_rms_nm
+
+
+def test_the_largest_errors_of_a_spline_are_those_of_dense_samples():
+    surface = random_surface(2.45, 0.05, seed=5, levels=(9, 25, 81))
+    patch = fit_patch(surface, 48)
+    found = largest_errors(surface, lambda chart: (patch.points(chart), patch.normals(chart)), chart_samples())
+    many = chart_samples(2**17, seed=3)
+    dense = form_error(surface, patch.points(many), patch.normals(many))
+    assert 0.96 * dense.form_max_nm < found.form_max_nm < 1.02 * dense.form_max_nm
+    assert 0.96 * dense.normal_max_mrad < found.normal_max_mrad < 1.02 * dense.normal_max_mrad

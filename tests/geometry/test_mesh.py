@@ -5,12 +5,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nightly import scaled
 
-from lensforge.geometry.mesh import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP, build_mesh
+from lensforge.errors import InputError
+from lensforge.geometry.base_profile import BORE, BOTTOM, INNER, OUTER, RIM, SIDE, TOP
+from lensforge.geometry.mesh import build_mesh, mesh_error
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.plan import make_plan, rim_directions
-from lensforge.geometry.rings import MeshTolerance, mesh_error, rim_azimuths, rings_for
+from lensforge.geometry.rings import rim_azimuths, rings_for
 from lensforge.geometry.watertight import check_closed
 from lensforge.spec import BaseSection
+from lensforge.surfaces.chart import to_chart
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 NONE = BaseSection(kind="none")
 
@@ -131,18 +135,99 @@ def test_crossings_replace_azimuths_that_almost_coincide():
     assert azimuths[0] == pytest.approx(-0.01 * step)
 
 
-@pytest.mark.parametrize("tolerance", [MeshTolerance(2e-3, 0.02), MeshTolerance(5e-4, 0.05)])
-def test_the_mesh_keeps_its_tolerance_without_waste(tolerance):
-    plan = plan_of(random_surface(6.0, 0.01, 1), random_surface(13.7, 0.01, 51), NONE)
-    rings = rings_for(plan, tolerance)
-    kept = mesh_error(plan, rings)
-    assert kept.chord_mm <= tolerance.chord_mm
-    assert kept.normal_rad <= tolerance.normal_rad
-    assert rings == 96 or mesh_error(plan, rings * 9 // 10).chord_mm > tolerance.chord_mm
+def densely_measured(plan, mesh):
+    """Distance and angle at 45 points of every facet of the optical faces; no search."""
+    distance, angle = 0.0, 0.0
+    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
+        corners = mesh.vertices[mesh.part(name)]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        for i in range(9):
+            for j in range(9 - i):
+                chart = to_chart(np.array([i, j, 8 - i - j]) / 8 @ corners)
+                away = np.sum((patch.points(chart) - corners[:, 0]) * normals, axis=1)
+                sine = np.linalg.norm(np.cross(patch.normals(chart), normals), axis=1)
+                distance, angle = max(distance, np.abs(away).max()), max(angle, np.arcsin(sine.max()))
+    return distance, angle
+
+
+def rough_plan(base=NONE):
+    return plan_of(random_surface(6.0, 0.02, 1), random_surface(13.7, 0.02, 51), base)
+
+
+@pytest.mark.parametrize("chord_mm", [None, 0.02])
+def test_the_errors_of_a_mesh_are_the_largest_anywhere_on_its_facets(chord_mm):
+    plan = rough_plan()
+    mesh = build_mesh(plan, 20, chord_mm)
+    stated = mesh_error(mesh, plan)
+    distance, angle = densely_measured(plan, mesh)
+    assert distance <= stated.chord_mm < 1.02 * distance
+    assert angle * (1.0 - 1e-9) <= stated.normal_rad < 1.02 * angle
+
+
+@pytest.mark.parametrize("base", [NONE, BaseSection()], ids=["no base", "cylinder"])
+@pytest.mark.parametrize("chord_mm", [0.02, 0.004])
+def test_split_facets_keep_the_tolerance_and_the_body_closed(base, chord_mm):
+    plan = rough_plan(base)
+    mesh, equal = build_mesh(plan, 20, chord_mm), build_mesh(plan, 20)
+    assert densely_measured(plan, mesh)[0] <= chord_mm < mesh_error(equal, plan).chord_mm
+    for vertices, triangles in ((mesh.vertices, mesh.triangles), as_stl(mesh)):
+        assert edges_pair_up(triangles)
+        assert check_closed(vertices, triangles).watertight
+    assert set(mesh.names) == set(equal.names)
+
+
+def test_one_rough_place_costs_few_triangles():
+    basis = SrbfBasis((9, 25, 81, 289), 1.75)
+    bump = SrbfSurface(basis, np.where(np.arange(basis.size) == 250, 0.6, 0.0), 13.7)
+    plan = plan_of(random_surface(6.0, 0.0, 1), bump, NONE)
+    mesh, equal = build_mesh(plan, 40, 0.004), build_mesh(plan, 40)
+    rings = 40 * np.sqrt(mesh_error(equal, plan).chord_mm / 0.004)  # the distance falls as rings^-2
+    assert len(mesh.triangles) < 0.5 * len(equal.triangles) * (rings / 40) ** 2
+
+
+def test_splitting_keeps_vertices_on_the_faces_and_angles_from_collapsing():
+    plan = rough_plan()
+    mesh = build_mesh(plan, 20, 0.002)
+    for name, patch in ((OUTER, plan.outer), (INNER, plan.inner)):
+        triangles = mesh.part(name)
+        points = mesh.vertices[np.unique(triangles)]
+        radius = np.linalg.norm(points, axis=1)
+        assert np.abs(radius - patch.radius(points / radius[:, None])).max() < 1e-12
+        corners = mesh.vertices[triangles]
+        sides = np.roll(corners, -1, axis=1) - corners
+        lengths = np.linalg.norm(sides, axis=2)
+        doubled_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        assert np.degrees(np.arcsin(doubled_area / (np.sort(lengths, axis=1)[:, 1:].prod(axis=1)))).min() > 8.0
+
+
+def test_the_volume_of_split_hemispheres_is_within_the_tolerance_of_the_closed_form():
+    plan = plan_of(random_surface(1.0, 0.0, 0), random_surface(3.0, 0.0, 1), NONE)
+    mesh = build_mesh(plan, 6, 1e-3)
+    exact = 2.0 * np.pi / 3.0 * (27.0 - 1.0)
+    assert abs(mesh.volume() - exact) < 1e-3 * mesh.area()
+    assert abs(build_mesh(plan, 6).volume() - exact) > 1e-3 * mesh.area()
+
+
+def test_a_tolerance_that_takes_too_many_triangles_is_refused(monkeypatch):
+    monkeypatch.setattr("lensforge.geometry.refinement.MOST_TRIANGLES", 5000)
+    with pytest.raises(InputError, match=r"no more than 5000 are made; export with a number of rings, --rings"):
+        build_mesh(rough_plan(), 20, 1e-4)
+
+
+def test_rings_follow_the_detail_of_the_faces_and_the_width_of_the_base():
+    plan = rough_plan()
+    assert rings_for(plan, 1e-3) == 96
+    fine = make_plan(fit_patch(random_surface(6.0, 0.02, 1), 200), plan.outer, NONE)
+    assert rings_for(fine, 1e-3) == 160
+    wide = plan_of(random_surface(6.0, 0.0, 1), random_surface(13.7, 0.0, 51), BaseSection(diameter_mm=600.0))
+    rings = rings_for(wide, 1e-3)
+    assert rings > 128
+    assert 300.0 * (1.0 - np.cos(np.pi / (6 * rings))) <= 1e-3
 
 
 def test_facets_approach_the_surface_with_order_two():
     plan = plan_of(random_surface(0.8, 0.01, 1), random_surface(2.45, 0.01, 51), NONE)
-    coarse, fine = mesh_error(plan, 40), mesh_error(plan, 80)
+    coarse, fine = (mesh_error(build_mesh(plan, rings), plan) for rings in (40, 80))
     assert np.log2(coarse.chord_mm / fine.chord_mm) == pytest.approx(2.0, abs=0.15)
     assert np.log2(coarse.normal_rad / fine.normal_rad) == pytest.approx(1.0, abs=0.15)

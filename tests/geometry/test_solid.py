@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from geometry_lenses import exact_volume, make_lens, random_surface
@@ -33,7 +35,7 @@ def test_a_shell_has_its_faces_and_the_volume_of_its_closed_form(radii, base, na
     solid = solid_of(*(random_surface(radius, 0.0, seed=0) for radius in radii), base)
     volume = 2.0 * np.pi * (radii[1] ** 3 - radii[0] ** 3) / 3.0
     volume += base.height_mm * np.pi * (12.7**2 - radii[0] ** 2) if base.kind == "cylinder" else 0.0
-    assert set(solid.faces) == names
+    assert {re.sub(r"_\d+$", "", name) for name in solid.faces} == names  # walls below a rim have several faces
     assert solid.valid
     assert solid.volume_mm3 == pytest.approx(volume, rel=1e-9)
 
@@ -74,7 +76,7 @@ def test_step_says_millimetres_ap214_and_the_names(written):
     assert "PRODUCT('small_lens','small_lens'" in text
     assert text.count("PRODUCT(") == 1
     assert text.count("MANIFOLD_SOLID_BREP(") == 1
-    for name in OPTICAL | BASE | {"BASE_TOP"}:
+    for name in (OPTICAL | BASE | {"BASE_TOP", "BASE_BORE_1"}) - {"BASE_BORE"}:
         assert text.count(f"ADVANCED_FACE('{name}'") == 1
 
 
@@ -83,9 +85,7 @@ def test_optical_faces_are_single_patches_trimmed_by_a_circle(written):
     assert text.count("B_SPLINE_SURFACE_WITH_KNOTS('',5,5") == 2
     assert text.count("CIRCLE('',") >= 2  # the two trims in parameter space, and the base's own circles
     for name in OPTICAL:
-        face = parse_step(written[1]).faces[name]
-        assert len(face.Edges()) == 1
-        assert len(face.Wires()) == 1
+        assert len(parse_step(written[1]).faces[name].Wires()) == 1
 
 
 def test_step_round_trip_keeps_solid_and_bounding_box(written):
@@ -94,6 +94,22 @@ def test_step_round_trip_keeps_solid_and_bounding_box(written):
     assert again.volume_mm3 == pytest.approx(solid.volume_mm3, rel=1e-12)
     box = again.shape.BoundingBox()
     assert (box.zmin, box.xmax, box.ymin) == pytest.approx((-2.0, 12.7, -12.7), abs=1e-3)
+
+
+@pytest.mark.parametrize("base", [BaseSection(), BaseSection(flat_mm=11.0, height_mm=3.0)], ids=["round", "flat"])
+def test_other_cad_programs_find_the_volume_the_centroid_and_the_box(base):
+    """By the kernel's default integration, without a tolerance, and by its box of control points: as they do."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    inner, outer = random_surface(6.0, 0.08, 3, (9, 25, 81)), random_surface(11.0, 0.05, 4, (9, 25, 81))
+    part = parse_step(step_bytes(solid_of(inner, outer, base), "read elsewhere"))
+    default, exact = GProp_GProps(), GProp_GProps()
+    BRepGProp.VolumeProperties_s(part.shape.wrapped, default)
+    BRepGProp.VolumeProperties_s(part.shape.wrapped, exact, 1e-10)
+    assert default.Mass() == pytest.approx(exact.Mass(), rel=1e-6)
+    assert default.CentreOfMass().Distance(exact.CentreOfMass()) < 1e-5
+    assert part.shape.BoundingBox().zmin == pytest.approx(-base.height_mm, abs=1e-3)
 
 
 def test_the_kernel_s_own_boolean_agrees_in_the_crossing_case():

@@ -22,7 +22,7 @@ from lensforge.studies.sweep.vary import variation_of
 Where = tuple[str | int, ...]
 
 STEMS = {**{kind.stage: kind for kind in STAGES}, **EXTRAS, "sweep": lf.Sweep, "rays": lf.RayFileSummary}
-FILES = ("lens", *(stem for stem in STEMS if stem != "compare_outer"), "run")
+FILES = ("lens", *(stem for stem in STEMS if stem not in ("compare_outer", "correct_outer")), "run")
 # A spec may leave out what has a default, a lens of another program its hash; tables have as many rows as there are.
 BY_DAY = 40  # fields of each record and change, always the same ones; nightly all, up to 250 of a record
 FREE = {

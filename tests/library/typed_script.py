@@ -44,6 +44,7 @@ def script(folder: Path) -> None:
     assert_type(lf.photometry(design.lens), lf.Photometry)
     assert_type(lf.compare(light, on="on.png"), lf.PhotoComparison)
     assert_type(lf.compare(design.lens, points="cloud.csv", surface="inner"), lf.SurfaceComparison)
+    assert_type(lf.correct(design.lens, points="cloud.csv", surface="inner"), lf.Correction)
     assert_type(lf.sweep(spec, "constraints.max_radius_mm", [12.0, 14.0]), lf.Sweep)
     assert_type(lf.tradeoff(spec), lf.Tradeoff)
     assert_type(lf.rays("led.tm25ray"), lf.RayFileSummary | lf.PhotometricSummary)

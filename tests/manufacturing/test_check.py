@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from known_shapes import exported, random_surface
 
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.export import build_part
-from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.part import SplineNodes
 from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.plan import lay_out
 from lensforge.geometry.step import parse_step
 from lensforge.lens import Lens
 from lensforge.manufacturing.best_fit_sphere import VARIANTS
@@ -143,9 +144,9 @@ def test_the_numbers_of_two_hemispheres(plain):
         assert face.best_fit_sphere.pv_mm < 1e-7
         assert abs(face.curvature.kappa_min_per_mm - sign / radius) < 1e-5
         assert face.undercut_fraction == 0.0
-        assert abs(face.area_mm2 / (2.0 * np.pi * radius**2) - 1.0) < 1e-4
+        assert abs(face.area_mm2 / (2.0 * np.pi * radius**2) - 1.0) < 1e-8
         # Archimedes: the zone of a hemisphere with a draft below d is sin(d) of its area.
-        assert face.draft_deg.area_fraction_below_two == pytest.approx(np.sin(np.deg2rad(2.0)), abs=0.01)
+        assert face.draft_deg.area_fraction_below_two == pytest.approx(np.sin(np.deg2rad(2.0)), abs=3e-5)
         assert face.draft_deg.area_fraction_below_half < face.draft_deg.area_fraction_below_two
     assert abs(plain.min_wall_mm - (OUTER_MM - INNER_MM)) < 1e-7
     assert abs(plain.inner.cutter.largest_radius_mm - INNER_MM) < 1e-5
@@ -184,7 +185,7 @@ def test_the_criterion_is_the_radial_wall_that_the_spec_promises(plain, rough):
     u[:, 2] = np.abs(u[:, 2])
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     exact = (part.outer.radius(u) - part.inner.radius(u)).min()
-    assert abs(held.value - exact) < 2e-3
+    assert exact - 1e-3 < held.value < exact + 2e-6  # random directions do not find the thinnest, within the form error
     assert check.min_wall_mm <= held.value
 
 
@@ -244,7 +245,8 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     outer = check_face("outer", exported(part.outer, AirSide.OUTSIDE), 0.6, 61)
     base = {"height_mm": 6.0}
     for _ in range(3):
-        found = relief_findings(check_relief(BaseSection(**base), None, 0.6, inner, outer))[0]
+        plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
+        found = relief_findings(check_relief(plan, None, 0.6, inner, outer))[0]
         if found.holds:
             break
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}

@@ -3,11 +3,19 @@ import pytest
 from known_shapes import random_surface, sampled, sphere
 from scipy.spatial import cKDTree
 
+from lensforge.geometry.cutter_room import needed_step_mm
 from lensforge.manufacturing.cutter import largest_ball_mm, reachable
 from lensforge.manufacturing.face import AirSide
-from lensforge.manufacturing.relief import bore_clearance_mm, relief_step_mm, step_clearance_mm
+from lensforge.manufacturing.relief import wall_retreat_mm
 
 DOME, BALL = 2.45, 1.0
+DEEP = 10.0  # mm: deeper than any ball reaches
+
+
+def relief_step_mm(samples, ball, base_diameter_mm):
+    centres = samples.points + ball * samples.normals
+    distance = np.hypot(centres[:, 0], centres[:, 1])
+    return np.maximum(needed_step_mm(distance, centres[:, 2], ball, base_diameter_mm / 2.0), 0.0)
 
 
 def test_a_dome_on_a_flush_base_wants_a_step_of_one_ball_radius():
@@ -29,14 +37,14 @@ def test_a_base_inside_the_rim_is_passed_beside():
 def test_a_hemispherical_cavity_needs_no_wider_bore():
     samples = sampled(sphere(0.8), AirSide.INSIDE)
     for ball in (0.3, 0.8):
-        assert bore_clearance_mm(samples, ball).max() < 2e-6
+        assert wall_retreat_mm(samples, ball, DEEP).max() < 2e-6
 
 
 def test_a_cavity_that_narrows_upwards_needs_a_wider_bore():
     radius, ball, depth = 0.8, 0.3, 0.2
     samples = sampled(sphere(radius, (0.0, 0.0, -depth)), AirSide.INSIDE)
     rim = np.sqrt(radius**2 - depth**2)
-    assert abs(bore_clearance_mm(samples, ball).max() - ball * (1.0 - rim / radius)) < 1e-6
+    assert abs(wall_retreat_mm(samples, ball, DEEP).max() - ball * (1.0 - rim / radius)) < 1e-6
 
 
 def test_with_the_relief_no_ball_enters_the_base():
@@ -53,7 +61,7 @@ def test_with_the_relief_no_ball_enters_the_base():
 def test_the_wider_bore_lets_every_reached_ball_pass():
     samples, ball = sampled(random_surface(0.8, 0.04, 1), AirSide.INSIDE), 0.3
     reached = reachable(largest_ball_mm(samples), ball)
-    clearance = bore_clearance_mm(samples, ball)[reached].max()
+    clearance = wall_retreat_mm(samples, ball, DEEP)[reached].max()
     rim = samples.points[np.abs(samples.points[:, 2]) < 1e-9]
     outward = rim / np.linalg.norm(rim, axis=1, keepdims=True)
     centres = (samples.points + ball * samples.normals)[reached]
@@ -66,6 +74,6 @@ def test_the_wider_bore_lets_every_reached_ball_pass():
 def test_a_step_s_wall_stands_back_from_an_undercut_rim_by_the_versine_of_its_draft():
     # Of a sphere about (0, 0, c) the rim leans by asin(c/r): the ball's centre is R cos of it away from the wall.
     radius, up, ball = 3.0, 1.0, 0.5
-    clearance = step_clearance_mm(sampled(sphere(radius, (0.0, 0.0, up)), AirSide.OUTSIDE), ball)
+    clearance = wall_retreat_mm(sampled(sphere(radius, (0.0, 0.0, up)), AirSide.OUTSIDE), ball, DEEP)
     assert clearance.max() == pytest.approx(ball * (1.0 - np.sqrt(1.0 - (up / radius) ** 2)), rel=1e-4)
-    assert (step_clearance_mm(sampled(sphere(radius, (0.0, 0.0, -up)), AirSide.OUTSIDE), ball) == 0.0).all()
+    assert (wall_retreat_mm(sampled(sphere(radius, (0.0, 0.0, -up)), AirSide.OUTSIDE), ball, DEEP) == 0.0).all()

@@ -27,7 +27,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> lf.Run:
     folder = tmp_path_factory.mktemp("runs") / "lens"
     spec = small_spec(target=None, receivers=[WALL, FAR], optimise__steps_per_level=[20, 20], base={"kind": "none"})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lensforge.stages._STRAY_RAYS", 512)
+        patch.setattr("lensforge.cast_stages._STRAY_RAYS", 512)
         lf.run(spec, folder, accuracy="draft")
         run_stray(folder)
     run_photometry(folder)

@@ -6,13 +6,14 @@ from lensforge.evaluation.light import light_criteria
 from lensforge.evaluation.receiver_light import WindowSize
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.manufacturing.findings import check_findings, radial_criterion
-from lensforge.manufacturing.result import OuterRelief, Relief
+from lensforge.manufacturing.relief_result import OuterRelief, Relief
 from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import constraint_criteria
 from lensforge.receivers.build import receivers_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.acceptance import proof_criteria, stray_criteria
+from lensforge.verification.size_result import SizedFile, Sizes
 
 
 def squares(image, reference):
@@ -68,20 +69,27 @@ def corners_of(stl):
     return rows[:, 12:48].copy().view("<f4").reshape(-1, 3, 3).astype(float)
 
 
+def area_of(corners):
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(crossed, axis=1).sum()) / 2
+
+
 def part(result, lens):
     corners = corners_of(result.stl)
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     volume = float(np.sum(corners[:, 0] * crossed)) / 6.0
     extent = result.form_error_nm.model_copy(update={"max": 0.75})
     mesh = result.triangulation.model_copy(update={"triangles": len(corners), "chord_error_um": 100.0})
-    return {"volume_mm3": volume + 1.0, "volume_mesh_mm3": volume, "form_error_nm": extent, "triangulation": mesh}
+    area = area_of(corners)
+    bounds = (tuple(corners.min(axis=(0, 1)).tolist()), tuple(corners.max(axis=(0, 1)).tolist()))
+    return {
+        "volume_mm3": volume + 1.0, "volume_mesh_mm3": volume, "area_mm2": area, "area_mesh_mm2": area,
+        "bounds_mm": bounds, "form_error_nm": extent, "triangulation": mesh,
+    }  # fmt: skip
 
 
 def files(result, lens):
-    corners = corners_of(result.stl)
-    area = (
-        float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()) / 2
-    )
+    area = area_of(corners_of(result.stl))
     measured = {
         "form_error": result.form_error_nm.max, "normal_error": result.normal_error_mrad.max, "step_valid": 1.0,
         "step_volume_change": 0.0, "watertight": float(result.watertight), "watertight_3mf": 1.0,
@@ -122,6 +130,28 @@ def findings(result, lens):
 
 def proof(result, lens):
     return {"receivers": tuple(map(proof_on_receiver, result.receivers))}
+
+
+def proof_of(result, exported, lit):
+    """The verification of the part ``exported``, of the size that its record states, under the light ``lit``."""
+    receivers = tuple(
+        each.model_copy(
+            update={
+                "own_rays": each.own_rays.model_copy(
+                    update={
+                        "efficiency_design": seen.efficiency,
+                        "nmse_less_noise": None if seen.nmse_of_noise is None else each.own_rays.nmse_less_noise,
+                    }
+                )
+            }
+        )
+        for each, seen in zip(result.receivers, lit.receivers, strict=True)
+    )
+    file = SizedFile(size=exported.size)
+    chord_mm = 1e-3 * exported.triangulation.chord_error_um
+    sizes = Sizes(exported=exported.size, chord_mm=chord_mm, mesh=file, step=file)
+    changed = result.model_copy(update={"receivers": receivers, "sizes": sizes, "volume_mm3": exported.volume_mm3})
+    return changed.model_copy(update={"criteria": proof_criteria(changed)})
 
 
 def proof_on_receiver(result):

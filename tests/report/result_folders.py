@@ -2,7 +2,7 @@
 
 import numpy as np
 import trimesh
-from agreeing_results import agreeing
+from agreeing_results import agreeing, proof_of
 from undrawn import without_views
 
 from lensforge.criteria import Criterion
@@ -10,6 +10,7 @@ from lensforge.evaluation.light import Light
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, ReceiverLight
 from lensforge.geometry.part import STEP_FILE, STL_FILE, THREEMF_FILE, Faces, Part, Triangulation, stamp_of
 from lensforge.lens import Lens
+from lensforge.manufacturing.relief_result import Relief
 from lensforge.manufacturing.result import (
     Check,
     Curvature,
@@ -17,7 +18,6 @@ from lensforge.manufacturing.result import (
     Draft,
     FaceResult,
     Finding,
-    Relief,
     Scallop,
     Scallops,
     Sphere,
@@ -26,15 +26,18 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.optimisation.design import Design, Level, Margins
 from lensforge.receivers.build import build_receiver
-from lensforge.records import Extent, Metric
+from lensforge.records import BodySize, Extent, Metric
 from lensforge.report.lens_page import render_report
 from lensforge.results import Results
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import parse_spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
-from lensforge.verification.proof import LandingDeviation, PartFlux, PartMissed, PlainCast, Proof, ReceiverProof
+from lensforge.verification.light_result import OwnRays, PartFlux, PartMissed
+from lensforge.verification.proof import LandingDeviation, PlainCast, Proof, ReceiverProof
+from lensforge.verification.size_result import Faults, SizedFile, Sizes
 
+SIZE = BodySize(volume_mm3=3833.5, area_mm2=1250.5, bounds_mm=((-14.0, -14.0, -2.0), (14.0, 14.0, 13.5)))
 STAGES = ("design", "evaluate", "export", "check", "verify")
 PIXELS, NODES = 16, 21
 
@@ -104,6 +107,8 @@ def agreeing_results(stages=STAGES, lens=None, **records):
     """The same with figures that agree with each other, as those of files must."""
     given = make_results(stages, lens, **records)
     found = {stem: agreeing(stem, result, given.lens) for stem, result in given.found.items()}
+    if {"verify", "export", "evaluate"} <= set(found):
+        found["verify"] = proof_of(found["verify"], found["export"], found["evaluate"])
     return make_results((), given.lens, **_made_from_each_other(found))
 
 
@@ -282,6 +287,9 @@ def make_part(lens, stl=None, **changes):
         "normal_error_mrad": Extent(max=0.0075, rms=0.0025),
         "volume_mm3": 3833.5,
         "volume_mesh_mm3": 3832.5,
+        "area_mm2": SIZE.area_mm2,
+        "area_mesh_mm2": 1250.0,
+        "bounds_mm": SIZE.bounds_mm,
         "watertight": True,
         "genus": 0,
         "faces": Faces(count=2, names=("OPTICAL_INNER", "OPTICAL_OUTER")),
@@ -321,6 +329,7 @@ def make_check(lens, **changes):
         area_mm2=321.5,
     )
     wall = Wall(thickness_mm=1.875, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 5.875))
+    thick = Wall(thickness_mm=8.0, inner_point_mm=(0.0, 0.0, 4.0), outer_point_mm=(0.0, 0.0, 12.0))
     scallop = Scallop(height_nm=27.5, slope_mrad=5.5, stepover_for_slope_limit_mm=0.0035)
     content = {
         "inputs": {"lens": lens.sha256},
@@ -329,7 +338,7 @@ def make_check(lens, **changes):
         "inner": face,
         "outer": face,
         "min_wall_mm": 1.875,
-        "wall": Walls(normal=wall, radial=wall),
+        "wall": Walls(normal=wall, radial=wall, thickest=thick, thickest_normal=thick),
         "relief": Relief(outer=None, inner=None, note="there is no base"),
         "scallop": Scallops(stepover_mm=0.02, slope_limit_mrad=1.0, inner=scallop, outer=scallop),
         "tools": (),
@@ -344,6 +353,16 @@ def make_check(lens, **changes):
 def make_receiver_proof(section, **changes):
     """The rays through the part on one receiver."""
     images = light_images(*build_receiver(section, PIXELS).grid.shape)
+    flux = PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09)
+    missed = PartMissed(no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02)
+    own = OwnRays(
+        rays=16384,
+        efficiency=Metric(value=0.8475, standard_error=0.00075),
+        efficiency_design=make_receiver_light(section).efficiency,
+        nmse_less_noise=Metric(value=0.00035, standard_error=0.0015),
+        flux=flux,
+        missed_by_cause=missed,
+    )
     content = {
         "name": section.name,
         "width": section.size[0],
@@ -360,12 +379,11 @@ def make_receiver_proof(section, **changes):
         "flux_deviation": 0.00035,
         "fate_disagreements": 3,
         "fate_disagreement_flux": 0.00015,
-        "flux": PartFlux(detected=0.8475, outside=0.02, missed=0.0325, total_reflection=0.01, reflected=0.09),
-        "missed_by_cause": PartMissed(
-            no_hit=0.0, starts_inside=0.0, base=0.0125, back_into_cavity=0.0, missed_receiver=0.02
-        ),
+        "flux": flux,
+        "missed_by_cause": missed,
         "brep": None,
         "mitsuba": None,
+        "own_rays": own,
         "irradiance": images["raw_map"],
         "design_irradiance": images["map"],
         "gaps_mesh_mm": np.linspace(1e-4, 0.1, 501),
@@ -386,6 +404,9 @@ def make_proof(lens, **changes):
         "triangles": 320,
         "open_edges": 0,
         "volume_mm3": 3832.5,
+        "sizes": Sizes(exported=SIZE, chord_mm=0.000875, mesh=SizedFile(size=SIZE), step=SizedFile(size=SIZE)),
+        "faults": Faults(),
+        "emission_apart": 2.25,
         "facet_height_um": Extent(max=1.125, rms=0.375),
         "plain_cast": PlainCast(rays=200, casts=390, disagreements=0, rate=120.5),
         "criteria": (criterion("deviation_rms", 0.0125, 0.015),),

@@ -71,6 +71,17 @@ def inner(radius_mm: float, centre_z_mm: float = 0.0) -> dict[str, object]:
         ),
         ({"lens": inner(3.0, -1.0), "constraints__inner_draft_deg": 20.0}, r"has a draft of 19\.5 deg"),
         ({"lens": inner(3.0), "constraints__inner_concave_radius_mm": 3.1}, r"has a concave radius of 3 mm"),
+        ({"constraints__max_wall_mm": 1.0}, r"max_wall_mm = 1: min_thickness_mm = 1 needs at least 1\.005"),
+        (
+            {"constraints__max_height_mm": 1.4},
+            r"max_height_mm = 1.4: cavity_height_mm = 0.5 and min_thickness_mm = 1 need at least 1\.507",
+        ),
+        (
+            {"lens": inner(3.0), "constraints__max_height_mm": 3.9},
+            r"fixed_inner under a wall of .* = 1 reaches 4 mm above z = 0, constraints.max_height_mm = 3.9",
+        ),
+        ({"lens": DOME, "constraints__max_height_mm": 2.9}, r"fixed_outer reaches 3 mm .* make it at least 3"),
+        ({"constraints__keep_out_margin_mm": 0.2}, r"keep_out_margin_mm = 0.2 goes with keep_out"),
         (
             {"lens": DOME, "constraints__min_thickness_mm": 2.6},
             r"fixed_outer leaves no room .* they reach 3\.1 .* is at 3;",

@@ -97,7 +97,7 @@ def test_an_inside_out_mesh_says_so():
     part = mesh(rings=12)
     part.invert()
     remedies, result = failed(part)
-    assert "part starts inside" in remedies["deviation_rms"] and "inside out" in remedies["deviation_rms"]
+    assert "facets face inwards" in remedies["deviation_rms"] and "flip their normals" in remedies["deviation_rms"]
     assert result.fate_pairs[0].part == "starts_inside"
 
 

@@ -6,12 +6,13 @@ from lens_meshes import lambertian, lens_mesh, oracle, sphere
 from lensforge.errors import InputError
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import brep_criteria
-from lensforge.verification.brep_cast import StepBody, cast_brep, send_through_step
+from lensforge.verification.brep_cast import cast_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
 from lensforge.verification.part_mesh import part_mesh_of
 from lensforge.verification.passage import CastFate, LandedRays, send_through
 from lensforge.verification.screen import Screen
+from lensforge.verification.step_body import StepBody
 from lensforge.verification.verify import verify_part
 
 INDEX, DISTANCE = 1.4936, 150.0
@@ -33,11 +34,14 @@ def written(shape, path):
 
 def step(path, outer=OUTER, scale=1.0):
     """The bytes of a dome with a cavity on a cylindrical base, built by the kernel's booleans."""
+    return written(cq.Workplane(body_of(outer).val().scale(scale)), path)
+
+
+def body_of(outer=OUTER):
     below = cq.Workplane().box(100.0, 100.0, 50.0).translate((0.0, 0.0, -25.0))
     bore = cq.Workplane().circle(6.0).extrude(-2.0).translate((INNER.centre[0], INNER.centre[1], 0.0))
     base = cq.Workplane().circle(16.0).extrude(-2.0)
-    body = ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
-    return written(cq.Workplane(body.val().scale(scale)), path)
+    return ball(outer).cut(below).union(base).cut(ball(INNER)).cut(bore)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +77,19 @@ def test_the_step_is_nearer_to_the_design_than_the_mesh(lens_step):
     assert cast.against_design.rms < 1e-6
     assert cast.against_mesh.rms > 100.0 * cast.against_design.rms
     assert gaps[-1] == cast.against_design.max
+
+
+def test_faces_that_another_program_has_split_are_one_smooth_face(tmp_path, lens_step):
+    """Split at y = 0: a ray from one half of the cavity to the other has left the part by the face it came in by."""
+    half = cq.Workplane().box(100.0, 50.0, 100.0)
+    one, other = (body_of().intersect(half.translate((0.0, side, 0.0))) for side in (25.0, -25.0))
+    whole, split = StepBody(lens_step), StepBody(written(one.union(other, clean=False), tmp_path / "split.step"))
+    assert len(split.smooth_faces) > len(whole.smooth_faces)
+    assert len(set(split.smooth_faces.tolist())) == len(set(whole.smooth_faces.tolist()))
+    np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
+    np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
+    found, wanted = (send_through_step(body, RAYS, INDEX) for body in (split, whole))
+    np.testing.assert_array_equal(found.fates, wanted.fates)
 
 
 WRONG = {

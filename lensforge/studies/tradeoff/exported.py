@@ -6,11 +6,13 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import chart_samples, fit_faces, patches_error
-from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.mesh import build_mesh, mesh_error
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.geometry.plan import Plan, make_plan
-from lensforge.geometry.rings import MeshTolerance, dome_mesh, mesh_error, rings_for
+from lensforge.geometry.refinement import CHORD_MM
+from lensforge.geometry.rings import rings_for
 from lensforge.geometry.solid import build_solid
 from lensforge.geometry.step import step_bytes
 from lensforge.lens import Lens
@@ -25,13 +27,16 @@ from lensforge.verification.passage import LandedRays, send_through
 NODES = (36, 48, 72, 96, 128)
 MESH_RINGS, CAST_RINGS = (24, 48, 96, 128), (24, 48, 96)
 CURVED, FLAT = "curved facets", "flat facets"
+EQUAL, SPLIT = "equal rings", "rings, split to the tolerance"
 _SAMPLES = 2048
 _FORM_UNITS, _CHORD_UNITS = {"form": "nm", "normal": "mrad"}, {"chord": "um", "normal": "mrad"}
 
 Patches = dict[str, Patch]
 
 
-def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True) -> tuple[ConvergenceStudy, Plan]:
+def nurbs_study(
+    lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
+) -> tuple[ConvergenceStudy, Plan[Patch]]:
     """Form and normal error of the spline faces over the hemisphere and on its rim, and the size of the STEP file.
 
     With ``cad`` the solid of each level is built and written, which loads the CAD kernel. Also returns the plan of the
@@ -63,30 +68,29 @@ def nurbs_study(lens: Lens, settings: Sequence[int] = NODES, *, cad: bool = True
         levels=tuple(levels),
         order=orders,
     )
-    return study, make_plan(chosen["inner"], chosen["outer"], lens.spec.base)
+    return study, make_plan(chosen["inner"], chosen["outer"], base_with_room(lens))
 
 
 def _step_kb(patches: Patches, lens: Lens) -> float:
     """Size (kB) of the whole part's STEP file."""
-    solid = build_solid(make_plan(patches["inner"], patches["outer"], lens.spec.base))
+    solid = build_solid(make_plan(patches["inner"], patches["outer"], base_with_room(lens)))
     return len(step_bytes(solid, lens.spec.name)) / 1e3
 
 
-def mesh_study(plan: Plan, settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
-    """Distance and angle between the facets of the optical faces and the spline faces, at the facets' centres."""
-    used = rings_for(plan, MeshTolerance())
+def mesh_study(plan: Plan[Patch], settings: Sequence[int] = MESH_RINGS) -> ConvergenceStudy:
+    """Largest distance and angle between the facets of the optical faces and the spline faces."""
     levels = []
-    for rings in sorted({*settings, used}):
+    for rings, chord_mm in [*((rings, None) for rings in settings), (rings_for(plan, CHORD_MM), CHORD_MM)]:
         with Meter() as meter:
-            triangles = sum(len(dome_mesh(patch, rings)[1]) for patch in (plan.inner, plan.outer))
-        reached = mesh_error(plan, rings)
+            mesh = build_mesh(plan, rings, chord_mm)
+        reached = mesh_error(mesh, plan)
         errors = {
             "chord": Metric(value=1e3 * reached.chord_mm, unit="um"),
             "normal": Metric(value=1e3 * reached.normal_rad, unit="mrad"),
         }
-        users = ("the export",) if rings == used else ()
-        levels.append(meter.level(rings, "mesh", errors, users, triangles=triangles))
-    orders = {"mesh": orders_of(levels, ("chord", "normal"))}
+        series, users = (EQUAL, ()) if chord_mm is None else (SPLIT, ("the export",))
+        levels.append(meter.level(rings, series, errors, users, triangles=len(mesh.triangles)))
+    orders = {EQUAL: orders_of([level for level in levels if level.series == EQUAL], ("chord", "normal"))}
     levels.append(reference_level("spline faces", _CHORD_UNITS))
     return ConvergenceStudy(
         name="mesh",
@@ -111,16 +115,19 @@ class FlatPart(PartMesh):
         return points, np.asarray(self.mesh.face_normals)[triangles]
 
 
-def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int] = CAST_RINGS) -> ConvergenceStudy:
+def casting_study(
+    reference: ExactReference, plan: Plan[Patch], settings: Sequence[int] = CAST_RINGS
+) -> ConvergenceStudy:
     """Rays through meshes of several sizes onto the first receiver, with curved facets as in ``verify`` and flat ones.
 
-    The reference is the exact surfaces; seconds are those of the cast.
+    The last mesh is that of the export, with facets split to its tolerance; the orders are those of the others, with
+    equal rings. The reference is the exact surfaces; seconds are those of the cast.
     """
-    used, lens = rings_for(plan, MeshTolerance()), reference.lens
+    lens = reference.lens
     screen = screens_of(lens.spec, lens.spec.optimise.pixels)[0]
     levels = []
-    for rings in sorted({*settings, used}):
-        body = build_mesh(plan, rings)
+    for rings, chord_mm in [*((rings, None) for rings in settings), (rings_for(plan, CHORD_MM), CHORD_MM)]:
+        body = build_mesh(plan, rings, chord_mm)
         part = part_mesh_of(trimesh.Trimesh(body.vertices, body.triangles, process=False))
         grid = Grid(part.mesh)
         for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
@@ -131,10 +138,13 @@ def casting_study(reference: ExactReference, plan: Plan, settings: Sequence[int]
             errors = reference.light_errors(
                 np.where(lost[:, None], 0.0, landed.landings), np.where(lost, 0.0, landed.flux)
             )
-            users = ("verify, on the export's mesh",) if rings == used and series == CURVED else ()
+            users = ("verify, on the export's mesh",) if chord_mm is not None and series == CURVED else ()
             levels.append(meter.level(rings, series, errors, users, triangles=len(body.triangles)))
     orders = {
-        series: orders_of([level for level in levels if level.series == series], ("hit_99_percent", "irradiance_nmse"))
+        series: orders_of(
+            [level for level in levels[: 2 * len(settings)] if level.series == series],
+            ("hit_99_percent", "irradiance_nmse"),
+        )
         for series in (CURVED, FLAT)
     }
     levels.append(reference.level("exact surfaces", LIGHT_UNITS))

@@ -1,0 +1,121 @@
+"""Room for the ball cutter at the base: the step below the outer rim, and the bore below the cavity, that clear it.
+
+Near a rim, a ball that touches the face extends below z = 0, where the base is. All clearances are closed forms of the
+ball's centre: its distance from the axis and its height above z = 0.
+"""
+
+from math import ceil
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.geometry.form import fit_faces
+from lensforge.geometry.outline import FULL_TURN, outline_of
+from lensforge.geometry.patch import Patch
+from lensforge.geometry.plan import rim_directions
+from lensforge.lens import Lens
+from lensforge.spec import BaseSection, Spec
+
+_RINGS, _AZIMUTHS = 129, 360  # of contacts: between them a clearance is larger by less than 2 um on a lens of 14 mm
+_SPARE_MM, _DIGITS_MM = 5e-3, 1e-2  # beyond the contacts; lengths of the room are whole hundredths
+
+Lengths = Float[np.ndarray, " k"]
+
+
+def needed_step_mm(distance: Lengths, height: Lengths, cutter_mm: float, base_mm: float) -> Lengths:
+    """Depth (mm) below z = 0 at which a disc of radius ``base_mm`` clears balls with these centres; may be below 0.
+
+    Outside of the disc nothing limits the ball: minus infinity.
+    """
+    outside = np.maximum(distance - base_mm, 0.0)
+    below = np.sqrt(np.maximum(cutter_mm**2 - outside**2, 0.0))
+    return np.where(outside < cutter_mm, below - height, -np.inf)
+
+
+def largest_wall_mm(distance: Lengths, height: Lengths, cutter_mm: float) -> Lengths:
+    """Largest radius (mm) of a wall from z = 0 downwards that clears balls outside of it; infinite where any does."""
+    across = np.sqrt(np.maximum(cutter_mm**2 - np.maximum(height, 0.0) ** 2, 0.0))
+    return np.where(height < cutter_mm, distance - across, np.inf)
+
+
+def smallest_bore_mm(distance: Lengths, height: Lengths, cutter_mm: float, top_mm: float, bottom_mm: float) -> Lengths:
+    """Smallest radius (mm) of a bore from depth ``top_mm`` to ``bottom_mm`` that clears balls inside of it."""
+    away = np.maximum(np.maximum(height + top_mm, -height - bottom_mm), 0.0)
+    across = np.sqrt(np.maximum(cutter_mm**2 - away**2, 0.0))
+    return np.where(away < cutter_mm, distance + across, 0.0)
+
+
+def base_with_room(lens: Lens) -> BaseSection:
+    """The base of ``lens``; lengths that its spec leaves out give the cutter room at the faces designed for it.
+
+    Room ends where it would leave less than the least wall of the spec; the manufacturing check then says what lacks.
+    """
+    spec, base = lens.spec, lens.spec.base
+    if base.kind in ("none", "step"):
+        return base
+    room = dict.fromkeys(("relief_step_mm", "relief_setback_mm", "bore_setback_mm"), 0.0)
+    missing = [name for name in room if getattr(base, name) is None]
+    cut = {face for face in ("inner", "outer") if spec.is_cut(face)}
+    if not missing or not cut:
+        return base.model_copy(update=dict.fromkeys(missing, 0.0))
+    inner, outer = fit_faces(lens)
+    if "inner" in cut:
+        room["bore_setback_mm"] = _bore_setback(inner, spec)
+    opening = float(_rim(inner).max()) + (base.bore_setback_mm or room["bore_setback_mm"])
+    if "outer" in cut:
+        room |= _relief(outer, spec, opening)
+    if base.relief_step_mm == 0.0:
+        room["relief_setback_mm"] = 0.0  # without a step it has no wall
+    return base.model_copy(update={name: room[name] for name in missing})
+
+
+def _bore_setback(inner: Patch, spec: Spec) -> float:
+    base, cutter_mm = spec.base, spec.manufacture.cutter_radius_mm
+    distance, height = _centres(inner, -cutter_mm)
+    pocket = base.pocket_diameter_mm
+    depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
+    opening, wall = float(_rim(inner).max()), spec.constraints.min_thickness_mm
+    outside = float(outline_of(base).radius(_azimuths()).min()) - wall
+    room = min(outside, np.inf if pocket is None else pocket / 2.0 - _DIGITS_MM) - opening
+    return _rounded(float(smallest_bore_mm(distance, height, cutter_mm, 0.0, depth).max()) - opening, room)
+
+
+def _relief(outer: Patch, spec: Spec, opening_mm: float) -> dict[str, float]:
+    """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
+    base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, spec.constraints.min_thickness_mm
+    distance, height = _centres(outer, cutter_mm)
+    flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())
+    rim = float(_rim(outer).min())
+    setback = rim - float(largest_wall_mm(distance, height, cutter_mm).min())
+    step = _rounded(step, base.height_mm - flange - wall)
+    return {
+        "relief_step_mm": step,
+        "relief_setback_mm": _rounded(setback, rim - opening_mm - wall) if step > 0.0 else 0.0,
+    }
+
+
+def _rounded(needed_mm: float, room_mm: float) -> float:
+    """``needed_mm`` and a little to spare, in whole hundredths, no more than ``room_mm``; 0 where that is not above 0.
+
+    Rounded up from 0 too: a wall that just touches the ball is no room.
+    """
+    if needed_mm <= -_SPARE_MM:
+        return 0.0
+    return max(min(_DIGITS_MM * ceil((needed_mm + _SPARE_MM) / _DIGITS_MM), room_mm), 0.0)
+
+
+def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
+    """Distance from the axis and height of the centres of balls that touch a face, ``offset_mm`` along its normal."""
+    radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), _azimuths(), indexing="ij")
+    chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
+    centres = patch.points(chart) + offset_mm * patch.normals(chart)
+    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
+
+
+def _rim(patch: Patch) -> Lengths:
+    return patch.radius(rim_directions(_azimuths()))
+
+
+def _azimuths() -> Lengths:
+    return np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)

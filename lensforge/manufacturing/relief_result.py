@@ -1,0 +1,43 @@
+"""The clearance of the ball at the base, as a record."""
+
+from lensforge.records import NotNegative, Record, Share, Text
+
+
+class OuterRelief(Record):
+    """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
+
+    smallest_step_mm: NotNegative | None
+    step_clearance_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class InnerRelief(Record):
+    """Radius that the bore needs beyond the cavity's, diameter of the pocket; 0 where clear, None: nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
+
+    bore_clearance_mm: NotNegative | None
+    pocket_diameter_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class CustomBaseRelief(Record):
+    """Largest depth of a custom base in the ball; None where nothing is reached.
+
+    ``flush_fraction``: share of the face that the ball reaches with the base as it is.
+    """
+
+    retreat_mm: NotNegative | None
+    flush_fraction: Share
+
+
+class Relief(Record):
+    """Clearance of the ball at the base; ``note`` says why there is nothing to clear."""
+
+    outer: OuterRelief | CustomBaseRelief | None
+    inner: InnerRelief | CustomBaseRelief | None
+    note: Text | None = None

@@ -1,0 +1,144 @@
+"""Correction of a face for its second cut: mended by the mirrored, filtered deviation of its first cut."""
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.accuracy import Preset
+from lensforge.geometry.part import stamp_of
+from lensforge.geometry.patch import fit_patch
+from lensforge.lens import Lens
+from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
+from lensforge.manufacturing.face_check import SAMPLE_NODES, bounded
+from lensforge.measurement.chart_spline import ChangedSurface
+from lensforge.measurement.comparison import Side
+from lensforge.measurement.corrected_step import corrected_step
+from lensforge.measurement.correction_result import Correction, CutterLimit, LightChange, correction_criteria
+from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
+from lensforge.measurement.face_pixels import FacePixels
+from lensforge.measurement.first_cut import FirstCut, Request
+from lensforge.measurement.second_cut import SecondCut, change_of_efficiency, change_of_nmse
+from lensforge.measurement.surface import default_rays, pose_of
+from lensforge.measurement.wavelength import mean_square
+from lensforge.records import Extent
+from lensforge.sources.bundle import Source
+from lensforge.surfaces.surface import Surface
+
+_SEED = 0  # of the noise of the points that is drawn anew
+
+
+def correct_face(
+    cloud: Float[np.ndarray, "k 3"],
+    *,
+    lens: Lens,
+    side: Side,
+    source: Source,
+    preset: Preset,
+    request: Request,
+    rays: int | None = None,
+) -> Correction:
+    """Correct one face of ``lens`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
+
+    New nominal: the design less ``gain`` times the deviation that the filter passes, limited by the ball cutter of the
+    spec. Raises :class:`InputError` for points that cannot be registered, or settings that they do not allow.
+    """
+    surface: Surface = getattr(lens, side)
+    patch = fit_patch(surface)
+    cut = FirstCut.of(surface, patch, cloud, request)
+    face, pixels = OpticalFace(patch, _air_side(lens, side)), FacePixels.of(patch)
+    cutter_mm = lens.spec.manufacture.cutter_radius_mm
+    made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm)
+    corrected = ChangedSurface(surface, made.change)
+    built = corrected_step(lens, side, corrected)
+    limit = _limit(face, corrected, cut, made, pixels, request.gain, cutter_mm)
+    first, second = cut.likeliest.change, _expected(cut, made, request.gain)
+    count = rays or default_rays(lens, preset)
+    cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, count)
+    design, before, after = cuts.lights(None, first, second)
+    left = cut.points.deviations - made.filtered.values
+    error = built.error
+    return Correction(
+        inputs={"lens": lens.sha256},
+        surface=side,
+        registration=request.registration,
+        make=lens.spec.manufacture.make,
+        point_count=len(cloud),
+        point_spacing_mm=cut.span.spacing_mm,
+        used_share=cut.used,
+        covered_share=cut.covered,
+        pose=pose_of(cut.motion),
+        gain=request.gain,
+        wavelength_mm=cut.chosen.areal.wavelength_mm,
+        wavelength_given=request.wavelength_mm is not None,
+        noise_rms_um=1e3 * cut.noise_mm,
+        residual_rms_um=1e3 * float(np.sqrt(mean_square(cut.points.areas, left))),
+        deviation_um=pixels.extent_um(first),
+        correction_um=pixels.extent_um(made.change),
+        expected_um=pixels.extent_um(second),
+        cutter=limit,
+        nodes=built.nodes,
+        form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
+        normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
+        rays=count,
+        receiver=design.received.name,
+        far_field=design.received.kind == "far_field",
+        width=design.received.width,
+        height=design.received.height,
+        design=design.metrics,
+        first_cut=before.metrics,
+        second_cut=after.metrics,
+        change=LightChange(nmse=change_of_nmse(lens, after, design), efficiency=change_of_efficiency(after, design)),
+        criteria=correction_criteria(cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, limit),
+        file=stamp_of(built.step),
+        chart=pixels.axis,
+        area_mm2=pixels.area_mm2,
+        deviation_map_um=pixels.map_um(first),
+        correction_map_um=pixels.map_um(made.change),
+        expected_map_um=pixels.map_um(second),
+        irradiance_design=design.received.map,
+        irradiance_first_cut=before.received.map,
+        irradiance_second_cut=after.received.map,
+        step=built.step,
+    )
+
+
+def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
+    """Radial error of a second cut: that of the first, corrected by a measurement of it with noise of its own.
+
+    The points of the first measurement decided on the correction, so that what it leaves of them is too small (a
+    parametric bootstrap: Efron & Tibshirani 1993).
+    """
+    noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations))
+    measured_again = made.filtered.again(cut.likeliest.values + noise)
+    return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
+
+
+def _air_side(lens: Lens, side: Side) -> AirSide:
+    """The side from which a face is cut; a mould insert has air where the lens has material."""
+    outside = (side == "outer") == (lens.spec.manufacture.make == "part")
+    return AirSide.OUTSIDE if outside else AirSide.INSIDE
+
+
+def _limit(
+    face: OpticalFace,
+    corrected: Surface,
+    cut: FirstCut,
+    made: CutFace,
+    pixels: FacePixels,
+    gain: float,
+    cutter_mm: float,
+) -> CutterLimit:
+    """Record of the cutter's limit: concave radii before and after, and what it took from the correction."""
+    taken = ChangedSurface(cut.chosen.change.times(gain), made.change)
+    return CutterLimit(
+        cutter_radius_mm=cutter_mm,
+        concave_radius_before_mm=_concave_mm(face),
+        concave_radius_mm=_concave_mm(OpticalFace(fit_patch(corrected), face.air)),
+        smoothed_more_share=made.smoothed_more_share,
+        cut_back_um=pixels.extent_um(taken),
+    )
+
+
+def _concave_mm(face: OpticalFace) -> float | None:
+    """Smallest concave radius (mm); None for a face that is convex everywhere."""
+    lowest = sample_face(face, SAMPLE_NODES).lowest_curvature()
+    return bounded(-1.0 / lowest) if lowest < 0.0 else None

@@ -1,0 +1,121 @@
+"""``lensforge correct`` as a user meets it: the files, what is read back, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from measured_lenses import lens
+from second_cuts import machine_error, measured
+
+import lensforge as lf
+from lensforge.cli import cli
+from lensforge.errors import InputError
+from lensforge.records.stored import with_checksum
+from lensforge.report.lens_page import render_report
+
+LENS = lens()
+
+
+def run(*arguments: object):
+    return CliRunner().invoke(cli, ["correct", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result folder with a correction of the inner surface."""
+    directory = tmp_path_factory.mktemp("corrected")
+    LENS.save(directory / "lens.json")
+    points = measured(LENS.inner, lambda u: machine_error(u, 6.0, wave_mm=4.0), 1200)
+    np.savetxt(directory / "points.csv", points, delimiter=",", header="x,y,z")
+    done = run(directory, "--points", directory / "points.csv", "--surface", "inner", "--wavelength", 2.5)
+    assert done.exit_code == 0, done.output
+    (directory / "printed.txt").write_text(done.output, encoding="utf-8")
+    return directory
+
+
+def test_record_and_step_are_written_and_read_again(folder: Path) -> None:
+    content = json.loads((folder / "correct_inner.json").read_text(encoding="utf-8"))
+    made = lf.load(folder).corrections["inner"]
+    assert made.wavelength_mm == content["wavelength_mm"] == 2.5
+    assert f"correction_um.rms\t{content['correction_um']['rms']}" in (folder / "printed.txt").read_text("utf-8")
+    assert (folder / "lens_corrected_inner.step").read_bytes() == made.step
+    assert made.products()[".step"] == made.step
+    assert made.expected_um.rms < 0.3 * made.deviation_um.rms
+    made.save(folder / "again.step")
+    assert (folder / "again.step").read_bytes() == made.step
+
+
+def test_the_page_shows_it(folder: Path, undrawn: None) -> None:
+    page = render_report(lf.load(folder), folder)
+    assert "The inner surface, corrected for a second cut" in page
+    assert "lens_corrected_inner.step" in page and "2.5 mm, given" in page.replace("\u202f", " ")
+
+
+def test_other_rays_have_files_of_their_own(folder: Path) -> None:
+    done = run(folder, "--points", folder / "points.csv", "--surface", "inner", "--wavelength", 3.0, "--rays", 64)
+    assert done.exit_code == 0, done.output
+    assert {"correct_inner_64rays.json", "lens_corrected_inner_64rays.step"} <= {each.name for each in folder.iterdir()}
+    assert lf.load(folder).corrections["inner"].wavelength_mm == 2.5
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("correction_um", "rms"), 0.01, "correction_um.rms = 0.01, but its map and area say"),
+        (("cutter", "cutter_radius_mm"), 0.2, "cutter.cutter_radius_mm = 0.2, but the spec says 1"),
+        (("change", "nmse", "value"), 0.5, "change.nmse = 0.5, but its lights say"),
+        (("form_error_nm", "max"), 5.0, "criteria: form_error: value"),
+        (("file", "bytes"), 7, "file: the STEP file beside it is another one"),
+    ],
+)
+def test_a_record_that_contradicts_itself_is_refused(
+    folder: Path, place: tuple[str, ...], value: float, message: str
+) -> None:
+    path = folder / "correct_inner.json"
+    before = path.read_text(encoding="utf-8")
+    content = json.loads(before)
+    content.pop("content_sha256")
+    entry = content
+    for key in place[:-1]:
+        entry = entry[key]
+    entry[place[-1]] = value
+    path.write_text(json.dumps(with_checksum(content)), encoding="utf-8")
+    try:
+        with pytest.raises(InputError) as caught:
+            lf.load(folder)
+    finally:
+        path.write_text(before, encoding="utf-8")
+    assert message in str(caught.value) and "run `lensforge correct --points` again" in str(caught.value)
+
+
+def test_another_step_is_refused(folder: Path) -> None:
+    path = folder / "lens_corrected_inner.step"
+    before = path.read_bytes()
+    path.write_bytes(before.replace(b"corrected inner", b"corrected outer"))
+    try:
+        with pytest.raises(InputError, match="the STEP file beside it is another one"):
+            lf.load(folder)
+    finally:
+        path.write_bytes(before)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--surface", "inner"], "--points"),
+        (["--points", "points.csv"], "--surface"),
+        (["--points", "nowhere.csv", "--surface", "inner"], "nowhere.csv: no such file"),
+        (["--points", "points.csv", "--surface", "inner", "--wavelength", "0.2"], "wavelength_mm = 0.2: must be from"),
+        (["--points", "points.csv", "--surface", "inner", "--gain", "-1"], "gain = -1: must be above 0"),
+        (["--points", "points.csv", "--surface", "inner", "--wavelength", "0"], "0.0 is not in the range"),
+    ],
+)
+def test_bad_input_is_said_in_a_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], message: str
+) -> None:
+    monkeypatch.chdir(folder)
+    done = run(folder, *options)
+    assert done.exit_code != 0
+    assert message in done.output + str(done.exception)
