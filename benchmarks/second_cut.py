@@ -22,7 +22,7 @@ import lensforge as lf
 from lensforge.geometry.form import face_points
 from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.step import parse_step
-from lensforge.measurement.second_cut import CutLight, SecondCut, change_of_efficiency, change_of_nmse
+from lensforge.measurement.second_cut import SecondCut
 from lensforge.sources.build import build_source
 from lensforge.surfaces.chart import HALF_WIDTH, grid, to_chart
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -129,7 +129,8 @@ def row(lens: lf.Lens, side: Any, options: argparse.Namespace) -> tuple[str, ...
         made = lf.correct(lens, points=file, surface=side, rays=options.rays)
     again = cut_from(made.step, side, of, error)
     cuts = SecondCut(lens, side, build_source(lens.spec.source, lens.spec.lens.dispersion), 6.0, options.rays)
-    design, first, second = cuts.lights(None, RadialError(error), RadialError(again))
+    design, *cut = cuts.lights(None, RadialError(error), RadialError(again))
+    first, second = (each.replicates.change_from(design.replicates, options.rays) for each in cut)
     return (
         side,
         f"{made.wavelength_mm:.2f}",
@@ -137,14 +138,10 @@ def row(lens: lf.Lens, side: Any, options: argparse.Namespace) -> tuple[str, ...
         size(of, again),
         f"{made.expected_um.rms:.2f} / {made.expected_um.max:.2f}",
         str(design.metrics.nmse),
-        *(change(lens, each, design) for each in (first, second)),
-        str(change_of_efficiency(second, design)),
+        str(first.nmse),
+        str(second.nmse),
+        str(second.efficiency),
     )
-
-
-def change(lens: lf.Lens, cut: CutLight, design: CutLight) -> str:
-    """Change of the NMSE with its error by common rays."""
-    return str(change_of_nmse(lens, cut, design))
 
 
 def main() -> None:
