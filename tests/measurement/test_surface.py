@@ -14,7 +14,8 @@ from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.geometry.patch import fit_patch
 from lensforge.measurement.comparison import SurfaceComparison
 from lensforge.measurement.deviation import coverage, fit_deviation
-from lensforge.measurement.deviation_map import map_deviation
+from lensforge.measurement.comparison import DeviationExtent
+from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.figures import surface_png
 from lensforge.measurement.surface import compare_surface, measure_form
 from lensforge.records import Metric
@@ -86,14 +87,19 @@ def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
     """
     sphere = RaisedSphere(8.0)
 
-    def raised(directions):
-        normals = directions * sphere.radius(directions)[:, None] / sphere.size_mm - [0.0, 0.0, 0.5]
-        return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
+    class Raised(Surface):
+        detail_rad = 0.3
 
-    found = map_deviation(fit_patch(sphere), raised)
-    assert np.nansum(found.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
-    assert found.extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
-    assert (found.extent.max, found.extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))
+        def radius(self, directions):
+            normals = directions * sphere.radius(directions)[:, None] / sphere.size_mm - [0.0, 0.0, 0.5]
+            return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
+
+    pixels = FacePixels.of(fit_patch(sphere))
+    assert np.nansum(pixels.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
+    height, inside = pixels.map_um(Raised()), np.isfinite(pixels.area_mm2)
+    extent = DeviationExtent.of(height[inside], pixels.area_mm2[inside])
+    assert extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
+    assert (extent.max, extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))
 
 
 def test_coverage_is_the_share_of_the_hemisphere():
