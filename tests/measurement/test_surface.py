@@ -12,9 +12,8 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.geometry.patch import fit_patch
-from lensforge.measurement.comparison import SurfaceComparison
+from lensforge.measurement.comparison import DeviationExtent, SurfaceComparison
 from lensforge.measurement.deviation import coverage, fit_deviation
-from lensforge.measurement.comparison import DeviationExtent
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.figures import surface_png
 from lensforge.measurement.surface import compare_surface, measure_form
