@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from lensforge.agreement.comparing import differing, judged, unlike
+from lensforge.agreement.studies import change_contradictions
 from lensforge.geometry.part import stamp_of
 from lensforge.lens import Lens
 from lensforge.measurement.correction_result import Correction, area_extent, correction_criteria
@@ -24,6 +25,4 @@ def correction_contradictions(found: Correction, lens: Lens) -> Iterator[str]:
             yield from differing(
                 f"{name}_um.{field}", getattr(stated, field), getattr(derived, field), "its map and area"
             )
-    for field in ("nmse", "efficiency"):
-        change = getattr(found.second_cut, field).value - getattr(found.design, field).value
-        yield from differing(f"change.{field}", getattr(found.change, field).value, change, "its lights")
+    yield from change_contradictions("change", found.change, found.second_cut, found.design)

@@ -34,14 +34,16 @@ def photometry_contradictions(found: Photometry) -> Iterator[str]:
 def sensitivity_contradictions(found: Sensitivity) -> Iterator[str]:
     """Contradictions of the table of errors: a change is the difference from the lens as designed."""
     for row in found.rows:
-        for name, stated in row.change.model_dump().items():
-            derived = _difference(name, row.metrics, found.nominal)
-            yield from differing(f"rows: {row.name}: change.{name}", stated, derived, "its metrics")
+        yield from change_contradictions(f"rows: {row.name}: change", row.change, row.metrics, found.nominal)
 
 
-def _difference(name: str, here: LightMetrics, there: LightMetrics) -> float | None:
-    one, other = getattr(here, name), getattr(there, name)
-    return None if one is None or other is None else float(one.value - other.value)
+def change_contradictions(name: str, change: LightMetrics, after: LightMetrics, before: LightMetrics) -> Iterator[str]:
+    """Contradictions of a stated change of the light: the difference of the metrics after and before it."""
+    for metric in LightMetrics.model_fields:
+        stated, one, other = (getattr(each, metric) for each in (change, after, before))
+        value = None if stated is None else stated.value
+        derived = None if one is None or other is None else float(one.value - other.value)
+        yield from differing(f"{name}.{metric}", value, derived, "its lights")
 
 
 def photo_contradictions(photo: PhotoComparison) -> Iterator[str]:
@@ -55,18 +57,17 @@ def surface_contradictions(found: SurfaceComparison) -> Iterator[str]:
     """Contradictions of the comparison with a measured surface."""
     yield from judged("criteria", found.criteria, surface_criteria(found.used_share, found.covered_share))
     yield from _extent("point_deviation_um", found.point_deviation_um, found.distance_um)
-    yield from _extent(
-        "form_deviation_um", found.form_deviation_um, found.deviation_um[np.isfinite(found.deviation_um)]
-    )
+    inside = np.isfinite(found.deviation_um)
+    if not np.array_equal(inside, found.area_mm2 > 0.0):
+        yield "area_mm2: above 0 at other samples than those of deviation_um"
+        return
+    yield from _extent("form_deviation_um", found.form_deviation_um, found.deviation_um[inside], found.area_mm2[inside])
     between = relative_square(np.stack([found.irradiance_measured, found.irradiance_design]))
     yield from differing("nmse_between", found.nmse_between, between, "its pictures")
 
 
-def _extent(name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"]) -> Iterator[str]:
-    for field, derived in (
-        ("pv", np.ptp(values)),
-        ("rms", np.sqrt(np.mean(values**2))),
-        ("min", values.min()),
-        ("max", values.max()),
-    ):
-        yield from differing(f"{name}.{field}", getattr(stated, field), float(derived), "its distances")
+def _extent(
+    name: str, stated: DeviationExtent, values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None
+) -> Iterator[str]:
+    for field, derived in DeviationExtent.of(values, areas).model_dump().items():
+        yield from differing(f"{name}.{field}", getattr(stated, field), derived, "its distances")

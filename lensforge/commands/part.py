@@ -27,14 +27,12 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
     with threads_of_torch(threads):
         result = pipeline.run_sensitivity(directory, rays=rays)
     print_conditions(result)
-    click.echo("error\tamount\tunit\tnmse\tuniformity\tefficiency")
-    for name, amount, unit, found in (
-        ("as designed", 0.0, "", result.nominal),
-        *((row.name, row.amount, row.unit, row.metrics) for row in result.rows),
-    ):
-        figures = (found.nmse, found.uniformity, found.efficiency)
-        values = ("None" if each is None else str(each.value) for each in figures)
-        click.echo("\t".join((name, str(amount), unit, *values)))
+    shown = ("nmse", "uniformity", "rsd", "efficiency")
+    print_table({name: each for name, each in result.plain()["nominal"].items() if name in shown}, "as_designed.")
+    click.echo("\t".join(("error", "amount", "unit", *(f"change of {name}" for name in shown))))
+    for row in result.rows:
+        changes = (str(getattr(row.change, name)) for name in shown)
+        click.echo("\t".join((row.name, f"{row.amount:g}", row.unit, *changes)))
     conclude(directory, (result,))
 
 

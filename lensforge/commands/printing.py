@@ -11,7 +11,7 @@ from lensforge.criteria import require
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
 from lensforge.pipeline import refresh_report
-from lensforge.records import SimulatedResult, StageResult
+from lensforge.records import Metric, SimulatedResult, StageResult
 from lensforge.report.ownership import is_free_or_own
 from lensforge.results import REPORT_FILE, stem_of
 from lensforge.run_folder import Run, open_run
@@ -91,12 +91,14 @@ def printable(text: str) -> str:
 def print_table(content: Mapping[str, object], prefix: str = "") -> None:
     """One ``key<TAB>value`` line for each number, keys joined by dots: easy to read, grep and cut.
 
+    A number with a standard error has the digits that the error carries; the file has them all.
     Entries of a list that have names are found under these.
     """
     for key, value in content.items():
         if isinstance(value, Mapping) and set(value) == _METRIC:
-            click.echo(f"{prefix}{key}\t{value['value']}")
-            click.echo(f"{prefix}{key}_standard_error\t{value['standard_error']}")
+            number, error = Metric.model_validate(value).digits()
+            click.echo(f"{prefix}{key}\t{number}")
+            click.echo(f"{prefix}{key}_standard_error\t{error or None}")
         elif isinstance(value, Mapping):
             print_table(value, f"{prefix}{key}.")
         elif key == "receivers" and isinstance(value, list):

@@ -18,7 +18,7 @@ from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceName
 
-MOST_POINTS = 1_000_000  # of one table: 40 MB of text
+MOST_POINTS = 400_000  # of one table: 16 MB of text
 _TRIED, _MEASURED = 4_000, 100_000  # middles of cells and sides at which a trial, and the table, are measured
 _FIRST_CELLS, _TRIALS, _WIDER = 40, 8, 4.0  # cells across the first trial; trials; most from one to a wider one
 _MARGIN = 0.95  # of the spacing that the power law gives
@@ -80,6 +80,11 @@ def make_grids(lens: Lens, check: Check, request: GridRequest) -> list[MeasuredG
 
 def _raster(face: OffsetFace, request: GridRequest) -> MeasuredGrid:
     extent = raster_extent(face, request.slope_deg)
+    if not extent.radius_mm > 0.0:
+        raise InputError(
+            f"slope = {request.slope_deg:g} degrees: the {face.name} face is steeper than that at its apex, and has no "
+            "raster; give a larger slope"
+        )
 
     def make(spacing_mm: float) -> Raster:
         _require_count(np.pi * (extent.radius_mm / spacing_mm) ** 2, face, "raster", request)

@@ -10,7 +10,7 @@ from functools import cached_property
 from numbers import Real
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.geometry.patch import Patch, default_nodes, fit_extended
@@ -48,12 +48,13 @@ class OffsetFace:
         normals *= self.air / np.linalg.norm(normals, axis=1, keepdims=True)
         return radius * directions + self.offset_mm * normals, normals
 
-    def found(self, wanted: Plane, project: Projection) -> tuple[Points, Points]:
+    def found(self, wanted: Plane, project: Projection, *, upward: bool = False) -> tuple[Points, Points]:
         """Centres and normals where ``project`` of the centre is ``wanted``, to rounding on the exact face.
 
+        ``upward``: on the part that is seen from above, where an undercut has a second point below the first.
         Raises :class:`InputError` where there is no such centre.
         """
-        chart, scale = self._start(wanted, project), float(np.abs(project(self._samples[1])).max())
+        chart, scale = self._start(wanted, project, upward), float(np.abs(project(self._samples[1])).max())
         for _ in range(_MOST_STEPS):
             centres, slopes = self._on_spline(chart)
             missing = wanted - project(centres)
@@ -86,19 +87,21 @@ class OffsetFace:
             columns.append(tangent + self.air * self.offset_mm * tilt)
         return jet.point + self.air * self.offset_mm * outward, np.stack(columns, axis=-1)
 
-    def _start(self, wanted: Plane, project: Projection) -> Plane:
+    def _start(self, wanted: Plane, project: Projection, upward: bool) -> Plane:
         from scipy.spatial import cKDTree
 
-        chart, centres = self._samples
+        chart, centres, seen = self._samples
+        chart, centres = (chart[seen], centres[seen]) if upward else (chart, centres)
         _, nearest = cKDTree(project(centres)).query(wanted)
         start: Plane = chart[nearest]
         return start
 
     @cached_property
-    def _samples(self) -> tuple[Plane, Points]:
+    def _samples(self) -> tuple[Plane, Points, Bool[np.ndarray, " n"]]:
+        """Points of the chart, the centres over them, and True where these are seen from above."""
         chart = grid(_NODES, _HALF_WIDTH).reshape(-1, 2)
         chart = chart[np.linalg.norm(chart, axis=1) <= _HALF_WIDTH]
-        return chart, self._on_spline(chart)[0]
+        return chart, self._on_spline(chart)[0], self._patch.jet(chart).normal[:, 2] > 0.0
 
     @cached_property
     def _patch(self) -> Patch:
@@ -110,7 +113,10 @@ def _newton(missing: Plane, centres: Points, slopes: Float[np.ndarray, "n 3 2"],
     columns = []
     for slope in np.moveaxis(slopes, -1, 0):
         columns.append((project(centres + _STEP * slope) - project(centres - _STEP * slope)) / (2.0 * _STEP))
-    step: Plane = np.linalg.solve(np.stack(columns, axis=-1), missing[..., None])[..., 0]
+    (a, b), (c, d) = (column.T for column in columns)
+    x, y = missing.T
+    with np.errstate(divide="ignore", invalid="ignore"):  # no slope at all: not a number, which never converges
+        step = np.stack([d * x - c * y, a * y - b * x], axis=-1) / (a * d - b * c)[:, None]
     length = np.linalg.norm(step, axis=1, keepdims=True)
     shortened: Plane = step * np.minimum(1.0, _LONGEST / np.maximum(length, _LONGEST))
     return shortened

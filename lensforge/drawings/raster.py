@@ -34,11 +34,13 @@ def raster_extent(face: OffsetFace, slope_deg: float) -> Extent2D:
     t, phi = (each.ravel() for each in np.meshgrid(polar, azimuth, indexing="ij"))
     directions = np.stack([np.sin(t) * np.cos(phi), np.sin(t) * np.sin(phi), np.cos(t)], axis=-1)
     centres, normals = face.at(directions)
-    out = np.linalg.norm(centres[:, :2], axis=1)
-    rim = float(out[t == polar[-1]].min())
-    too_steep = face.air * normals[:, 2] < np.cos(np.radians(slope_deg))
-    steep = float(out[too_steep].min()) if too_steep.any() else np.inf
-    return Extent2D(min(rim, steep), steep < rim)
+    out = np.linalg.norm(centres[:, :2], axis=1).reshape(_RINGS, _AZIMUTHS)
+    steep = (face.air * normals[:, 2] < np.cos(np.radians(slope_deg))).reshape(_RINGS, _AZIMUTHS)
+    # On each meridian the first steep point from the apex, or the rim: an overhang below it is not seen from above.
+    last = np.where(steep.any(axis=0), steep.argmax(axis=0), _RINGS - 1)
+    ends = out[last, np.arange(_AZIMUTHS)]
+    narrowest = int(ends.argmin())
+    return Extent2D(float(ends[narrowest]), bool(steep[:, narrowest].any()))
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Raster:
         """Error of the interpolation along the normal in the middle of cells and sides; of at most ``most`` of them."""
         middles = self._middles(scheme)
         middles = middles[:: max(1, -(-len(middles) // most))]
-        centres, normals = self.face.found(middles[:, :2], _across)
+        centres, normals = self.face.found(middles[:, :2], _across, upward=True)
         error: Float[np.ndarray, " k"] = 1e6 * np.abs((middles[:, 2] - centres[:, 2]) * normals[:, 2])
         return error
 
@@ -102,7 +104,7 @@ def make_raster(face: OffsetFace, extent: Extent2D, spacing_mm: float) -> Raster
     nodes = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     inside = np.linalg.norm(nodes, axis=-1) <= extent.radius_mm
     z_mm = np.full(inside.shape, np.nan)
-    z_mm[inside] = face.found(nodes[inside], _across)[0][:, 2]
+    z_mm[inside] = face.found(nodes[inside], _across, upward=True)[0][:, 2]
     return Raster(face, spacing_mm, extent, axis, z_mm)
 
 

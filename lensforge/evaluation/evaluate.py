@@ -11,16 +11,15 @@ from lensforge.accuracy import Preset
 from lensforge.evaluation.light import Light, TableErrors, light_criteria
 from lensforge.evaluation.limits import judged_limits
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
-from lensforge.evaluation.minimum import uniformity_without_noise
-from lensforge.evaluation.noise_free import Images, nmse_without_noise, rsd_without_noise
+from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask
 from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.jackknife import jackknife
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import gaussian3
 from lensforge.receivers.possible import PossibleLight, SourceLight
 from lensforge.records import Image, Metric
 from lensforge.sources.bundle import Source
@@ -77,11 +76,11 @@ def evaluate_traced(
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
     light, largest_mm = SourceLight.of(source, traced.scene.refractive_index), spec.constraints.max_radius_mm
-    images = [_filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
+    images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
     found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
     lit = tuple(
-        receiver_light(section, PossibleLight(light, receiver, largest_mm), received, filtered, simulation.emitted_w)
-        for section, receiver, received, filtered in found
+        receiver_light(section, PossibleLight(light, receiver, largest_mm), received, smooth, simulation.emitted_w)
+        for section, receiver, received, smooth in found
     )
     return Light(
         receivers=lit,
@@ -109,7 +108,8 @@ def receiver_light(
     """
     receiver = physics.receiver
     target, mean, raw = target_light(section.targets, receiver), images.mean(axis=0), received.images.mean(axis=0)
-    mask, measure = _lit(uniform_region(section.targets, receiver), mean), receiver.pixel_measure
+    mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
+    metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
     return ReceiverLight(
@@ -119,11 +119,11 @@ def receiver_light(
         width=receiver.grid.width,
         height=receiver.grid.height,
         window=WindowSize(width=width, height=height, radius=radius),
-        nmse=nmse_without_noise(images, target),
-        efficiency=_share(received.window, emitted_w),
+        nmse=metrics.nmse,
+        efficiency=metrics.efficiency,
         share_in_target=_share(received.images[:, in_target(target)].sum(axis=1), emitted_w),
-        uniformity=None if mask is None else uniformity_without_noise(images, mask),
-        rsd=None if mask is None else rsd_without_noise(images, mask),
+        uniformity=metrics.uniformity,
+        rsd=metrics.rsd,
         raw=_raw(mean, target, mask),
         nmse_of_noise=_noise(images),
         possible=_possible(physics, target, float(mean.sum()) / emitted_w),
@@ -133,10 +133,6 @@ def receiver_light(
         raw_map=raw / measure,
         target_map=target * mean.sum() / measure,
     )
-
-
-def _filtered(received: ReceivedFlux, variance: float) -> Images:
-    return np.stack([gaussian3(image, variance) for image in received.images])
 
 
 def _possible(physics: PossibleLight, target: Image, arriving: float) -> Possible:
@@ -152,11 +148,6 @@ def _possible(physics: PossibleLight, target: Image, arriving: float) -> Possibl
         law=share.law,
         luminance_estimated=physics.light.curve.estimated,
     )
-
-
-def _lit(mask: Bool[np.ndarray, "h w"] | None, mean: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"] | None:
-    """``mask``; None where there is none, no pixel lies in it, or no light falls anywhere."""
-    return mask if mask is not None and mask.any() and mean.sum() > 0.0 else None
 
 
 def _raw(

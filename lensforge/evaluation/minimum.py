@@ -33,7 +33,44 @@ _REPLICATES = 16
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
 
+@dataclass(frozen=True)
+class LeastEstimate:
+    """A least value; the same with each replicate left out; and what the extrapolation took off its upper bound.
+
+    With other than 16 replicates there is the value alone.
+    """
+
+    value: float
+    left_out: Float[np.ndarray, " r"] | None = None
+    taken_off: float = 0.0
+
+    def metric(self) -> Metric:
+        """Value and standard error, which has two parts: that over the replicates, and what was taken off."""
+        if self.left_out is None:
+            return Metric(value=self.value)
+        return Metric(value=self.value, standard_error=float(np.hypot(jackknife_error(self.left_out), self.taken_off)))
+
+    def change_from(self, before: "LeastEstimate") -> Metric:
+        """Difference from ``before``, of another lens by the same rays.
+
+        A small change moves no ray across an edge of the darkest pixels, and all replicates agree on none: the error is
+        at least that of one ray. n rays have a relative noise of 1/sqrt(n), so one of them is its square.
+        """
+        value = self.value - before.value
+        if self.left_out is None or before.left_out is None:
+            return LeastEstimate(value).metric()
+        noise = jackknife_error(before.left_out)
+        one_ray = noise**2 / (max(before.value, noise) or 1.0)
+        taken_off = float(np.hypot(self.taken_off - before.taken_off, one_ray))
+        return LeastEstimate(value, self.left_out - before.left_out, taken_off).metric()
+
+
 def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> Metric:
+    """:func:`uniformity_estimate` as a record."""
+    return uniformity_estimate(images, mask).metric()
+
+
+def uniformity_estimate(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> LeastEstimate:
     """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased.
 
     As :func:`least_without_noise`; with a replicate without light, too, the uniformity of the mean, with its noise.
@@ -41,8 +78,8 @@ def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.n
     inside = images[:, mask]
     means = inside.mean(axis=1)
     if len(images) != _REPLICATES or not (means > 0.0).all():
-        return Metric(value=uniformity(images.mean(axis=0), mask))
-    return least_without_noise(inside / means[:, None])
+        return LeastEstimate(uniformity(images.mean(axis=0), mask))
+    return _least(inside / means[:, None])
 
 
 def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
@@ -54,11 +91,14 @@ def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
     """
     if len(readings) != _REPLICATES:
         return Metric(value=float(readings.mean(axis=0).min()))
+    return _least(readings).metric()
+
+
+def _least(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _slope(halves, quarters)
     value = float(halves.extrapolated(slope))
-    taken_off = halves.read - value
-    return Metric(value=value, standard_error=float(np.hypot(jackknife_error(halves.left_out(slope)), taken_off)))
+    return LeastEstimate(value, halves.left_out(slope), halves.read - value)
 
 
 def _halves() -> Blocks:

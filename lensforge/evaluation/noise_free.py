@@ -9,7 +9,12 @@ Replicates of an analytic source are independent scrambles. Those of a measured 
 rays: the estimate is then the light of the LED that was measured, and the standard error that of a file with so many
 rays, as far as they are independent draws from the LED's light; rays in a regular pattern are better than stated. A
 lens that was designed with the same rays has adapted to their noise, and looks better by its overfit than it is.
+
+Two lenses lit by the same rays share much of the noise: the error of the change from one to the other is that of the
+difference of their pairs.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,7 +27,36 @@ _LEAST_REPLICATES = 4  # the fewest that tell effects from interactions
 Images = Float[np.ndarray, "r h w"]
 
 
+@dataclass(frozen=True)
+class PairEstimate:
+    """An estimate by pairs of replicates, and how far each pair is from it; None with too few replicates."""
+
+    value: float
+    deviations: Float[np.ndarray, "r r"] | None = None
+
+    def metric(self) -> Metric:
+        """Value and standard error."""
+        error = None if self.deviations is None else _error_over_pairs(self.deviations)
+        return Metric(value=self.value, standard_error=error)
+
+    def change_from(self, before: "PairEstimate") -> Metric:
+        """Difference from ``before``, of another lens by the same rays."""
+        if self.deviations is None or before.deviations is None:
+            return PairEstimate(self.value - before.value).metric()
+        return PairEstimate(self.value - before.value, self.deviations - before.deviations).metric()
+
+
 def nmse_without_noise(images: Images, target: Image) -> Metric:
+    """:func:`nmse_estimate` as a record."""
+    return nmse_estimate(images, target).metric()
+
+
+def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "h w"]) -> Metric:
+    """:func:`rsd_estimate` as a record."""
+    return rsd_estimate(images, mask).metric()
+
+
+def nmse_estimate(images: Images, target: Image) -> PairEstimate:
     """NMSE of the light to which ``images`` are unbiased: D_k = I_k - s_k T, with s_k = sum I_k / sum T.
 
     Mean over all pairs k != l of <D_k, D_l>, over the mean of s_k s_l <T, T>. It is not clipped: where the light is
@@ -31,13 +65,12 @@ def nmse_without_noise(images: Images, target: Image) -> Metric:
     """
     scales = images.sum(axis=(1, 2)) / target.sum()
     if not _enough(scales):
-        return Metric(value=nmse(images.mean(axis=0), target))
+        return PairEstimate(nmse(images.mean(axis=0), target))
     errors = images - scales[:, None, None] * target
-    value, error = _ratio_of_squares(errors.reshape(len(images), -1), scales * np.linalg.norm(target))
-    return Metric(value=value, standard_error=error)
+    return PairEstimate(*_ratio_of_squares(errors.reshape(len(images), -1), scales * np.linalg.norm(target)))
 
 
-def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "h w"]) -> Metric:
+def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> PairEstimate:
     """RSD in ``mask`` of the light to which ``images`` are unbiased: the root of its squared relative deviation.
 
     That square is the mean over all pairs k != l of <E_k, E_l>, E_k the deviations from the mean in the mask, over that
@@ -46,24 +79,26 @@ def rsd_without_noise(images: Images, mask: Bool[np.ndarray, "h w"]) -> Metric:
     inside = images[:, mask]
     means = inside.mean(axis=1)
     if not _enough(means):
-        return Metric(value=relative_deviation(images.mean(axis=0), mask))
+        return PairEstimate(relative_deviation(images.mean(axis=0), mask))
     deviations = (inside - means[:, None]) / np.sqrt(inside.shape[1])
-    squared, error = _ratio_of_squares(deviations, means)
-    value = np.sqrt(max(squared, 0.0))
+    squared, apart = _ratio_of_squares(deviations, means)
+    value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
     # the slope of the root, bounded where the square is not larger than its own error, so that 0 has an error too
-    return Metric(value=float(value), standard_error=float(error / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0))))
+    return PairEstimate(float(value), apart / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0)))
 
 
 def _enough(amounts: Float[np.ndarray, " r"]) -> bool:
     return int(np.count_nonzero(amounts > 0.0)) >= _LEAST_REPLICATES
 
 
-def _ratio_of_squares(errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]) -> tuple[float, float]:
-    """``|E errors|^2 / (E scales)^2`` without noise, and its standard error."""
+def _ratio_of_squares(
+    errors: Float[np.ndarray, "r n"], scales: Float[np.ndarray, " r"]
+) -> tuple[float, Float[np.ndarray, "r r"]]:
+    """``|E errors|^2 / (E scales)^2`` without noise, and how far each pair of replicates is from it."""
     squares, norms = errors @ errors.T, np.outer(scales, scales)
     norm = _over_pairs(norms)
     value = _over_pairs(squares) / norm
-    return value, _error_over_pairs((squares - value * norms) / norm)
+    return value, (squares - value * norms) / norm
 
 
 def _over_pairs(products: Float[np.ndarray, "r r"]) -> float:

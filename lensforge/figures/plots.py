@@ -63,10 +63,12 @@ def plot_outlines(outlines: Sequence[Float[np.ndarray, "n 2"]], across: str, axe
     return axes
 
 
-def plot_bars(values: Mapping[str, float], label: str, axes: Axes | None = None) -> Axes:
-    """A bar for each named value, the first at the top."""
+def plot_bars(
+    values: Mapping[str, float], label: str, axes: Axes | None = None, errors: Sequence[float] | None = None
+) -> Axes:
+    """A bar for each named value, the first at the top, with the standard ``errors`` of them all where given."""
     axes = new_axes(axes)
-    axes.barh(list(values), list(values.values()))
+    axes.barh(list(values), list(values.values()), xerr=errors, capsize=3.0)
     axes.invert_yaxis()
     axes.set(xlabel=label)
     return axes

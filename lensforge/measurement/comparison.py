@@ -8,12 +8,14 @@ from jaxtyping import Float
 from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
 from lensforge.figures.chart import Chart
+from lensforge.measurement.alignment import Alignment
 from lensforge.records import (
     Array,
     Count,
     Flag,
     Image,
     Irradiance,
+    Metric,
     NotNegative,
     Number,
     Positive,
@@ -22,6 +24,7 @@ from lensforge.records import (
     SimulatedResult,
     StageResult,
     Text,
+    stated,
 )
 
 if TYPE_CHECKING:
@@ -73,7 +76,8 @@ class PhotoComparison(StageResult):
 
     ``measured``, ``simulated``: [row y, column x] on a plane of ``width_mm`` x ``height_mm``; ``section_*``: lines
     through its centre, at ``x_mm`` and ``y_mm``. ``target_mm``: width and height of the rectangle that ``corners``
-    bound. ``aligned``: after undoing ``displacement_mm``. ``clipped``: overexposed share of the target.
+    bound. ``aligned``: after undoing ``alignment``; ``likely_cause`` is of that. ``clipped``: overexposed part
+    of the target.
     """
 
     stage: ClassVar[str] = "compare"
@@ -91,7 +95,7 @@ class PhotoComparison(StageResult):
     pixels: Count
     ssim: Number
     nmse: NotNegative
-    displacement_mm: tuple[Number, Number]
+    alignment: Alignment
     aligned: Similarity
     measured_evenness: Evenness
     simulated_evenness: Evenness
@@ -105,6 +109,11 @@ class PhotoComparison(StageResult):
     section_x_simulated: Row
     section_y_measured: Column
     section_y_simulated: Column
+
+    @stated
+    def likely_cause(self) -> str:
+        """Likely causes of what the alignment says beyond doubt, in words; empty where it says nothing."""
+        return "; ".join(self.alignment.causes())
 
     @property
     def chart(self) -> Chart:
@@ -137,29 +146,46 @@ def surface_criteria(used: float, covered: float) -> tuple[Criterion, ...]:
 
 
 class Pose(Record):
-    """Rotation and translation that register the points to the design, with standard errors."""
+    """Rotation vector and translation that register the points to the design.
 
-    rotation_deg: tuple[Number, Number, Number]
-    rotation_standard_error_deg: tuple[Number, Number, Number]
-    translation_mm: tuple[Number, Number, Number]
-    translation_standard_error_mm: tuple[Number, Number, Number]
+    Standard errors are by noise and form error of the part; None for what was not fitted, or is not determined.
+    """
+
+    rotation_x_deg: Metric
+    rotation_y_deg: Metric
+    rotation_z_deg: Metric
+    translation_x_mm: Metric
+    translation_y_mm: Metric
+    translation_z_mm: Metric
 
 
 class DeviationExtent(Record):
-    """Extent of a signed deviation over a surface."""
+    """Extent of a signed deviation: of points, each counting once, or over a face, by its area."""
 
     pv: NotNegative
     rms: NotNegative
     min: Number
     max: Number
 
+    @staticmethod
+    def of(values: Float[np.ndarray, " n"], areas: Float[np.ndarray, " n"] | None = None) -> "DeviationExtent":
+        """Extent of ``values``; the mean square is weighted by ``areas``, or each value counts once."""
+        return DeviationExtent(
+            pv=float(np.ptp(values)),
+            rms=float(np.sqrt(np.average(values**2, weights=areas))),
+            min=float(values.min()),
+            max=float(values.max()),
+        )
+
 
 class SurfaceComparison(SimulatedResult):
     """A measured surface against the design's, and the light of the lens with it.
 
     ``points`` (mm) as registered, ``distance_um`` of each along the normal; ``deviation_um`` over the chart [Y, X],
-    NaN outside. On the first receiver, ``width`` x ``height`` in the unit of its chart: irradiance (W/m^2), in the far
-    field intensity (W/sr), of the design and with the measured surface, [row y, column x]. ``nmse_between`` the two.
+    NaN outside, and the ``area_mm2`` of the face that each of its samples stands for: ``form_deviation_um.rms`` is the
+    root of the mean square over that area. On the first receiver, ``width`` x ``height`` in the unit of its chart:
+    irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y, column
+    x]. ``nmse_between`` the two.
     """
 
     stage: ClassVar[str] = "compare_surface"
@@ -187,6 +213,7 @@ class SurfaceComparison(SimulatedResult):
     distance_um: Annotated[Float[np.ndarray, " n"], Array("n", most=_MOST_POINTS)]
     chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]
     deviation_um: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True)]
+    area_mm2: Annotated[Float[np.ndarray, "m m"], Array("m", "m", gaps=True, least=0.0)]
     irradiance_design: Irradiance
     irradiance_measured: Irradiance
 

@@ -12,13 +12,14 @@ from lensforge.manufacturing.face_check import SAMPLE_NODES, bounded
 from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.comparison import Side
 from lensforge.measurement.corrected_step import corrected_step
-from lensforge.measurement.correction_result import Correction, CutterLimit, LightChange, correction_criteria
+from lensforge.measurement.correction_result import Correction, CutterLimit, correction_criteria
 from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
-from lensforge.measurement.second_cut import SecondCut, change_of_efficiency, change_of_nmse
+from lensforge.measurement.second_cut import SecondCut
 from lensforge.measurement.surface import default_rays, pose_of
 from lensforge.measurement.wavelength import mean_square
+from lensforge.receivers.build import receivers_of
 from lensforge.records import Extent
 from lensforge.sources.bundle import Source
 from lensforge.surfaces.surface import Surface
@@ -54,6 +55,7 @@ def correct_face(
     count = rays or default_rays(lens, preset)
     cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, count)
     design, before, after = cuts.lights(None, first, second)
+    section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     left = cut.points.deviations - made.filtered.values
     error = built.error
     return Correction(
@@ -79,14 +81,14 @@ def correct_face(
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
         rays=count,
-        receiver=design.received.name,
-        far_field=design.received.kind == "far_field",
-        width=design.received.width,
-        height=design.received.height,
+        receiver=section.name or section.kind,
+        far_field=section.kind == "far_field",
+        width=receiver.grid.width,
+        height=receiver.grid.height,
         design=design.metrics,
         first_cut=before.metrics,
         second_cut=after.metrics,
-        change=LightChange(nmse=change_of_nmse(lens, after, design), efficiency=change_of_efficiency(after, design)),
+        change=after.replicates.change_from(design.replicates, count),
         criteria=correction_criteria(cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, limit),
         file=stamp_of(built.step),
         chart=pixels.axis,
@@ -94,9 +96,9 @@ def correct_face(
         deviation_map_um=pixels.map_um(first),
         correction_map_um=pixels.map_um(made.change),
         expected_map_um=pixels.map_um(second),
-        irradiance_design=design.received.map,
-        irradiance_first_cut=before.received.map,
-        irradiance_second_cut=after.received.map,
+        irradiance_design=design.map,
+        irradiance_first_cut=before.map,
+        irradiance_second_cut=after.map,
         step=built.step,
     )
 

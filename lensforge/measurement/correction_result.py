@@ -19,7 +19,6 @@ from lensforge.records import (
     Flag,
     InFile,
     Irradiance,
-    Metric,
     NotNegative,
     Positive,
     Record,
@@ -50,13 +49,6 @@ class CutterLimit(Record):
     concave_radius_mm: Positive | None
     smoothed_more_share: Share
     cut_back_um: Extent
-
-
-class LightChange(Record):
-    """Expected light of the second cut less the design's, with the errors of differences by common rays."""
-
-    nmse: Metric
-    efficiency: Metric
 
 
 class Correction(SimulatedResult):
@@ -100,7 +92,7 @@ class Correction(SimulatedResult):
     design: LightMetrics
     first_cut: LightMetrics
     second_cut: LightMetrics
-    change: LightChange
+    change: LightMetrics
     criteria: tuple[Criterion, ...]
     file: FileStamp
     chart: Annotated[Float[np.ndarray, " m"], Array("m", centred=True)]

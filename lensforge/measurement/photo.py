@@ -10,13 +10,17 @@ from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
 from lensforge.evaluation.metrics import relative_deviation, uniformity
+from lensforge.measurement.alignment import Alignment
 from lensforge.measurement.comparison import Evenness, Located, PhotoComparison, Pixel, photo_criteria
 from lensforge.measurement.corners import locate
 from lensforge.measurement.photograph import Photograph, Size, lit_only, read_photograph, rectify, require_upright
-from lensforge.measurement.similarity import displacement, moved_back, normalised, similarity
+from lensforge.measurement.similarity import normalised, similarity
+from lensforge.measurement.similarity_fit import SimilarityFit, fit_similarity, moved_back
 from lensforge.receivers.pixels import PixelGrid
+from lensforge.records import Metric
 
 _LEAST_PIXELS = 11  # the window of SSIM
+_CORNER_PX = 0.2  # scatter of a corner that was found, along each axis; one given by hand is hardly better
 
 
 @dataclass(frozen=True)
@@ -55,9 +59,8 @@ def compare_photo(
     reference = normalised(simulated)
     picture, located = _picture(shot, grid, reference)
     measured = picture.light
-    moved = displacement(measured, reference)
+    fit = fit_similarity(measured, reference, grid)
     alike = similarity(measured, reference)
-    moved_mm = moved * grid.pixel
     return PhotoComparison(
         inputs=dict(inputs or {}),
         on=shot.on.name,
@@ -71,8 +74,8 @@ def compare_photo(
         pixels=max(grid.shape),
         ssim=alike.ssim,
         nmse=alike.nmse,
-        displacement_mm=(float(moved_mm[0]), float(moved_mm[1])),
-        aligned=similarity(moved_back(measured, moved), reference),
+        alignment=_alignment(fit, _corner_error(picture.corners, grid)),
+        aligned=similarity(normalised(moved_back(measured, fit, grid)), reference),
         measured_evenness=_evenness(measured, uniform),
         simulated_evenness=_evenness(reference, uniform),
         clipped=picture.clipped,
@@ -86,6 +89,26 @@ def compare_photo(
         section_y_measured=section(measured, "y"),
         section_y_simulated=section(reference, "y"),
     )
+
+
+def _corner_error(corners: Float[np.ndarray, "4 2"], grid: PixelGrid) -> Float[np.ndarray, "4"]:
+    """Standard errors of ln s, rotation (rad) and shifts (mm) by the corners: a rigid square fitted to four points."""
+    sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    width, height = 0.5 * (sides[0] + sides[2]), 0.5 * (sides[1] + sides[3])
+    relative = _CORNER_PX / float(np.hypot(width, height))
+    return np.array([relative, relative, *(0.5 * _CORNER_PX * np.array(grid.size) / (width, height))])
+
+
+def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignment:
+    """The fit as a record, its errors with those of the corners."""
+    scale, errors = float(np.exp(fit.parameters[0])), np.hypot(fit.errors, by_corners)
+    units = np.array([scale, np.degrees(1.0), 1.0, 1.0])
+    values = [scale, float(np.degrees(fit.parameters[1])), *map(float, fit.parameters[2:])]
+    size, rotation, x, y = (
+        Metric(value=value, unit=unit, standard_error=float(error)) if known else None
+        for value, unit, error, known in zip(values, ("", "deg", "mm", "mm"), units * errors, fit.fitted, strict=True)
+    )
+    return Alignment(displacement_x_mm=x, displacement_y_mm=y, scale=size, rotation_deg=rotation)
 
 
 def _corners(corners: Float[np.ndarray, "4 2"]) -> tuple[Pixel, Pixel, Pixel, Pixel]:

@@ -13,6 +13,7 @@ from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.geometry.patch import Patch
 from lensforge.measurement.comparison import Registration
+from lensforge.measurement.motion_error import motion_errors
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart
 
 LEAST_POINTS = 100
@@ -60,8 +61,8 @@ def read_cloud(path: Path) -> Float[np.ndarray, "n 3"]:
 class RigidMotion:
     """Motion that takes measured points to lens coordinates: rotation by the vector ``rotation_rad``, then translation.
 
-    Both with their standard errors, from the scatter of the points: a nearly spherical surface determines its own
-    rotation poorly.
+    Both with their standard errors by noise and form error: 0 for what was not fitted, infinite for what the points do
+    not determine, such as rotations of a sphere. A nearly spherical surface determines its own rotation poorly.
     """
 
     rotation_rad: Float[np.ndarray, "3"]
@@ -119,10 +120,12 @@ def register(patch: Patch, points: Float[np.ndarray, "n 3"], registration: Regis
     free = np.arange(6) >= (3 if registration == "shift" else 0)
     fits = [_fit(patch, points, start, free) for start in _starts(patch, points)]
     best = min(fits, key=lambda fit: fit.cost)
-    variance = 2.0 * best.cost / max(len(points) - int(free.sum()), 1)
     motion, errors = np.zeros(6), np.zeros(6)
     motion[free] = best.x
-    errors[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance, 0.0))
+    place = moved(points, motion)
+    over = over_surface(place)
+    directions = place[over] / np.linalg.norm(place[over], axis=1)[:, None]
+    errors[free] = motion_errors(directions, best.fun[over], best.jac[over][:, : free.sum()])
     return RigidMotion(motion[:3], motion[3:], errors[:3], errors[3:])
 
 

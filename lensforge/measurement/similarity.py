@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import shift
 
 from lensforge.evaluation.metrics import relative_square
 from lensforge.measurement.comparison import Similarity
@@ -44,9 +43,3 @@ def displacement(measured: Float[np.ndarray, "h w"], simulated: Float[np.ndarray
         simulated - simulated.mean(), measured - measured.mean(), upsample_factor=_SUBPIXEL, normalization=None
     )[0]
     return -np.asarray(back, dtype=np.float64)[::-1]
-
-
-def moved_back(image: Float[np.ndarray, "h w"], by: Float[np.ndarray, "2"]) -> Float[np.ndarray, "h w"]:
-    """Undo a displacement of ``image`` (pixels along x, y); the edge is repeated outwards."""
-    moved: Float[np.ndarray, "h w"] = shift(image, -by[::-1], order=3, mode="nearest")
-    return moved

@@ -24,14 +24,14 @@ from lensforge.measurement.comparison import (
     surface_criteria,
 )
 from lensforge.measurement.deviation import FormDeviation, coverage, fit_deviation
+from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.point_cloud import RigidMotion, distances, over_surface, register
+from lensforge.records import Metric
 from lensforge.sources.bundle import Source
-from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.spline import tabulate
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
 
 _MOST_RAYS = 2**20
-_MAP_PIXELS = 201
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,9 @@ def compare_surface(
     design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
     before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
-    chart, height = _map(patch, form.deviation.surface)
+    pixels = FacePixels.of(patch)
+    form_um = pixels.map_um(form.deviation.surface)
+    inside = np.isfinite(form_um)
     return SurfaceComparison(
         inputs={"lens": lens.sha256},
         surface=side,
@@ -82,8 +84,8 @@ def compare_surface(
         used_share=form.used,
         covered_share=form.covered,
         pose=pose_of(form.motion),
-        point_deviation_um=_extent(1e3 * form.distances),
-        form_deviation_um=_extent(height[np.isfinite(height)]),
+        point_deviation_um=DeviationExtent.of(1e3 * form.distances),
+        form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
         rays=count,
         receiver=before.first.name,
@@ -96,8 +98,9 @@ def compare_surface(
         criteria=surface_criteria(form.used, form.covered),
         points=form.points,
         distance_um=1e3 * form.distances,
-        chart=chart,
-        deviation_um=height,
+        chart=pixels.axis,
+        deviation_um=form_um,
+        area_mm2=pixels.area_mm2,
         irradiance_design=before.map,
         irradiance_measured=after.map,
     )
@@ -135,36 +138,18 @@ def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> T
     return TracedLens(design.scene, tables["inner"], tables["outer"], design.table_error_nm)
 
 
-def _map(patch: Patch, deviation: SrbfSurface) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
-    """Deviation along the normal (um) over the chart's disc, [Y, X], NaN outside; and the chart's axis."""
-    axis = np.linspace(-1.0, 1.0, _MAP_PIXELS)
-    chart = np.stack(np.meshgrid(axis, axis), axis=-1)
-    inside = np.sum(chart**2, axis=-1) <= 1.0
-    directions = to_sphere(chart[inside])
-    cosine = np.sum(patch.normals(chart[inside]) * directions, axis=1)
-    height = np.full(inside.shape, np.nan)
-    height[inside] = 1e3 * deviation.radius(directions) * cosine
-    return axis, height
-
-
 def pose_of(motion: RigidMotion) -> Pose:
     """The record of a motion."""
+    rotation = np.degrees([motion.rotation_rad, motion.rotation_error_rad])
+    translation = np.array([motion.translation_mm, motion.translation_error_mm])
     return Pose(
-        rotation_deg=_triple(np.degrees(motion.rotation_rad)),
-        rotation_standard_error_deg=_triple(np.degrees(motion.rotation_error_rad)),
-        translation_mm=_triple(motion.translation_mm),
-        translation_standard_error_mm=_triple(motion.translation_error_mm),
+        **{f"rotation_{axis}_deg": _fitted(pair, "deg") for axis, pair in zip("xyz", rotation.T, strict=True)},
+        **{f"translation_{axis}_mm": _fitted(pair, "mm") for axis, pair in zip("xyz", translation.T, strict=True)},
     )
 
 
-def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    return float(vector[0]), float(vector[1]), float(vector[2])
-
-
-def _extent(values: Float[np.ndarray, " n"]) -> DeviationExtent:
-    return DeviationExtent(
-        pv=float(np.ptp(values)),
-        rms=float(np.sqrt(np.mean(values**2))),
-        min=float(values.min()),
-        max=float(values.max()),
-    )
+def _fitted(pair: Float[np.ndarray, "2"], unit: str) -> Metric:
+    """Parameter of the motion and its error, left out where it is 0 (not fitted) or infinite (not determined)."""
+    value, error = pair
+    known = 0.0 < error < np.inf
+    return Metric(value=float(value), unit=unit, standard_error=float(error) if known else None)

@@ -8,12 +8,11 @@ from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
 from lensforge.measurement.areal_filter import ArealFilter, FilteredPoints, PointDeviations, shortest_by_nodes_mm
-from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 # The filter takes 0.55 of the degrees of freedom of a square grid of points, (2 pi / 3)^2 / 8; with two spacings it
 # takes nearly all, and their noise cannot be told.
 _SPACINGS = 3.0
-_PLACES = 4999  # on a pattern that no scan has: where places and points coincide, no gap would be seen
+_PLACES = 5000  # at random: on a pattern of their own points may coincide with all of them, and show no gap
 _MEASURED_SHARE = 0.75  # of the face: a square grid has a point within half of its pitch of 0.785 of the plane
 _STEP = np.sqrt(2.0)  # from one wavelength to the next: 0.8 to 1.2 times as much of a wave in between passes
 _LONGEST = 1.0  # of the largest radius: a longer wave is a matter of the best-fit sphere
@@ -62,7 +61,8 @@ def point_spacing_mm(points: PointDeviations) -> float:
     Twice the distance to the nearest point that three quarters of the face do not exceed: lines of a scan do not pass
     for dense points.
     """
-    places = fibonacci_hemisphere(_PLACES)
+    places = np.random.default_rng(0).normal(size=(_PLACES, 3))
+    places *= np.sign(places[:, 2:]) / np.linalg.norm(places, axis=1, keepdims=True)
     distance, _ = cKDTree(points.directions).query(places)
     radius = points.surface.radius(places)
     order = np.argsort(distance * radius)

@@ -83,8 +83,8 @@ class KeepOutExtent:
 
 def _in_groups(
     corners: Float[np.ndarray, "t 3 3"], growth_mm: float
-) -> tuple[Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t 4"], Float[np.ndarray, "g 4"]]:
-    """The triangles in the order of their groups, a ball around each when grown, and a ball around each group.
+) -> tuple[Float[np.ndarray, "padded 3 3"], Float[np.ndarray, "padded 4"], Float[np.ndarray, "g 4"]]:
+    """The triangles by groups, each filled up, a ball around each triangle when grown, and a ball around each group.
 
     The groups that reach furthest come first: most others end before the extent that these have found.
     """

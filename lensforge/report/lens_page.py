@@ -23,6 +23,7 @@ from lensforge.report.other_conditions import light_pictures, light_rows, result
 from lensforge.report.page import template
 from lensforge.report.receiver_table import receiver_rows
 from lensforge.report.referees import gap_pictures, referee_rows
+from lensforge.report.sensitivity_rows import change_rows
 from lensforge.report.snapshots import Snapshot, load_snapshots
 from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.stray_light import stray_pictures, stray_sentence
@@ -91,6 +92,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "referees": referee_rows(results),
         "stray_sentence": stray_sentence(results),
         "measured": measured(results),
+        "changes": change_rows(results),
         "other_lights": light_rows(results),
         "other_results": result_rows(results),
         "outline_known": pictures.source_outline(results) is not None,

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.figures.light_unit import LightUnit
+from lensforge.measurement.alignment import Alignment
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.records import Metric
 from lensforge.report import irradiance_figures, line_figures, surface_figures
 from lensforge.report.corrected import correction_facts, correction_pictures
-from lensforge.report.numerals import NOTHING, number, percent, unit_of_light
+from lensforge.report.numerals import number, number_with_error, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
 from lensforge.report.shown_receivers import top_of
@@ -45,19 +46,32 @@ def measured(results: Results) -> list[Measured]:
 
 def photo_facts(photo: PhotoComparison) -> Facts:
     """Facts from the photograph of the part's light."""
-    displaced = " and ".join(f"{number(value, 2)} mm" for value in photo.displacement_mm)
     facts = [
         ("Photographs", photo.on if photo.off is None else f"{photo.on} minus {photo.off}"),
         ("Similarity (SSIM) to the simulation", number(photo.ssim, 3)),
         ("NMSE against the simulation", number(photo.nmse, 3)),
-        ("Displacement of the pattern along x and y", displaced),
-        ("SSIM and NMSE without the displacement", f"{number(photo.aligned.ssim, 3)}, {number(photo.aligned.nmse, 3)}"),
+        *_alignment(photo.alignment),
+        ("SSIM and NMSE once aligned", f"{number(photo.aligned.ssim, 3)}, {number(photo.aligned.nmse, 3)}"),
     ]
     found, expected = photo.measured_evenness.uniformity, photo.simulated_evenness.uniformity
     if found is not None:
         facts.append(("Uniformity, measured", f"{number(found, 3)}, simulated {number(expected, 3)}"))
+    if photo.likely_cause:
+        facts.append(("Likely cause", photo.likely_cause))
     facts.append(("Clipped by the camera", f"{percent(photo.clipped, 2)} of the target"))
     return [*facts, ("Target\u2019s corners", _corners(photo))]
+
+
+def _alignment(found: Alignment) -> Facts:
+    """Place, size and rotation of the light, with the digits that their errors carry; without what it cannot tell."""
+    named = {
+        "Displacement of the light along x": found.displacement_x_mm,
+        "Displacement of the light along y": found.displacement_y_mm,
+        "Size of the light over the simulated": found.scale,
+        "Rotation of the light, counter-clockwise": found.rotation_deg,
+    }
+    facts = [(name, metric) for name, metric in named.items() if metric is not None]
+    return [(name, f"{number_with_error(metric, 6)} {metric.unit}".rstrip()) for name, metric in facts]
 
 
 def _corners(photo: PhotoComparison) -> str:
@@ -117,7 +131,7 @@ def _share(metric: Metric) -> str:
 
 
 def _value(metric: Metric | None) -> str:
-    return NOTHING if metric is None else number(metric.value, 3)
+    return number_with_error(metric, 3)
 
 
 def _surface_pictures(results: Results, surface: SurfaceComparison) -> list[PagePicture]:

@@ -8,6 +8,7 @@ from lensforge.evaluation.light import Light
 from lensforge.figures.light_unit import LightUnit, light_unit
 from lensforge.optimisation.design import Design
 from lensforge.records import Metric
+from lensforge.records.digits import decimals_by_error
 from lensforge.results import Results
 
 _THIN_SPACE = "\u2009"
@@ -65,10 +66,16 @@ def number(value: float | None, digits: int = 6) -> str:
 
 
 def number_with_error(metric: Metric | None, digits: int) -> str:
-    """Value to ``digits`` significant digits and, where it is known and not 0, its standard error to one."""
+    """Value to at most ``digits`` significant digits and, where it is known and not 0, its standard error to one.
+
+    The value has no digit beyond that of the error.
+    """
     if metric is None:
         return NOTHING
-    return number(metric.value, digits) + (f" ± {number(metric.standard_error, 1)}" if metric.standard_error else "")
+    if not metric.standard_error:
+        return number(metric.value, digits)
+    kept = round(metric.value, decimals_by_error(metric.standard_error, 1))
+    return f"{number(kept, digits)} ± {number(metric.standard_error, 1)}"
 
 
 def percent(share: float | None, decimals: int = 1) -> str:

@@ -47,10 +47,10 @@ def _walk(content: object, names: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _metric(content: Mapping[str, object], names: tuple[str, ...]) -> Row:
-    """Value, standard error and unit in one row."""
-    error = content["standard_error"]
-    value = anything(content["value"]) + ("" if error is None else f" ± {anything(error)}")
-    return Row(_path(names), value, str(content["unit"]) or unit_of(names))
+    """Value, standard error and unit in one row, with the digits that the error carries."""
+    metric = Metric.model_validate(content)
+    value = " ± ".join(metric.digits()) if metric.standard_error else anything(metric.value)
+    return Row(_path(names), value, metric.unit or unit_of(names))
 
 
 def _packed(content: Mapping[str, object]) -> str:

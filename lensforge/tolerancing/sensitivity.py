@@ -7,14 +7,12 @@ from dataclasses import replace
 import torch
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.evaluate import evaluate_traced
-from lensforge.evaluation.light import LightMetrics
+from lensforge.evaluation.replicate_metrics import TracedLight, traced_light
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
-from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.tolerancing.perturbations import Perturbation, Radius, ShiftedSource, perturbations
-from lensforge.tolerancing.sensitivity_table import Amounts, Change, ErrorRow, Sensitivity
+from lensforge.tolerancing.sensitivity_table import Amounts, ErrorRow, Sensitivity
 
 RAYS = 2**19
 
@@ -30,26 +28,27 @@ def measure_sensitivity(
 ) -> Sensitivity:
     """Trace the lens with each error of ``amounts``, always with the same rays.
 
-    Changes are from the lens as designed: with common rays most of the noise of NMSE and efficiency cancels.
-    ``progress`` is called after each lens with the number of lenses traced and of all.
+    Changes are from the lens as designed, replicate by replicate: the noise that both have in common cancels, and the
+    standard error of a change is that of what is left. ``progress`` is called after each lens with the number of lenses
+    traced and of all.
     """
     started = time.perf_counter()
     amounts = amounts or Amounts()
     nominal = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    count, errors = rays or RAYS, perturbations(lens, amounts, lens.seed)
+    count = rays or RAYS
+    count, errors = min(count, source.ray_count or count), perturbations(lens, amounts, lens.seed)
     announce = progress or (lambda done, total: None)
-    designed = _metrics(nominal, lens, source, count)
+    designed = traced_light(nominal, lens.spec, source, count, lens.seed)
     announce(1, len(errors) + 1)
     rows = []
     for done, error in enumerate(errors, start=2):
         shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
-        found = _metrics(perturbed(nominal, error), lens, shifted, count)
-        change = _change(found, designed)
-        rows.append(ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found, change=change))
+        found = traced_light(perturbed(nominal, error), lens.spec, shifted, count, lens.seed)
+        rows.append(_row(error, found, designed, count))
         announce(done, len(errors) + 1)
     return Sensitivity(
         inputs={"lens": lens.sha256},
-        nominal=designed,
+        nominal=designed.metrics,
         rows=tuple(rows),
         amounts=amounts,
         rays=count,
@@ -73,19 +72,6 @@ def _table(nominal: TracedLens, radius: Radius) -> torch.Tensor:
     return torch.from_numpy(grid.coefficients(samples).reshape(grid.side, grid.side))
 
 
-def _metrics(traced: TracedLens, lens: Lens, source: Source, rays: int) -> LightMetrics:
-    light = evaluate_traced(traced, lens.spec, source, rays, lens.seed)
-    return LightMetrics.of(light)
-
-
-def _change(found: LightMetrics, designed: LightMetrics) -> Change:
-    return Change(
-        uniformity=_difference(found.uniformity, designed.uniformity),
-        rsd=_difference(found.rsd, designed.rsd),
-        nmse=found.nmse.value - designed.nmse.value,
-        efficiency=found.efficiency.value - designed.efficiency.value,
-    )
-
-
-def _difference(value: Metric | None, before: Metric | None) -> float | None:
-    return None if value is None or before is None else value.value - before.value
+def _row(error: Perturbation, found: TracedLight, designed: TracedLight, rays: int) -> ErrorRow:
+    change = found.replicates.change_from(designed.replicates, rays)
+    return ErrorRow(name=error.name, amount=error.amount, unit=error.unit, metrics=found.metrics, change=change)

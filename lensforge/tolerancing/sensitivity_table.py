@@ -28,27 +28,18 @@ class Amounts(Record):
     index: Number = 1e-3
 
 
-class Change(Record):
-    """Change of the metrics from the lens as designed, with the same rays.
-
-    Most of the noise of NMSE and efficiency cancels. That of uniformity and RSD does not, since each lens has its own
-    darkest pixels: a change is told from noise where it exceeds their standard errors.
-    """
-
-    uniformity: Number | None
-    rsd: Number | None
-    nmse: Number
-    efficiency: Number
-
-
 class ErrorRow(Record):
-    """One error of form, position, source or index: its amount, and the metrics with it."""
+    """One error of form, position, source or index: its amount, the metrics with it, and their change by it.
+
+    ``change`` is the difference from the lens as designed by the same rays, with the standard error of that difference:
+    what both have of the noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
+    """
 
     name: Text
     amount: Number
     unit: Text
     metrics: LightMetrics
-    change: Change
+    change: LightMetrics
 
 
 class Sensitivity(SimulatedResult):
@@ -63,9 +54,14 @@ class Sensitivity(SimulatedResult):
     seconds: NotNegative
 
     def plot(self, axes: "Axes | None" = None, *, metric: MetricName = "nmse") -> "Axes":
-        """Plot the change of ``metric`` by each error. Raises :class:`InputError` for an unknown one."""
+        """Plot the change of ``metric`` by each error, with its standard error.
+
+        Raises :class:`InputError` for an unknown one.
+        """
         from lensforge.figures.plots import plot_bars, require_choice
 
         require_choice("metric", metric, get_args(MetricName))
-        changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) or 0.0 for row in self.rows}
-        return plot_bars(changes, f"change of {metric}", axes)
+        changes = {f"{row.name} {row.amount:g} {row.unit}": getattr(row.change, metric) for row in self.rows}
+        values = {name: 0.0 if change is None else change.value for name, change in changes.items()}
+        errors = [0.0 if change is None else change.standard_error or 0.0 for change in changes.values()]
+        return plot_bars(values, f"change of {metric}", axes, errors)

@@ -62,7 +62,7 @@ class StepBody:
     def smooth_faces(self) -> Int[np.ndarray, " faces"]:
         """Number of the smooth face of each face of the file: another program may have split one into several.
 
-        They end at creases, and at z = 0, where lens and base meet, as those of a mesh do.
+        They end at creases, and where lens and base meet, at z = 0 across that plane, as those of a mesh do.
         """
         joined = [pair for pair in self._neighbours() if pair[0] != pair[1]]
         first, second = np.array(joined, dtype=np.int64).reshape(-1, 2).T
@@ -90,7 +90,9 @@ class StepBody:
                 continue
             one, other = (numbers.FindIndex(face) - 1 for face in faces)
             (point, normal), (_, facing) = self._at_edge(edge, one), self._at_edge(edge, other)
-            if abs(point[2]) > LEVEL_MM and float(normal @ facing) > np.cos(CREASE_RAD):
+            turned = float(normal @ facing)
+            between = abs(point[2]) <= LEVEL_MM and abs(float(normal[2])) < np.cos(CREASE_RAD)  # of lens and base
+            if turned > np.cos(CREASE_RAD) and not between:
                 pairs.append((one, other))
         return pairs
 

@@ -57,6 +57,8 @@ def _scaled(spec: Spec, factor: float) -> Spec:
         content[section] = grown(content[section])
     for name in ("inner_offset_mm", "outer_offset_mm"):
         content["lens"][name] *= factor
+    if spec.constraints.keep_out is None:
+        del content["constraints"]["keep_out_margin_mm"]
     return parse_spec(content, "scaled")
 
 

@@ -264,7 +264,8 @@ def test_an_insert_is_checked_larger_by_the_shrinkage_its_walls_are_those_of_the
         before, after = getattr(plain, name), getattr(found, name)
         assert after.area_mm2 == pytest.approx(1.05**2 * before.area_mm2, rel=1e-12)
         assert after.curvature.kappa_min_per_mm == pytest.approx(before.curvature.kappa_min_per_mm / 1.05, rel=1e-12)
-        assert after.best_fit_sphere.radius_mm == pytest.approx(1.05 * before.best_fit_sphere.radius_mm, rel=1e-9)
+        sphere = after.best_fit_sphere.radius_mm  # by a minimiser, whose steps end a little earlier or later
+        assert sphere == pytest.approx(1.05 * before.best_fit_sphere.radius_mm, rel=1e-7)
         assert after.largest_tilt_deg == pytest.approx(before.largest_tilt_deg, abs=1e-9)
         xyz = f"{name}_xyz"
         np.testing.assert_allclose(getattr(found, xyz), 1.05 * getattr(plain, xyz), rtol=1e-12, atol=1e-14)

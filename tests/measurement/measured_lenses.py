@@ -52,6 +52,15 @@ def dent(u, height_mm, towards=(0.5, 0.3, 0.8), width=0.35):
     return height_mm * np.exp((u @ axis - 1.0) / width**2)
 
 
+def waves(u, frequency, height_mm, seed, count=100):
+    """Random form error (mm rms) of one spatial ``frequency`` (1/rad): plane waves in every direction of space."""
+    rng = np.random.default_rng(seed)
+    along = rng.normal(size=(count, 3))
+    along *= 2.0 * np.pi * frequency / np.linalg.norm(along, axis=1, keepdims=True)
+    phases = 2.0 * np.pi * rng.random(count)
+    return height_mm * np.sqrt(2.0 / count) * np.cos(u @ along.T + phases).sum(axis=1)
+
+
 def probed(of, count=6000, height_mm=0.0, noise_mm=0.0, rotation=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), seed=3):
     """Points of the deformed surface in the machine's coordinates: turned by ``rotation`` (rad), then shifted."""
     u = directions(count, seed)

@@ -45,7 +45,9 @@ def test_a_photograph_of_the_simulated_light_is_found_alike(folder: Path) -> Non
     content = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     assert f"ssim\t{content['ssim']}" in done.output
     assert content["ssim"] > 0.995
-    assert np.abs(content["displacement_mm"]).max() < 1.0
+    assert abs(content["alignment"]["displacement_x_mm"]["value"]) < 1.0
+    assert content["alignment"]["scale"]["value"] == pytest.approx(1.0, abs=0.01)
+    assert "alignment.scale_standard_error\t" in done.output
 
 
 def on_receiver(**receiver: object) -> lf.Lens:

@@ -125,7 +125,9 @@ def test_a_photograph_is_compared_by_the_corners_that_were_found(shot):
     found = compare_photo(shot(), **given)
     assert found.ssim > 0.9
     assert found.nmse < 0.03
-    assert np.abs(found.displacement_mm).max() < 0.2
+    place = found.alignment
+    assert max(abs(place.displacement_x_mm.value), abs(place.displacement_y_mm.value)) < 0.2
+    assert place.scale.value == pytest.approx(1.0, abs=3e-3)
     assert found.corners_located.seen_in in ("on", "off")
     assert np.linalg.norm(np.array(found.corners) - CORNERS, axis=1).max() < 0.2
 

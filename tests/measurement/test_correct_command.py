@@ -64,14 +64,15 @@ def test_other_rays_have_files_of_their_own(folder: Path) -> None:
     ("place", "value", "message"),
     [
         (("correction_um", "rms"), 0.01, "correction_um.rms = 0.01, but its map and area say"),
-        (("cutter", "cutter_radius_mm"), 0.2, "cutter.cutter_radius_mm = 0.2, but the spec says 1"),
+        (("cutter", "cutter_radius_mm"), 0.2, "criteria: concave_radius: limit = 0.998, but it must be 0.1996"),
+        (("make",), "insert", "make = 'insert', but the spec says 'part'"),
         (("change", "nmse", "value"), 0.5, "change.nmse = 0.5, but its lights say"),
         (("form_error_nm", "max"), 5.0, "criteria: form_error: value"),
         (("file", "bytes"), 7, "file: the STEP file beside it is another one"),
     ],
 )
 def test_a_record_that_contradicts_itself_is_refused(
-    folder: Path, place: tuple[str, ...], value: float, message: str
+    folder: Path, place: tuple[str, ...], value: float | str, message: str
 ) -> None:
     path = folder / "correct_inner.json"
     before = path.read_text(encoding="utf-8")

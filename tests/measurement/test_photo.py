@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from handmade_pictures import exif, png, tiff
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from lensforge.errors import InputError
 from lensforge.measurement.comparison import PhotoComparison
@@ -13,6 +14,7 @@ from lensforge.measurement.figures import photo_png
 from lensforge.measurement.photo import Shot, compare_photo, section
 from lensforge.measurement.photograph import lit_only, read_photograph, rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
+from lensforge.measurement.similarity_fit import fit_similarity
 from lensforge.receivers.pixels import PixelGrid, Window
 
 SIDE, PIXELS = 200.0, 64
@@ -43,11 +45,11 @@ def homography(corners, size=SQUARE):
     return np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)
 
 
-def photographed(corners, shift=(0.0, 0.0), size=(950, 760), target=SQUARE):
+def photographed(corners, shift=(0.0, 0.0), size=(950, 760), target=SQUARE, light=pattern):
     columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     homogeneous = np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
     x, y, w = np.linalg.inv(homography(corners, target)) @ homogeneous
-    seen = pattern(x / w - shift[0], y / w - shift[1])
+    seen = light(x / w - shift[0], y / w - shift[1])
     return seen.reshape(size[1], size[0])
 
 
@@ -71,6 +73,26 @@ def shot(folder, corners=CORNERS, shift=(0.0, 0.0), gamma=1.0, noise=0.0, dark=T
     return Shot(on, off, corners, SIDE, gamma)
 
 
+def assert_aligned(found, expected, tolerances):
+    """Displacements (mm), scale and rotation (deg), each to a tolerance of its own."""
+    place = found.alignment
+    values = [
+        each.value for each in (place.displacement_x_mm, place.displacement_y_mm, place.scale, place.rotation_deg)
+    ]
+    assert (np.abs(np.subtract(values, expected)) < tolerances).all(), values
+
+
+def transformed(of, scale=1.0, turn_deg=0.0, shift=(0.0, 0.0)):
+    """The light ``of`` (x, y) enlarged, turned counter-clockwise, then shifted."""
+
+    def light(x, y):
+        cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+        x, y = x - shift[0], y - shift[1]
+        return of((cosine * x + sine * y) / scale, (cosine * y - sine * x) / scale)
+
+    return light
+
+
 def compare(taken):
     return compare_photo(taken, simulated=simulated(), grid=GRID, uniform=Window(50.0, 50.0).pixels(GRID))
 
@@ -92,7 +114,8 @@ def test_a_photograph_of_the_design_is_found_alike(tmp_path, gamma):
     found = compare(shot(tmp_path, gamma=gamma, noise=0.01))
     assert found.ssim > 0.99
     assert found.nmse < 1e-4
-    assert np.abs(found.displacement_mm).max() < 0.1
+    assert_aligned(found, [0.0, 0.0, 1.0, 0.0], [0.1, 0.1, 2e-3, 0.1])
+    assert found.likely_cause == ""
     assert found.measured_evenness.uniformity == pytest.approx(found.simulated_evenness.uniformity, rel=0.03)
     assert found.criteria[0].passed
     assert found.corners_located is None
@@ -108,7 +131,7 @@ def test_a_photograph_of_a_rectangle_is_found_alike(tmp_path):
     taken = Shot(write(tmp_path / "on.png", light), None, CORNERS)
     mask = Window(60.0, 30.0).pixels(WIDE)
     found = compare_photo(taken, simulated=simulated(grid=WIDE), grid=WIDE, uniform=mask)
-    np.testing.assert_allclose(found.displacement_mm, [6.0, -4.0], atol=0.25)
+    assert_aligned(found, [6.0, -4.0, 1.0, 0.0], [0.25, 0.25, 5e-3, 0.3])
     assert found.aligned.ssim > 0.97 and found.aligned.ssim > found.ssim
     assert found.measured.shape == (50, 80) and found.pixels == 80
     assert found.target_mm == (found.width_mm, found.height_mm) == WIDE.size
@@ -149,9 +172,66 @@ def test_the_wrong_gamma_or_no_dark_frame_shows(tmp_path):
 
 def test_a_shifted_pattern_is_found_shifted(tmp_path):
     found = compare(shot(tmp_path, shift=(4.5, -2.0), noise=0.005))
-    np.testing.assert_allclose(found.displacement_mm, [4.5, -2.0], atol=0.15)
+    assert_aligned(found, [4.5, -2.0, 1.0, 0.0], [0.15, 0.15, 2e-3, 0.15])
     assert found.aligned.ssim > found.ssim + 0.02
     assert found.aligned.nmse < 0.1 * found.nmse
+
+
+@pytest.mark.parametrize(
+    ("scale", "turn_deg", "shift"),
+    [(1.02, 0.0, (0.0, 0.0)), (0.98, 0.0, (0.0, 0.0)), (1.0, 1.5, (0.0, 0.0)), (1.1, -6.0, (5.0, -3.0))],
+)
+def test_size_and_rotation_are_found_with_the_displacement(tmp_path, scale, turn_deg, shift):
+    light = 0.4 * photographed(CORNERS, light=transformed(pattern, scale, turn_deg, shift))
+    found = compare(Shot(write(tmp_path / "on.png", light, noise=0.005), None, CORNERS, SIDE))
+    assert_aligned(found, [*shift, scale, turn_deg], [0.15, 0.15, 2e-3, 0.1])
+    assert found.aligned.nmse < min(found.nmse, 2e-3)
+    cause = found.likely_cause
+    assert ("farther away" in cause, "closer" in cause) == (scale > 1.0, scale < 1.0)
+    assert ("turned against each other" in cause, "off the axis" in cause) == (turn_deg != 0.0, shift != (0.0, 0.0))
+
+
+def test_a_target_that_is_smaller_than_stated_shows_as_too_large_a_light(tmp_path):
+    """Corners of a square of 200 mm, said to be 204 mm wide."""
+    grid = PixelGrid.square(180.0, PIXELS)
+    taken = Shot(write(tmp_path / "on.png", 0.4 * photographed(CORNERS)), None, CORNERS, 1.02 * SIDE)
+    found = compare_photo(taken, simulated=simulated(grid=grid), grid=grid, uniform=None)
+    assert found.alignment.scale.value == pytest.approx(1.02, abs=2e-3)
+
+
+def test_errors_are_the_scatter_over_photographs():
+    """By noise of both pictures, and by a smooth difference between them that is alike in neighbouring pixels."""
+    grid, true = PixelGrid.square(SIDE, 40), np.array([np.log(1.02), np.radians(1.5), 3.0, -2.0])
+    x, y = np.meshgrid(grid.x(), grid.y())
+    seen, reference = transformed(pattern, 1.02, 1.5, (3.0, -2.0))(x, y), pattern(x, y)
+    ratios = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        smooth = gaussian_filter(rng.normal(size=grid.shape), 2.0)
+        noise, other = 0.01 * rng.normal(size=(2, *grid.shape))
+        unlike = seen * (1.0 + 0.03 * smooth / smooth.std() + noise)
+        fit = fit_similarity(normalised(unlike), normalised(reference * (1.0 + other)), grid)
+        assert fit.fitted.all()
+        ratios.append((fit.parameters - true) / fit.errors)
+    assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+@pytest.mark.parametrize(
+    ("light", "known"),
+    [
+        (lambda x, y: 1.0 / (1.0 + np.exp((np.hypot(x, y) - 60.0) / 5.0)), [True, False, True, True]),
+        (lambda x, y: np.ones_like(x), [False, False, False, False]),
+    ],
+    ids=["round", "even"],
+)
+def test_what_the_light_cannot_tell_is_not_stated(light, known):
+    """A round pattern has no rotation, and even light nothing: noise would tell both, with a small error."""
+    grid = PixelGrid.square(SIDE, 40)
+    x, y = np.meshgrid(grid.x(), grid.y())
+    noise = 1.0 + 0.02 * np.random.default_rng(4).normal(size=(2, *grid.shape))
+    fit = fit_similarity(normalised(light(x - 4.0, y) * noise[0]), normalised(light(x, y) * noise[1]), grid)
+    assert fit.fitted.tolist() == known
+    assert (fit.parameters[~fit.fitted] == 0.0).all()
 
 
 def test_displacement_of_a_picture_to_itself_is_none():

@@ -1,6 +1,6 @@
 import inspect
 import io
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,12 +12,15 @@ from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.geometry.patch import fit_patch
-from lensforge.measurement.comparison import SurfaceComparison
+from lensforge.measurement.comparison import DeviationExtent, SurfaceComparison
 from lensforge.measurement.deviation import coverage, fit_deviation
+from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.figures import surface_png
 from lensforge.measurement.surface import compare_surface, measure_form
+from lensforge.records import Metric
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.surfaces.surface import Surface
 
 LENS = lens()
 PATCH = fit_patch(LENS.outer)
@@ -62,6 +65,40 @@ def test_noise_is_not_believed():
     noise = 0.01 * np.random.default_rng(0).normal(size=400)
     fitted = fit_deviation(LENS.outer.basis, directions(400, 1), noise)
     assert np.sqrt(np.mean(fitted.surface.radius(directions(2000, 2)) ** 2)) < 0.003
+
+
+@dataclass(frozen=True)
+class RaisedSphere(Surface):
+    """A sphere of radius 1 whose centre is 1/2 above the origin, times ``size_mm``."""
+
+    size_mm: float
+    detail_rad = 0.3
+
+    def radius(self, directions):
+        z = directions[:, 2]
+        return self.size_mm * (0.5 * z + np.sqrt(0.75 + 0.25 * z**2))
+
+
+def test_the_mean_square_of_the_form_is_over_the_area_of_the_face():
+    """By Archimedes, n_z is uniform over the area of a sphere: the mean of n_z^2 from -1/2 to 1 is 1/4.
+
+    Over solid angle it is 0.205, over the chart 0.162.
+    """
+    sphere = RaisedSphere(8.0)
+
+    class Raised(Surface):
+        detail_rad = 0.3
+
+        def radius(self, directions):
+            normals = directions * sphere.radius(directions)[:, None] / sphere.size_mm - [0.0, 0.0, 0.5]
+            return 4e-3 * normals[:, 2] / np.sum(normals * directions, axis=1)
+
+    pixels = FacePixels.of(fit_patch(sphere))
+    assert np.nansum(pixels.area_mm2) == pytest.approx(3.0 * np.pi * 8.0**2, rel=1e-3)
+    height, inside = pixels.map_um(Raised()), np.isfinite(pixels.area_mm2)
+    extent = DeviationExtent.of(height[inside], pixels.area_mm2[inside])
+    assert extent.rms == pytest.approx(4.0 * np.sqrt(0.25), rel=5e-4)
+    assert (extent.max, extent.pv) == (pytest.approx(4.0, rel=1e-6), pytest.approx(6.0, rel=1e-2))
 
 
 def test_coverage_is_the_share_of_the_hemisphere():
@@ -138,7 +175,8 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
     left, before = found.irradiance_measured - true, found.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
     assert found.nmse_between > 1e-3
-    assert (found.pose.translation_mm == (0.0, 0.0, 0.0)) == (registration == "none")
+    assert (found.pose.translation_x_mm == Metric(value=0.0, unit="mm")) == (registration == "none")
+    assert (found.pose.rotation_x_deg.standard_error is None) == (registration != "rigid")
 
 
 def test_a_registration_of_no_kind_is_input_error():

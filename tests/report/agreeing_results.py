@@ -194,12 +194,19 @@ def stray_on_receiver(result):
 def compare(result, lens):
     if hasattr(result, "simulated"):
         return {"nmse": squares(result.measured, result.simulated)}
-    form = result.deviation_um[np.isfinite(result.deviation_um)]
+    inside = np.isfinite(result.deviation_um)
+    form, areas = result.deviation_um[inside], result.area_mm2[inside]
     extents = {
         name: DeviationExtent(
-            pv=float(np.ptp(each)), rms=float(np.sqrt(np.mean(each**2))), min=float(each.min()), max=float(each.max())
+            pv=float(np.ptp(each)),
+            rms=float(np.sqrt(np.sum(weights * each**2) / np.sum(weights))),
+            min=float(each.min()),
+            max=float(each.max()),
         )
-        for name, each in (("point_deviation_um", result.distance_um), ("form_deviation_um", form))
+        for name, each, weights in (
+            ("point_deviation_um", result.distance_um, np.ones(len(result.distance_um))),
+            ("form_deviation_um", form, areas),
+        )
     }
     return extents | {"nmse_between": squares(result.irradiance_measured, result.irradiance_design)}
 

@@ -14,6 +14,7 @@ from result_folders import (
 )
 
 from lensforge.figures.chart import Chart
+from lensforge.measurement.alignment import Alignment
 from lensforge.measurement.comparison import (
     DeviationExtent,
     Evenness,
@@ -94,7 +95,12 @@ def make_photo(lens, **changes):
         "pixels": PIXELS,
         "ssim": 0.925,
         "nmse": 0.0375,
-        "displacement_mm": (1.25, -0.75),
+        "alignment": Alignment(
+            displacement_x_mm=Metric(value=1.25, unit="mm", standard_error=0.125),
+            displacement_y_mm=Metric(value=-0.75, unit="mm", standard_error=0.5),
+            scale=Metric(value=1.02, standard_error=0.0025),
+            rotation_deg=None,
+        ),
         "aligned": Similarity(ssim=0.975, nmse=0.0125),
         "measured_evenness": Evenness(uniformity=0.625, rsd=0.05),
         "simulated_evenness": Evenness(uniformity=0.75, rsd=0.04),
@@ -122,8 +128,12 @@ def make_surface(lens, **changes):
         "used_share": 1.0,
         "covered_share": 0.95,
         "pose": Pose(
-            rotation_deg=(0.1, 0.2, 0.3), rotation_standard_error_deg=(0.01, 0.02, 0.03),
-            translation_mm=(0.4, 0.5, 0.6), translation_standard_error_mm=(0.04, 0.05, 0.06),
+            rotation_x_deg=Metric(value=0.1, unit="deg", standard_error=0.01),
+            rotation_y_deg=Metric(value=0.2, unit="deg", standard_error=0.02),
+            rotation_z_deg=Metric(value=0.3, unit="deg"),
+            translation_x_mm=Metric(value=0.4, unit="mm", standard_error=0.04),
+            translation_y_mm=Metric(value=0.5, unit="mm", standard_error=0.05),
+            translation_z_mm=Metric(value=0.6, unit="mm", standard_error=0.06),
         ),
         "point_deviation_um": extent,
         "form_deviation_um": extent,
@@ -143,6 +153,7 @@ def make_surface(lens, **changes):
         "distance_um": np.array([2.5, -2.5]),
         "chart": axis,
         "deviation_um": np.where(x**2 + y**2 <= 1.0, 7.5 * x, np.nan),  # indexed [Y, X]
+        "area_mm2": np.where(x**2 + y**2 <= 1.0, 4.0 / (1.0 + x**2 + y**2) ** 2, np.nan),
         "irradiance_design": light["map"],
         "irradiance_measured": light["raw_map"],
     }  # fmt: skip

@@ -107,7 +107,7 @@ def test_a_table_holds_what_the_json_file_holds_and_no_more(stem):
 
 def test_a_metric_is_one_row_in_its_own_unit():
     (row,) = rows({"exit_w": Metric(value=0.75, unit="lm", standard_error=0.0025).model_dump()})
-    assert (row.path, row.value, row.unit) == ("exit_w", "0.75 ± 0.0025", "lm")
+    assert (row.path, row.value, row.unit) == ("exit_w", "0.7500 ± 0.0025", "lm")
     (row,) = rows({"hit_mm": Metric(value=0.5).model_dump()})
     assert (row.path, row.value, row.unit) == ("hit_mm", "0.5", "mm")
 

@@ -1,0 +1,44 @@
+"""Table of manufacturing and alignment errors on the page of a lens."""
+
+from page_text import Page, undrawn_page_of
+from result_folders import make_results
+
+from lensforge.agreement.studies import sensitivity_contradictions
+from lensforge.evaluation.light import LightMetrics
+from lensforge.records import Metric
+from lensforge.report.sensitivity_rows import ChangeRow, change_rows
+from lensforge.results import Results
+from lensforge.tolerancing.sensitivity_table import Amounts, ErrorRow, Sensitivity
+
+
+def metrics(nmse, efficiency, *errors):
+    named = [Metric(value=value, standard_error=error) for value, error in zip((nmse, efficiency), errors, strict=True)]
+    return LightMetrics(nmse=named[0], uniformity=None, rsd=None, efficiency=named[1])
+
+
+def study(change=1.3e-4):
+    row = ErrorRow(
+        name="decentre in x",
+        amount=20.0,
+        unit="um",
+        metrics=metrics(0.02013, 0.8475, 4e-4, 1e-3),
+        change=metrics(change, -0.0025, 3.1e-5, 1.2e-4),
+    )
+    nominal = metrics(0.02, 0.85, 4e-4, 1e-3)
+    return Sensitivity(inputs={}, nominal=nominal, rows=(row,), amounts=Amounts(), rays=4096, seconds=1.0)
+
+
+def test_changes_are_shown_with_their_errors():
+    plain = make_results()
+    results = Results(plain.lens, plain.found | {"sensitivity": study()}, {})
+    assert change_rows(plain) == []
+    assert change_rows(results) == [
+        ChangeRow("decentre in x", "20 um", "0.00013 ± 3\u2009×\u200910⁻⁵", "–", "–", "\u22120.0025 ± 0.0001")
+    ]
+    page = Page(undrawn_page_of(results))
+    assert "sensitivity" in page.ids and "decentre in x" in page.text
+
+
+def test_a_change_that_is_no_difference_is_a_contradiction():
+    assert list(sensitivity_contradictions(study())) == []
+    assert "change.nmse" in next(sensitivity_contradictions(study(2e-4)))
