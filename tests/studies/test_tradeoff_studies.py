@@ -8,7 +8,7 @@ from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import build_source
 from lensforge.studies.tradeoff import rays as rays_module
 from lensforge.studies.tradeoff.convergence import order_of
-from lensforge.studies.tradeoff.exported import CURVED, FLAT, casting_study, mesh_study, nurbs_study
+from lensforge.studies.tradeoff.exported import CURVED, EQUAL, FLAT, SPLIT, casting_study, mesh_study, nurbs_study
 from lensforge.studies.tradeoff.pixels import bias, filter_study, pixel_study
 from lensforge.studies.tradeoff.rays import PLAIN, QMC, ray_study
 from lensforge.studies.tradeoff.runs import TracedRun, resample, trace_run
@@ -157,10 +157,13 @@ def test_the_faces_converge_to_the_sum_and_the_mesh_to_the_faces(lens):
     by_knots, plan = nurbs_study(lens, (20, 28, 40), cad=False)
     assert by_knots.order["quintic spline"]["form"].value < -5.0
     by_rings = mesh_study(plan, (12, 24, 48))
-    assert by_rings.order["equal rings"]["chord"].value == pytest.approx(-2.0, abs=0.15)
-    assert by_rings.order["equal rings"]["normal"].value == pytest.approx(-1.0, abs=0.15)
-    triangles = {level.setting: level.other["triangles"] for level in by_rings.levels if level.series == "equal rings"}
-    assert triangles[24] == 2 * 6 * 24**2 + 2 * 6 * 24  # both domes, and the ring between their rims
+    assert by_rings.order[EQUAL]["chord"].value == pytest.approx(-2.0, abs=0.15)
+    assert by_rings.order[EQUAL]["normal"].value == pytest.approx(-1.0, abs=0.15)
+    triangles = {level.setting: level.other["triangles"] for level in levels(by_rings, EQUAL)}
+    assert triangles[24] == 2 * 6 * 24**2
+    (exported,) = levels(by_rings, SPLIT)
+    assert exported.used_by == ("the export",)
+    assert exported.errors["chord"].value <= 1.0
 
 
 def test_an_order_is_the_slope_and_knows_its_error():

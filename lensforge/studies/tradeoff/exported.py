@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import chart_samples, fit_faces, patches_error
-from lensforge.geometry.mesh import build_mesh, mesh_error
+from lensforge.geometry.mesh import INNER, OUTER, build_mesh, mesh_error
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.refinement import CHORD_MM
@@ -84,12 +84,13 @@ def mesh_study(plan: Plan[Patch], settings: Sequence[int] = MESH_RINGS) -> Conve
         with Meter() as meter:
             mesh = build_mesh(plan, rings, chord_mm)
         reached = mesh_error(mesh, plan)
+        triangles = len(mesh.part(OUTER)) + len(mesh.part(INNER))
         errors = {
             "chord": Metric(value=1e3 * reached.chord_mm, unit="um"),
             "normal": Metric(value=1e3 * reached.normal_rad, unit="mrad"),
         }
         series, users = (EQUAL, ()) if chord_mm is None else (SPLIT, ("the export",))
-        levels.append(meter.level(rings, series, errors, users, triangles=len(mesh.triangles)))
+        levels.append(meter.level(rings, series, errors, users, triangles=triangles))
     orders = {EQUAL: orders_of([level for level in levels if level.series == EQUAL], ("chord", "normal"))}
     levels.append(reference_level("spline faces", _CHORD_UNITS))
     return ConvergenceStudy(
