@@ -79,7 +79,7 @@ def beside(ux, uy, uz, ball, best):
 def grown_extents(directions, triangles, balls, groups, size, growth, extents):
     """Fill ``extents`` (n,), in mm, at unit directions (n, 3): the last point within ``growth`` of a triangle, or 0.
 
-    ``triangles`` (t, 3, 3): corners, in groups of ``size`` neighbours, the last one may have fewer. A ball (centre,
+    ``triangles`` (t, 3, 3): corners, in groups of ``size`` neighbours. A ball (centre,
     radius) holds each grown triangle, ``balls`` (t, 4), and each group of them, ``groups`` (g, 4).
     """
     for k in range(len(directions)):

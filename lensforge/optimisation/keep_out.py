@@ -83,10 +83,11 @@ class KeepOutExtent:
 
 def _in_groups(
     corners: Float[np.ndarray, "t 3 3"], growth_mm: float
-) -> tuple[Float[np.ndarray, "padded 3 3"], Float[np.ndarray, "padded 4"], Float[np.ndarray, "g 4"]]:
-    """The triangles by groups, each filled up, a ball around each triangle when grown, and a ball around each group.
+) -> tuple[Float[np.ndarray, "k 3 3"], Float[np.ndarray, "k 4"], Float[np.ndarray, "g 4"]]:
+    """The triangles in the order of their groups, a ball around each when grown, and a ball around each group.
 
-    The groups that reach furthest come first: most others end before the extent that these have found.
+    The last triangle fills its group up. The groups that reach furthest come first: most others end before the extent
+    that these have found.
     """
     order = cKDTree(corners.mean(axis=1), leafsize=_GROUP).indices if len(corners) else np.zeros(0, dtype=int)
     order = np.pad(order, (0, -len(order) % _GROUP), mode="edge") if len(order) else order

@@ -13,9 +13,11 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere, ta
 import lensforge as lf
 from lensforge.agreement.search import design_contradictions
 from lensforge.errors import InputError
+from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
-from lensforge.manufacturing.check import check_lens
+from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.manufacturing.findings import thickest_criteria
+from lensforge.manufacturing.wall import radial_wall_mm, thickest
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartPoints
 from lensforge.optimisation.constraints import constraints_of
@@ -26,6 +28,7 @@ from lensforge.optimisation.optimiser import search
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
 from lensforge.surfaces import chart
+from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.spline import TableGrid
 
 BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
@@ -35,6 +38,10 @@ GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
 @pytest.fixture(scope="module")
 def ball_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return step_file(tmp_path_factory.mktemp("keep_out") / "ball.step", ball(BALL_MM, tuple(CENTRE)))
+
+
+def sphere_at(radius_mm: float, centre_z_mm: float) -> Asphere:
+    return Asphere(centre_z_mm + radius_mm, -radius_mm, 0.0, ())
 
 
 def kept_out(path: Path, margin_mm: float = MARGIN_MM, **changes: Any) -> Spec:
@@ -118,11 +125,22 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     found = measure_constraints(lens)
     assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
-    thickest = check_lens(lens).wall.thickest
-    assert thickest.thickness_mm == pytest.approx(wall, abs=2e-3)
-    (criterion,) = thickest_criteria(spec, thickest)
+
+
+def test_a_wall_thicker_than_the_limit_misses_it_where_it_is_thickest() -> None:
+    """Between two spheres whose centres are 0.5 mm apart in z: 3.5 mm on the axis, less all around it."""
+    inner, outer = sphere_at(3.0, 0.0), sphere_at(6.0, 0.5)
+    samples = sample_face(OpticalFace(fit_patch(inner, 60), AirSide.INSIDE), 41)
+    wall = radial_wall_mm(samples, OpticalFace(fit_patch(outer, 60), AirSide.OUTSIDE))
+    found = thickest(samples, wall, samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True))
+    assert found.thickness_mm == pytest.approx(3.5, abs=1e-6)
+    assert found.inner_point_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
+    assert found.outer_point_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)
+    (criterion,) = thickest_criteria(small_spec(constraints__max_wall_mm=3.4), found)
     assert not criterion.passed and "raise lens.inner_offset_mm" in criterion.remedy
-    assert thickest_criteria(small_spec(), thickest) == ()
+    (criterion,) = thickest_criteria(small_spec(constraints__max_wall_mm=3.5), found)
+    assert criterion.passed
+    assert thickest_criteria(small_spec(), found) == ()
 
 
 def test_all_fields_have_their_derivatives(ball_file: Path) -> None:
