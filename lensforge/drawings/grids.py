@@ -58,7 +58,7 @@ class GridRequest:
 
 @dataclass(frozen=True)
 class MeasuredGrid:
-    """A table and the largest error of its interpolation (nm), measured at ``measured`` places."""
+    """A table and the largest error (nm) of what is interpolated in it, at ``measured`` places, and of its nodes."""
 
     grid: Raster | Polar
     error_nm: float
@@ -80,7 +80,7 @@ def make_grids(lens: Lens, check: Check, request: GridRequest) -> list[MeasuredG
 
 def _raster(face: OffsetFace, request: GridRequest) -> MeasuredGrid:
     extent = raster_extent(face, request.slope_deg)
-    if not extent.radius_mm > 0.0:
+    if not extent.radius_mm > 1e-6 * _ROUNDING_NM:
         raise InputError(
             f"slope = {request.slope_deg:g} degrees: the {face.name} face is steeper than that at its apex, and has no "
             "raster; give a larger slope"
@@ -132,7 +132,7 @@ def _measured(make: Callable[[float], Raster | Polar], first_mm: float, request:
 
 def _stated(grid: Raster | Polar, request: GridRequest) -> MeasuredGrid:
     errors = grid.errors_nm(request.interpolation, _MEASURED)
-    return MeasuredGrid(grid, max(float(errors.max()), _ROUNDING_NM), len(errors))
+    return MeasuredGrid(grid, float(errors.max()) + grid.face.spline_error_nm + _ROUNDING_NM, len(errors))
 
 
 def _rounded_down(spacing_mm: float) -> float:

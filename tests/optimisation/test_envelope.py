@@ -17,7 +17,7 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.manufacturing.findings import thickest_criteria
-from lensforge.manufacturing.wall import radial_wall_mm, thickest
+from lensforge.manufacturing.wall import radial_lines, thickest
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartPoints
 from lensforge.optimisation.constraints import constraints_of
@@ -131,8 +131,7 @@ def test_a_wall_thicker_than_the_limit_misses_it_where_it_is_thickest() -> None:
     """Between two spheres whose centres are 0.5 mm apart in z: 3.5 mm on the axis, less all around it."""
     inner, outer = sphere_at(3.0, 0.0), sphere_at(6.0, 0.5)
     samples = sample_face(OpticalFace(fit_patch(inner, 60), AirSide.INSIDE), 41)
-    wall = radial_wall_mm(samples, OpticalFace(fit_patch(outer, 60), AirSide.OUTSIDE))
-    found = thickest(samples, wall, samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True))
+    found = thickest(samples, OpticalFace(fit_patch(outer, 60), AirSide.OUTSIDE), radial_lines)
     assert found.thickness_mm == pytest.approx(3.5, abs=1e-6)
     assert found.inner_point_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
     assert found.outer_point_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)
