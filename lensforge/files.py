@@ -163,7 +163,16 @@ def read_json(path: Path, missing: str = "run `lensforge design` first") -> Any:
 
     It has the bounds of :func:`lensforge.json_text.parse_json`.
     """
-    content = read_file(path, missing=missing, most_bytes=_MOST_JSON_BYTES)
+    return json_in(read_json_bytes(path, missing), path)
+
+
+def read_json_bytes(path: Path, missing: str = "run `lensforge design` first") -> bytes:
+    """The bytes of a JSON file. Raises :class:`InputError` where it is missing or too large, with a remedy."""
+    return read_file(path, missing=missing, most_bytes=_MOST_JSON_BYTES)
+
+
+def json_in(content: bytes, path: Path) -> Any:
+    """Parse the ``content`` of ``path``. Raises :class:`InputError` where it is broken."""
     try:
         return parse_json(content)
     except ValueError as error:

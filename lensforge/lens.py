@@ -6,7 +6,7 @@ The design stage makes it, the geometry stage builds the part from it; NumPy onl
 import hashlib
 import json
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError
-from lensforge.files import read_json, write_json
+from lensforge.files import json_in, read_json_bytes, write_json
 from lensforge.records import Count, Number, Record, Text
 from lensforge.records.html import section_html
 from lensforge.records.stored import CHECKSUM, require_checksum, validated, with_checksum, without_schema
@@ -136,7 +136,12 @@ def load_lens(path: Path | str) -> Lens:
     A lens that another program writes may leave out the hash of its content.
     """
     path = Path(path)
-    content = read_json(path)
+    return _lens_in(read_json_bytes(path), path)
+
+
+@lru_cache(maxsize=4)  # a command reads its lens at every stage; the tables of its basis take half a second
+def _lens_in(file: bytes, path: Path) -> Lens:
+    content = json_in(file, path)
     hashed = content if isinstance(content, dict) and CHECKSUM in content else None
     if isinstance(content, dict):
         content = {key: value for key, value in content.items() if key != CHECKSUM}

@@ -200,7 +200,7 @@ def _prove(lens: Lens, body: _Body, step: bytes, stl: bytes, threemf: bytes) -> 
         stl=closure,
         threemf=check_closed(*parse_3mf(threemf)),
         form=worst(list(errors)),
-        volume_change=abs(solid.volume_mm3 / body.solid.volume_mm3 - 1.0),
+        volume_change=abs(solid.default_volume_mm3 / body.solid.default_volume_mm3 - 1.0),
         mesh_volume_change=abs(closure.volume_mm3 / solid.volume_mm3 - 1.0),
         mesh_volume_limit=mesh_volume_limit(body.mesh.area(), body.reached.chord_mm, solid.volume_mm3),
     )

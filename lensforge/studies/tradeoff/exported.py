@@ -6,9 +6,10 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import chart_samples, fit_faces, patches_error
-from lensforge.geometry.mesh import INNER, OUTER, build_mesh, mesh_error
+from lensforge.geometry.mesh import build_mesh, mesh_error
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.refinement import CHORD_MM
