@@ -63,6 +63,8 @@ def run(
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
     folder, announce = folder_of(folder), announce or (lambda _: None)
+    if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
+        raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with locked(folder, create=True), threads_of_torch(threads):
         require_own(folder / REPORT_FILE)
         result = stages.design(

@@ -19,13 +19,14 @@ from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.optimisation.design import Design
 from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
+from lensforge.spec.lens import LENS_FILE
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 from lensforge.version import __version__
 
-LENS_FILE, REPORT_FILE = "lens.json", "report.html"
+REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
 STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof)
 # Results on request, and of the machined part, by the stem of their files.

@@ -25,7 +25,7 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
-from lensforge.lens import Lens
+from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, photometry_conditions, unless_own
@@ -54,12 +54,13 @@ def design(
     """Search for the lens of ``spec``, Eq. (15): coarse to fine, constraints by augmented Lagrangian.
 
     ``seed``: of the rays. ``threads``: by default all cores; the result does not depend on it. ``start``: a lens to
-    begin from. ``checkpoint``: a file that is written every few seconds; where it exists already, the search continues
-    from it and ends with the same bits as an uninterrupted one, unless ``resume`` is False. ``progress`` is called
-    after every gradient step; where it returns False, the search stops with :class:`Cancelled` and leaves its
-    checkpoint. ``device``: where the rays of the search are traced (``cuda`` is experimental). ``warn`` is called with
-    each warning on the source before the search begins; by default they are Python's own, :class:`SourceWarning`.
-    ``anyway``: search even where less than half of the light that a target asks for can reach it.
+    begin from; by default that of ``spec.lens.start``, or none. ``checkpoint``: a file that is written every few
+    seconds; where it exists already, the search continues from it and ends with the same bits as an uninterrupted one,
+    unless ``resume`` is False. ``progress`` is called after every gradient step; where it returns False, the search
+    stops with :class:`Cancelled` and leaves its checkpoint. ``device``: where the rays of the search are traced
+    (``cuda`` is experimental). ``warn`` is called with each warning on the source before the search begins; by default
+    they are Python's own, :class:`SourceWarning`. ``anyway``: search even where less than half of the light that a
+    target asks for can reach it.
     Raises :class:`InputError` for invalid arguments.
     """
     from lensforge.optimisation.optimiser import search
@@ -69,8 +70,7 @@ def design(
     seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
-    if start is not None:
-        require(start, Lens, "start")
+    start = _start_of(spec, start)
     if spec.base.file is not None:  # an invalid base is reported before the search, not after it
         from lensforge.geometry.custom_base import read_custom_base
 
@@ -93,6 +93,14 @@ def design(
             progress=progress,
             anyway=anyway,
         )
+
+
+def _start_of(spec: Spec, start: Lens | None) -> Lens | None:
+    """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
+    if start is not None:
+        require(start, Lens, "start")
+        return start
+    return None if spec.lens.start is None else load_lens(spec.lens.start)
 
 
 def evaluate(

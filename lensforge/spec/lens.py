@@ -1,18 +1,20 @@
 """The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
 from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
-from lensforge.spec.section import Coordinate, Label, Millimetres, Section
+from lensforge.spec.section import Coordinate, FilePath, Label, Millimetres, Section
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 
+LENS_FILE = "lens.json"  # in a result folder
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
@@ -124,11 +126,17 @@ _asphere = lru_cache(maxsize=16)(Asphere)  # a spec asks for its surfaces many t
 FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")]
 
 
+def _lens_file(path: Path) -> Path:
+    """The file of the lens in a result folder, or ``path`` itself."""
+    return path / LENS_FILE if path.is_dir() else path
+
+
 class LensSection(Section):
     """The starting lens: two hemispheres of the given radii, and the SRBFs that will shape both.
 
     ``fixed_inner`` or ``fixed_outer`` replaces one hemisphere, and the search does not change that surface.
     ``symmetry`` "auto" is the largest mirror symmetry that source and target share; the record of a lens names it.
+    ``start``: a result folder, or its lens.json: the search goes on from that lens instead of from the hemispheres.
 
     Either ``refractive_index`` holds for all wavelengths, and ``material`` is only a label; or ``material`` names a
     dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` is used where a single number is
@@ -150,6 +158,7 @@ class LensSection(Section):
     fixed_inner: FixedSurface | None = None
     fixed_outer: FixedSurface | None = None
     symmetry: Symmetry = "auto"
+    start: Annotated[FilePath, AfterValidator(_lens_file)] | None = None
 
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensSection":
