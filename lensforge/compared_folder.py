@@ -11,8 +11,9 @@ from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.measurement.correction_result import Correction
 from lensforge.measurement.figures import photo_png, surface_png
-from lensforge.results import LENS_FILE, stem_of
+from lensforge.results import stem_of
 from lensforge.run_folder import open_run, write_result
+from lensforge.spec.lens import LENS_FILE
 
 
 @in_locked_folder

@@ -22,11 +22,12 @@ from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, source_with_file
 from lensforge.records import StageResult
 from lensforge.report.ownership import require_own
-from lensforge.results import LENS_FILE, REPORT_FILE
+from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
+from lensforge.spec.lens import LENS_FILE
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight

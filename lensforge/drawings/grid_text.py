@@ -71,10 +71,12 @@ def _face_lines(face: OffsetFace) -> list[str]:
 
 def _raster_lines(raster: Raster, request: GridRequest) -> list[str]:
     extent, scheme = raster.extent, request.interpolation
-    end = f"beyond it are steeper than {request.slope_deg:g} degrees" if extent.steep else "beyond it lie below the rim"
+    end = "beyond it some lie below the rim"
+    if extent.steep:
+        end = f"beyond it some are steeper than {request.slope_deg:g} degrees"
     return [
         f"nodes: raster x = i h, y = k h with h = {raster.spacing_mm:.9g} mm, all within {extent.radius_mm:.6g} mm of "
-        f"the axis; points {end}",
+        f"the axis, the steepest {raster.slope_deg:.2f} degrees; {end}",
         f"complete cells: within {raster.covered_mm(scheme):.6g} mm of the axis, "
         f"{100.0 * raster.covered_share(scheme):.2f} % of the face's area; the rest is in the polar table",
     ]

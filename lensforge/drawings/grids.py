@@ -124,9 +124,10 @@ def _measured(make: Callable[[float], Raster | Polar], first_mm: float, request:
             if found.error_nm <= request.error_nm:
                 return found
             error = found.error_nm
-        spacing *= min(_MARGIN * (request.error_nm / max(error, _ROUNDING_NM)) ** (1.0 / order), _WIDER)
+        wider = _MARGIN * (request.error_nm / max(error, _ROUNDING_NM)) ** (1.0 / order)
+        tried, spacing = spacing, spacing * min(wider, _WIDER)
     raise InputError(
-        f"error = {request.error_nm:g} nm: not reached at a spacing of {spacing:.3g} mm; give a larger error"
+        f"error = {request.error_nm:g} nm: {error:.3g} nm at a spacing of {tried:.3g} mm; give a larger error"
     )
 
 

@@ -16,6 +16,7 @@ from lensforge.errors import InputError
 from lensforge.surfaces.chart import to_chart
 
 _RIM_SAMPLES = 1440
+_MOST_STEP_DEG = 6.0  # the ring or two that the interpolation needs below the rim must lie on the spline of the face
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def polar_end_deg(face: OffsetFace) -> float:
 def make_polar(face: OffsetFace, end_deg: float, spacing_mm: float, scheme: Interpolation) -> Polar:
     """Rings and azimuths about ``spacing_mm`` apart at the widest, and the run-out that the interpolation needs."""
     size = float(np.linalg.norm(face.at(_RIM_AND_APEX)[0], axis=1).max())
-    rim = max(2, int(np.ceil(np.radians(end_deg) * size / spacing_mm)))
+    rim = max(int(np.ceil(end_deg / _MOST_STEP_DEG)), int(np.ceil(np.radians(end_deg) * size / spacing_mm)))
     turns = 2 * max(4, int(np.ceil(np.pi * size / spacing_mm)))
     step, azimuths = end_deg / rim, 360.0 / turns * np.arange(turns)
     rings = step * np.arange(1, rim + 1 + BEYOND[scheme])

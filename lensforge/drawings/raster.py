@@ -15,7 +15,7 @@ from lensforge.drawings.interpolation import BEYOND, Interpolation, halfway
 from lensforge.drawings.offset_face import OffsetFace, Plane, Points
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
-_RINGS, _AZIMUTHS = 181, 120  # half a degree, 3 degrees; the slope of every node is then measured and stated
+_RINGS, _AZIMUTHS = 181, 120  # half a degree, 3 degrees; the slope of every node is measured, and the largest stated
 _AREA_SAMPLES = 20_000
 
 
@@ -36,8 +36,8 @@ def raster_extent(face: OffsetFace, slope_deg: float) -> Extent2D:
     centres, normals = face.at(directions)
     out = np.linalg.norm(centres[:, :2], axis=1).reshape(_RINGS, _AZIMUTHS)
     steep = (face.air * normals[:, 2] < np.cos(np.radians(slope_deg))).reshape(_RINGS, _AZIMUTHS)
-    # On each meridian the first steep point from the apex, or the rim: an overhang below it is not seen from above.
-    last = np.where(steep.any(axis=0), steep.argmax(axis=0), _RINGS - 1)
+    # On each meridian the last sample before the first steep one, or the rim: an overhang is not seen from above.
+    last = np.where(steep.any(axis=0), np.maximum(steep.argmax(axis=0) - 1, 0), _RINGS - 1)
     ends = out[last, np.arange(_AZIMUTHS)]
     narrowest = int(ends.argmin())
     return Extent2D(float(ends[narrowest]), bool(steep[:, narrowest].any()))
@@ -45,13 +45,14 @@ def raster_extent(face: OffsetFace, slope_deg: float) -> Extent2D:
 
 @dataclass(frozen=True)
 class Raster:
-    """Nodes of a raster of ``spacing_mm`` inside ``extent``: [X, Y], NaN outside."""
+    """Nodes of a raster of ``spacing_mm`` inside ``extent``: [X, Y], NaN outside; the steepest has ``slope_deg``."""
 
     face: OffsetFace
     spacing_mm: float
     extent: Extent2D
     x_mm: Float[np.ndarray, " n"]
     z_mm: Float[np.ndarray, "n n"]
+    slope_deg: float
 
     @property
     def rows(self) -> Points:
@@ -104,8 +105,10 @@ def make_raster(face: OffsetFace, extent: Extent2D, spacing_mm: float) -> Raster
     nodes = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     inside = np.linalg.norm(nodes, axis=-1) <= extent.radius_mm
     z_mm = np.full(inside.shape, np.nan)
-    z_mm[inside] = face.found(nodes[inside], _across, upward=True)[0][:, 2]
-    return Raster(face, spacing_mm, extent, axis, z_mm)
+    centres, normals = face.found(nodes[inside], _across, upward=True)
+    z_mm[inside] = centres[:, 2]
+    slope_deg = float(np.degrees(np.arccos(np.clip(face.air * normals[:, 2], -1.0, 1.0).min())))
+    return Raster(face, spacing_mm, extent, axis, z_mm, slope_deg)
 
 
 def _across(points: Points) -> Plane:

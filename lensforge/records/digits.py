@@ -11,10 +11,10 @@ def by_error(value: float, error: float, digits: int = 2) -> tuple[str, str]:
     "0.0123" and "0.0012"; "1230" and "120"; "1.23e-10" and "1.2e-11".
     """
     decimals = decimals_by_error(error, digits)
+    kept = round(value, decimals) + 0.0  # no minus zero
     if decimals <= _MOST_DECIMALS:
         shown = max(decimals, 0)
-        return f"{round(value, decimals):.{shown}f}", f"{round(error, decimals):.{shown}f}"
-    kept = round(value, decimals)
+        return f"{kept:.{shown}f}", f"{round(error, decimals):.{shown}f}"
     size = floor(log10(abs(kept))) if kept else -decimals
     return f"{kept:.{size + decimals}e}", f"{error:.{digits - 1}e}"
 

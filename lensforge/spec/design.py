@@ -184,7 +184,7 @@ def load_spec(path: Path | str) -> Spec:
     path = Path(path)
     content = read_toml(path, missing="the shipped specs are in examples/")
     content.setdefault("name", path.stem)
-    for section in ("source", "target", "receivers", "base", "constraints"):
+    for section in ("source", "lens", "target", "receivers", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
     return parse_spec(content, str(path))
 

@@ -259,3 +259,21 @@ def test_under_an_overhang_the_raster_takes_the_point_that_is_seen_from_above():
     rows = raster.rows
     assert np.abs(rows[:, 2] - 3.0 - np.sqrt(4.6**2 - rows[:, 0] ** 2 - rows[:, 1] ** 2)).max() < 1e-9
     assert np.hypot(rows[:, 0], rows[:, 1]).max() > 0.9 * 4.6 * np.sin(np.radians(80.0))
+
+
+def test_a_coarse_polar_table_has_its_run_out_on_the_face():
+    """Of 3 mm, 0.8 mm apart: six rings of 15 degrees, of which one more would lie at 105 degrees, beyond the spline."""
+    face = OffsetFace("inner", Ball((0.0, 0.0, 0.0), 3.0), -1, 0.0)
+    polar = make_polar(face, polar_end_deg(face), 0.8, "bicubic")
+    assert polar.step_deg <= 6.0
+    assert np.abs(np.hypot(polar.values[..., 0], polar.values[..., 1]) - 3.0).max() < 1e-9
+
+
+@pytest.mark.parametrize("slope", [30.0, 60.0])
+def test_no_node_of_a_raster_is_steeper_than_asked(slope):
+    face = OffsetFace("outer", rough(6.0, 2), 1, 0.0)
+    raster = make_raster(face, raster_extent(face, slope), 0.2)
+    u = raster.rows / np.linalg.norm(raster.rows, axis=1, keepdims=True)
+    steepest = np.degrees(np.arccos(face.surface.normal(u)[:, 2])).max()
+    assert raster.extent.steep and raster.slope_deg == pytest.approx(steepest, abs=1e-6)
+    assert slope - 3.0 < raster.slope_deg <= slope

@@ -15,9 +15,10 @@ from lensforge.lens import load_lens
 from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.report.ownership import require_own
 from lensforge.report.page import write_page
-from lensforge.results import LENS_FILE, load_results
+from lensforge.results import load_results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
+from lensforge.spec.lens import LENS_FILE
 from lensforge.studies.sweep.page import sweep_page, sweep_png
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import Variant, Variation

@@ -17,12 +17,12 @@ from lensforge.pipeline import write_design
 from lensforge.receivers.build import receivers_of
 from lensforge.report.ownership import require_own
 from lensforge.report.page import write_page
-from lensforge.results import LENS_FILE
 from lensforge.run_folder import open_run
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
+from lensforge.spec.lens import LENS_FILE
 from lensforge.stages import design
 from lensforge.studies.tradeoff import exported, pixels, rays, tables
 from lensforge.studies.tradeoff.page import tradeoff_page
