@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_lenses import make_lens, off_grid_chart
+from nightly import first_by_day
 
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
@@ -62,7 +63,7 @@ BASES = [
 ]
 
 
-@pytest.mark.parametrize(("base", "datum"), BASES)
+@pytest.mark.parametrize(("base", "datum"), first_by_day(2, BASES))
 def test_ap242_carries_the_form_tolerance_on_the_optical_faces(base, datum):
     part = build_part(lens_for(base, form_tolerance_um=1.2345), rings=16, schema="AP242")
     found = read_tolerances(part.step)
@@ -110,7 +111,7 @@ def test_tolerances_that_the_kernel_writes_otherwise_are_refused_in_one_line():
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("shrinkage", [0.005, 0.1])
+@pytest.mark.parametrize("shrinkage", first_by_day(1, [0.005, 0.1]))
 def test_the_untrimmed_faces_of_an_insert_are_the_lens_s_times_one_plus_shrinkage(shrinkage):
     plain = lens_for(make="insert")
     shrunk = lens_for(make="insert", shrinkage=shrinkage)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from nightly import first_by_day
 from scipy.spatial import cKDTree
 
 import lensforge as lf
@@ -72,11 +73,14 @@ def part_mesh(lens: Lens) -> trimesh.Trimesh:
 
 @pytest.mark.parametrize(
     "base",
-    [
-        {},
-        {"pocket_diameter_mm": 4.0, "pocket_depth_mm": 2.9},
-        {"pocket_diameter_mm": 8.0, "pocket_depth_mm": 1.5, "flange_diameter_mm": 28.0},
-    ],
+    first_by_day(
+        1,
+        [
+            {"pocket_diameter_mm": 4.0, "pocket_depth_mm": 2.9},
+            {},
+            {"pocket_diameter_mm": 8.0, "pocket_depth_mm": 1.5, "flange_diameter_mm": 28.0},
+        ],
+    ),
 )
 def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) -> None:
     lens = designed_for_the_ball(**base)
@@ -88,12 +92,15 @@ def test_a_base_that_says_nothing_gives_the_cutter_room(base: dict[str, float]) 
 
 @pytest.mark.parametrize(
     "base",
-    [
-        {"relief_step_mm": 0.0, "bore_setback_mm": 0.0},
-        {"relief_step_mm": 0.6, "relief_setback_mm": 0.0, "bore_setback_mm": 0.05},
-        {"bore_setback_mm": 0.0, "pocket_diameter_mm": 4.0, "pocket_depth_mm": 2.9},
-        {"bore_setback_mm": 0.0, "pocket_diameter_mm": 3.2, "pocket_depth_mm": 2.5},
-    ],
+    first_by_day(
+        2,
+        [
+            {"relief_step_mm": 0.6, "relief_setback_mm": 0.0, "bore_setback_mm": 0.05},
+            {"bore_setback_mm": 0.0, "pocket_diameter_mm": 4.0, "pocket_depth_mm": 2.9},
+            {"relief_step_mm": 0.0, "bore_setback_mm": 0.0},
+            {"bore_setback_mm": 0.0, "pocket_diameter_mm": 3.2, "pocket_depth_mm": 2.5},
+        ],
+    ),
 )
 def test_a_base_in_the_way_costs_as_much_as_the_check_says(base: dict[str, float]) -> None:
     lens = designed_for_the_ball(**base)

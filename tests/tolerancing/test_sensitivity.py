@@ -149,6 +149,7 @@ def test_the_table_is_the_same_when_read_back_and_says_how_far_it_is(tmp_path):
     assert steps == [(done, lenses) for done in range(1, lenses + 1)]
 
 
+@pytest.mark.nightly("two whole studies")
 def test_a_larger_error_does_more():
     lens = small_lens()
     source = build_source(lens.spec.source)
