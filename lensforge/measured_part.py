@@ -9,8 +9,7 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
-from lensforge.other_conditions import unless_own
-from lensforge.records import Conditions
+from lensforge.other_conditions import rays_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -131,15 +130,15 @@ def _compare_surface(
         raise InputError(
             f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
         )
-    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    preset, source = preset_of(lens.accuracy), source_of(lens.spec)
+    count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
     found = compare_surface(
         read_cloud(Path(points)),
         lens=lens,
         side=surface,
-        source=source_of(lens.spec),
+        source=source,
         preset=preset,
-        rays=rays,
+        rays=count,
         registration=registration,
     )
-    conditions = Conditions.of(rays=unless_own(rays, default_rays(lens, preset)))
     return found.model_copy(update={"conditions": conditions})

@@ -17,7 +17,7 @@ from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
 from lensforge.measurement.second_cut import SecondCut
-from lensforge.measurement.surface import default_rays, pose_of
+from lensforge.measurement.surface import pose_of
 from lensforge.measurement.wavelength import mean_square
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Extent
@@ -35,7 +35,7 @@ def correct_face(
     source: Source,
     preset: Preset,
     request: Request,
-    rays: int | None = None,
+    rays: int,
 ) -> Correction:
     """Correct one face of ``lens`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
 
@@ -52,8 +52,7 @@ def correct_face(
     built = corrected_step(lens, side, corrected)
     limit = _limit(face, corrected, cut, made, pixels, request.gain, cutter_mm)
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
-    count = rays or default_rays(lens, preset)
-    cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, count)
+    cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     left = cut.points.deviations - made.filtered.values
@@ -80,7 +79,7 @@ def correct_face(
         nodes=built.nodes,
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
-        rays=count,
+        rays=rays,
         receiver=section.name or section.kind,
         far_field=section.kind == "far_field",
         width=receiver.grid.width,
@@ -88,7 +87,7 @@ def correct_face(
         design=design.metrics,
         first_cut=before.metrics,
         second_cut=after.metrics,
-        change=after.replicates.change_from(design.replicates, count),
+        change=after.replicates.change_from(design.replicates, rays),
         criteria=correction_criteria(cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, limit),
         file=stamp_of(built.step),
         chart=pixels.axis,

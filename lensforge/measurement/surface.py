@@ -56,7 +56,7 @@ def compare_surface(
     side: Side,
     source: Source,
     preset: Preset,
-    rays: int | None = None,
+    rays: int,
     registration: Registration = "rigid",
 ) -> SurfaceComparison:
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
@@ -69,10 +69,9 @@ def compare_surface(
         raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
     patch = fit_patch(getattr(lens, side))
     form = measure_form(patch, lens.basis, cloud, registration)
-    count = rays or default_rays(lens, preset)
     design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
     measured = _with_deviation(design, side, form.deviation.surface)
-    before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
+    before, after = (evaluate_traced(lens_, lens.spec, source, rays, lens.seed) for lens_ in (design, measured))
     pixels = FacePixels.of(patch)
     form_um = pixels.map_um(form.deviation.surface)
     inside = np.isfinite(form_um)
@@ -87,7 +86,7 @@ def compare_surface(
         point_deviation_um=DeviationExtent.of(1e3 * form.distances),
         form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
-        rays=count,
+        rays=before.rays,
         receiver=before.first.name,
         far_field=before.first.kind == "far_field",
         width=before.first.width,
