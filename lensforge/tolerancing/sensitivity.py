@@ -1,4 +1,4 @@
-"""The sensitivity study: uniformity, NMSE and efficiency of the lens as designed, and with each error."""
+"""The sensitivity study: NMSE, uniformity, RSD and efficiency of the lens as designed, and with each error."""
 
 import time
 from collections.abc import Callable
