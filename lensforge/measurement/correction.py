@@ -9,6 +9,7 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.manufacturing.face_check import SAMPLE_NODES, bounded
+from lensforge.measurement.changed_lens import ChangedLens
 from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.comparison import Side
 from lensforge.measurement.corrected_step import corrected_step
@@ -16,7 +17,6 @@ from lensforge.measurement.correction_result import Correction, CutterLimit, cor
 from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
-from lensforge.measurement.second_cut import SecondCut
 from lensforge.measurement.surface import pose_of
 from lensforge.measurement.wavelength import mean_square
 from lensforge.receivers.build import receivers_of
@@ -52,7 +52,7 @@ def correct_face(
     built = corrected_step(lens, side, corrected)
     limit = _limit(face, corrected, cut, made, pixels, request.gain, cutter_mm)
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
-    cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
+    cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     left = cut.points.deviations - made.filtered.values

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lensforge.evaluation.light import LightMetrics
 from lensforge.measurement.correction_result import Correction
 from lensforge.records import Extent
 from lensforge.report import surface_figures
@@ -43,9 +44,18 @@ def correction_facts(made: Correction) -> Facts:
         ),
     ]
     if cutter.smoothed_more_share > 0.0:
+        # Before the two facts on the light.
         back = f"{_extent(cutter.cut_back_um)} on {percent(cutter.smoothed_more_share)} of the face"
         facts.insert(-2, ("Cut back for the cutter", back))
-    return facts
+    return [*facts, *light_changes(made.change)]
+
+
+def light_changes(change: LightMetrics) -> Facts:
+    """Facts on the light's change from the design by the same rays, with the error of the difference."""
+    return [
+        ("NMSE, change from the design", number_with_error(change.nmse, 3)),
+        ("Efficiency, change from the design", number_with_error(change.efficiency, 3)),
+    ]
 
 
 def correction_pictures(made: Correction) -> list[PagePicture]:
