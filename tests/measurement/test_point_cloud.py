@@ -125,7 +125,8 @@ def test_a_point_keeps_its_gap_when_it_leaves_the_face():
     rim = to_sphere(HALF_WIDTH * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1))
     points = rim * (PATCH.radius(rim) + 0.5)[:, None]
     above, below = (_gaps_and_slopes(PATCH, points, np.array([*np.zeros(5), z])) for z in (0.02, -0.02))
-    assert over_surface(points + [0.0, 0.0, 0.02]).all() and not over_surface(points - [0.0, 0.0, 0.02]).any()
+    assert over_surface(points + np.array([0.0, 0.0, 0.02])).all()
+    assert not over_surface(points - np.array([0.0, 0.0, 0.02])).any()
     np.testing.assert_allclose(below[0], above[0], atol=0.02)
     assert below[0].min() > 0.4
 
