@@ -8,6 +8,7 @@ from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import Registration, Side
 from lensforge.measurement.correction_result import Correction
+from lensforge.measurement.point_cloud import read_cloud
 from lensforge.other_conditions import rays_of
 
 
@@ -33,7 +34,6 @@ def correct(
     """
     from lensforge.measurement.correction import correct_face
     from lensforge.measurement.first_cut import Request
-    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.surface import default_rays
 
     require(lens, Lens, "correct")

@@ -9,6 +9,7 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
+from lensforge.measurement.point_cloud import read_cloud
 from lensforge.other_conditions import rays_of, unless_own
 
 if TYPE_CHECKING:
@@ -134,7 +135,6 @@ def _compare_surface(
     registration: Registration,
     rays: int | None,
 ) -> SurfaceComparison:
-    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.surface import compare_surface, default_rays
 
     if surface not in ("inner", "outer"):

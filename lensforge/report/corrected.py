@@ -16,7 +16,7 @@ def correction_facts(made: Correction) -> Facts:
     chosen = "given" if made.wavelength_given else "by the noise of the points"
     cutter = made.cutter
     facts = [
-        ("File", f"lens_corrected_{made.surface}.step, form error {number(made.form_error_nm.max, 2)} nm as read back"),
+        ("File", _file(made)),
         ("Deviation of the first cut", _extent(made.deviation_um)),
         ("Correction", f"{_extent(made.correction_um)}, gain {number(made.gain, 3)}"),
         ("Expected deviation of the second cut", _extent(made.expected_um)),
@@ -72,6 +72,13 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
         for name, (values, title) in maps.items()
         if np.isfinite(values).any()
     ]
+
+
+def _file(made: Correction) -> str:
+    """The file's name and form error, and the scale that a mould insert asks for."""
+    error = number(made.form_error_nm.max, 2)
+    name = f"lens_corrected_{made.surface}.step, {made.step_schema}, form error {error} nm as read back"
+    return name if made.scale == 1.0 else f"{name}; it is the lens, to be scaled by {made.scale:.12g} for the mould"
 
 
 def _extent(extent: Extent) -> str:
