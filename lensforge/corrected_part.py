@@ -8,8 +8,8 @@ from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import Registration, Side
 from lensforge.measurement.correction_result import Correction
-from lensforge.other_conditions import unless_own
-from lensforge.records import Conditions
+from lensforge.measurement.point_cloud import read_cloud
+from lensforge.other_conditions import rays_of
 
 
 def correct(
@@ -34,7 +34,6 @@ def correct(
     """
     from lensforge.measurement.correction import correct_face
     from lensforge.measurement.first_cut import Request
-    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.surface import default_rays
 
     require(lens, Lens, "correct")
@@ -49,15 +48,16 @@ def correct(
             raise InputError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
     rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
+    source = source_of(lens.spec)
+    count, conditions = rays_of(rays, default_rays(lens, preset), source)
     with threads_of_torch(threads):
         found = correct_face(
             read_cloud(file),
             lens=lens,
             side=surface,
-            source=source_of(lens.spec),
+            source=source,
             preset=preset,
             request=request,
-            rays=rays,
+            rays=count,
         )
-    conditions = Conditions.of(rays=unless_own(rays, default_rays(lens, preset)))
     return found.model_copy(update={"conditions": conditions})

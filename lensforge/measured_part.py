@@ -1,6 +1,6 @@
 """Comparison of the machined part with the design: a photograph of its light, or points on a surface."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
@@ -9,8 +9,8 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
-from lensforge.other_conditions import unless_own
-from lensforge.records import Conditions
+from lensforge.measurement.point_cloud import read_cloud
+from lensforge.other_conditions import rays_of, unless_own
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,11 +65,22 @@ def compare(
     line's option has the same name.
     """
     on, off, points = path_of("on", on), path_of("off", off), path_of("points", points)
+    of_points = {"surface": surface, "registration": unless_own(registration, "rigid"), "rays": rays}
+    of_photo = {"off": off, "corners": corners, "target_mm": target_mm, "gamma": unless_own(gamma, 1.0), "lens": lens}
     if isinstance(measured, Light) and on is not None and points is None:
+        refuse_unused("a photograph", of_points)
         return _compare_photo(measured, on, off, corners, target_mm, gamma, lens)
     if isinstance(measured, Lens) and points is not None and on is None:
+        refuse_unused("points", of_photo)
         return _compare_surface(measured, points, surface, registration, rays)
     raise InputError("compare: give a Light with on=PHOTO, or a Lens with points=FILE and surface='inner' or 'outer'")
+
+
+def refuse_unused(measurement: str, others: Mapping[str, object]) -> None:
+    """Raise :class:`InputError` for those of ``others``, by name, that are not None and no part of ``measurement``."""
+    given = [name for name, value in others.items() if value is not None]
+    if given:
+        raise InputError(f"compare: {', '.join(given)}: of no use in a comparison with {measurement}; leave it out")
 
 
 def _compare_photo(
@@ -124,22 +135,21 @@ def _compare_surface(
     registration: Registration,
     rays: int | None,
 ) -> SurfaceComparison:
-    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.surface import compare_surface, default_rays
 
     if surface not in ("inner", "outer"):
         raise InputError(
             f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
         )
-    rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
+    preset, source = preset_of(lens.accuracy), source_of(lens.spec)
+    count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
     found = compare_surface(
         read_cloud(Path(points)),
         lens=lens,
         side=surface,
-        source=source_of(lens.spec),
+        source=source,
         preset=preset,
-        rays=rays,
+        rays=count,
         registration=registration,
     )
-    conditions = Conditions.of(rays=unless_own(rays, default_rays(lens, preset)))
     return found.model_copy(update={"conditions": conditions})

@@ -28,8 +28,7 @@ from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
-from lensforge.other_conditions import light_conditions, photometry_conditions, unless_own
-from lensforge.records import Conditions
+from lensforge.other_conditions import light_conditions, photometry_conditions, rays_of
 from lensforge.records.arrays import MOST_PIXELS
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
@@ -178,9 +177,10 @@ def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = No
     from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    conditions = Conditions.of(rays=unless_own(count_of("rays", rays), RAYS))
+    source = source_of(lens.spec)
+    count, conditions = rays_of(count_of("rays", rays), RAYS, source)
     with threads_of_torch(threads):
-        found = measure_sensitivity(lens, source_of(lens.spec), preset_of(lens.accuracy), rays=rays or RAYS)
+        found = measure_sensitivity(lens, source, preset_of(lens.accuracy), rays=count)
     return found.model_copy(update={"conditions": conditions})
 
 

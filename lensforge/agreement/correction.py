@@ -12,9 +12,11 @@ from lensforge.measurement.correction_result import Correction, area_extent, cor
 def correction_contradictions(found: Correction, lens: Lens) -> Iterator[str]:
     """Contradictions of the record of a correction."""
     form, normal = found.form_error_nm.max, found.normal_error_mrad.max
-    criteria = correction_criteria(found.used_share, found.covered_share, form, normal, found.cutter)
+    change = found.step_volume_change
+    criteria = correction_criteria(found.used_share, found.covered_share, form, normal, change, found.cutter)
     yield from judged("criteria", found.criteria, criteria)
     yield from unlike("make", found.make, lens.spec.manufacture.make, "the spec says")
+    yield from unlike("scale", found.scale, lens.spec.manufacture.scale, "the spec says")
     cutter_mm = lens.spec.manufacture.cutter_radius_mm
     yield from unlike("cutter.cutter_radius_mm", found.cutter.cutter_radius_mm, cutter_mm, "the spec says")
     if found.file != stamp_of(found.step):

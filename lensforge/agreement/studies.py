@@ -62,6 +62,7 @@ def surface_contradictions(found: SurfaceComparison) -> Iterator[str]:
         yield "area_mm2: above 0 at other samples than those of deviation_um"
         return
     yield from _extent("form_deviation_um", found.form_deviation_um, found.deviation_um[inside], found.area_mm2[inside])
+    yield from change_contradictions("change", found.change, found.measured, found.design)
     between = relative_square(np.stack([found.irradiance_measured, found.irradiance_design]))
     yield from differing("nmse_between", found.nmse_between, between, "its pictures")
 

@@ -11,6 +11,8 @@ from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
 from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 from lensforge.errors import InputError
+from lensforge.measured_part import refuse_unused
+from lensforge.other_conditions import unless_own
 
 if TYPE_CHECKING:
     _Pixel = click.ParamType[tuple[float, float]]
@@ -113,12 +115,16 @@ def compare(
     rays: int | None,
 ) -> None:
     """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
+    of_points = {"--surface": surface, "--registration": unless_own(registration, "rigid"), "--rays": rays}
+    of_photo = {"--off": off, "--corners": corners or None, "--target-mm": target_mm, "--gamma": unless_own(gamma, 1.0)}
     if on is not None and points is None:
+        refuse_unused("a photograph", of_points)
         found = run_compare_photo(
             directory, on=on, off=off, corners=list(corners) if corners else None, target_mm=target_mm, gamma=gamma
         )
         finish(directory, found)
     elif points is not None and on is None:
+        refuse_unused("points", of_photo)
         if surface is None:
             raise InputError("compare: --points needs --surface, inner or outer")
         measured = run_compare_surface(directory, points=points, surface=surface, registration=registration, rays=rays)

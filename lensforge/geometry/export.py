@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from lensforge.criteria import Criterion
 from lensforge.geometry.acceptance import mass_g, mesh_volume_limit, part_criteria
 from lensforge.geometry.base_profile import INNER, OUTER
-from lensforge.geometry.custom_base import join_base, join_mesh, read_custom_base
+from lensforge.geometry.custom_base import join_mesh, read_custom_base
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
@@ -24,7 +24,6 @@ from lensforge.geometry.part import (
     Faces,
     KeepOutDistance,
     Part,
-    Signature,
     SplineNodes,
     Triangulation,
     UntrimmedSurfaces,
@@ -34,18 +33,17 @@ from lensforge.geometry.patch import Patch, fit_extended
 from lensforge.geometry.plan import Plan, make_plan
 from lensforge.geometry.refinement import CHORD_MM
 from lensforge.geometry.rings import rings_for
+from lensforge.geometry.signed_step import signed_step, solid_on_base
 from lensforge.geometry.size import mesh_bounds_mm, solid_area_mm2
-from lensforge.geometry.solid import Solid, build_solid, untrimmed_faces
+from lensforge.geometry.solid import Solid, untrimmed_faces
 from lensforge.geometry.step import (
     parse_step,
     parse_surfaces,
     require_schema,
-    step_bytes,
     surfaces_bytes,
 )
 from lensforge.geometry.step_header import StepHeader
 from lensforge.geometry.step_settings import Schema
-from lensforge.geometry.step_tolerances import form_tolerances
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
@@ -99,15 +97,12 @@ def build_part(
     start = time.perf_counter()
     require_schema(schema)
     body = _build(lens, nodes, rings, chord_mm)
-    shop, name = lens.spec.manufacture, lens.spec.name
-    signature = Signature(author=shop.author, organisation=shop.organisation, date=date or shop.date)
-    header = StepHeader(**signature.model_dump())
+    name = lens.spec.name
+    signed = signed_step(body.solid, lens.spec, name, schema, date)
+    step = signed.content
     untrimmed, surfaces_step = None, None
     if runout_deg is not None:
-        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, header)
-    width_um = shop.form_tolerance_um if schema == "AP242" else None
-    tolerances = () if width_um is None else form_tolerances(body.solid.faces, width_um)
-    step = step_bytes(body.solid, name, schema, header=header, tolerances=tolerances)
+        untrimmed, surfaces_step = _untrimmed(lens, body.plan, runout_deg, schema, signed.header)
     stl = stl_bytes(body.mesh)
     threemf = threemf_bytes(body.mesh, name)
     proof = _prove(lens, body, step, stl, threemf)
@@ -132,8 +127,8 @@ def build_part(
         faces=Faces(count=len(proof.solid.shape.Faces()), names=tuple(sorted(proof.solid.faces))),
         nodes=SplineNodes(inner=body.plan.inner.nodes, outer=body.plan.outer.nodes),
         step_schema=schema,
-        form_tolerances=tolerances,
-        signature=signature,
+        form_tolerances=signed.tolerances,
+        signature=signed.signature,
         untrimmed_surfaces=untrimmed,
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
@@ -152,9 +147,9 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) ->
     plan = make_plan(*fit_faces(lens, nodes, nodes), base_with_room(lens))
     mesh = build_mesh(plan, rings_for(plan, chord_mm), chord_mm) if rings is None else build_mesh(plan, rings)
     reached = mesh_error(mesh, plan)
-    solid = build_solid(plan)
+    solid = solid_on_base(plan, base)
     if base is not None:
-        mesh, solid = join_mesh(mesh, base, reached.chord_mm), join_base(solid, base)
+        mesh = join_mesh(mesh, base, reached.chord_mm)
     return _Body(plan, mesh, reached, solid)
 
 

@@ -185,7 +185,7 @@ class SurfaceComparison(SimulatedResult):
     NaN outside, and the ``area_mm2`` of the face that each of its samples stands for: ``form_deviation_um.rms`` is the
     root of the mean square over that area. On the first receiver, ``width`` x ``height`` in the unit of its chart:
     irradiance (W/m^2), in the far field intensity (W/sr), of the design and with the measured surface, [row y, column
-    x]. ``nmse_between`` the two.
+    x]. ``nmse_between`` the two. ``change``: of ``measured`` less ``design``, by the same rays.
     """
 
     stage: ClassVar[str] = "compare_surface"
@@ -207,6 +207,7 @@ class SurfaceComparison(SimulatedResult):
     height: Positive
     design: LightMetrics
     measured: LightMetrics
+    change: LightMetrics
     nmse_between: NotNegative
     criteria: tuple[Criterion, ...]
     points: Annotated[Float[np.ndarray, "n 3"], Array("n", 3, most=_MOST_POINTS)]

@@ -9,6 +9,7 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.manufacturing.face_check import SAMPLE_NODES, bounded
+from lensforge.measurement.changed_lens import ChangedLens
 from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.comparison import Side
 from lensforge.measurement.corrected_step import corrected_step
@@ -16,12 +17,12 @@ from lensforge.measurement.correction_result import Correction, CutterLimit, cor
 from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
-from lensforge.measurement.second_cut import SecondCut
-from lensforge.measurement.surface import default_rays, pose_of
+from lensforge.measurement.surface import pose_of
 from lensforge.measurement.wavelength import mean_square
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Extent
 from lensforge.sources.bundle import Source
+from lensforge.spec.part import ManufactureSection
 from lensforge.surfaces.surface import Surface
 
 _SEED = 0  # of the noise of the points that is drawn anew
@@ -35,7 +36,7 @@ def correct_face(
     source: Source,
     preset: Preset,
     request: Request,
-    rays: int | None = None,
+    rays: int,
 ) -> Correction:
     """Correct one face of ``lens`` by the points ``cloud`` (mm) of its first cut, and simulate the second cut.
 
@@ -46,14 +47,13 @@ def correct_face(
     patch = fit_patch(surface)
     cut = FirstCut.of(surface, patch, cloud, request)
     face, pixels = OpticalFace(patch, _air_side(lens, side)), FacePixels.of(patch)
-    cutter_mm = lens.spec.manufacture.cutter_radius_mm
-    made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm)
+    cutter_mm, scale = lens.spec.manufacture.cutter_radius_mm, lens.spec.manufacture.scale
+    made = limited_by_cutter(surface, face, cut.chosen, request.gain, cutter_mm / scale)
     corrected = ChangedSurface(surface, made.change)
     built = corrected_step(lens, side, corrected)
-    limit = _limit(face, corrected, cut, made, pixels, request.gain, cutter_mm)
+    limit = _limit(face, corrected, cut, made, pixels, request.gain, lens.spec.manufacture)
     first, second = cut.likeliest.change, _expected(cut, made, request.gain)
-    count = rays or default_rays(lens, preset)
-    cuts = SecondCut(lens, side, source, preset.evaluate_nodes_per_sigma, count)
+    cuts = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
     design, before, after = cuts.lights(None, first, second)
     section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     left = cut.points.deviations - made.filtered.values
@@ -63,6 +63,7 @@ def correct_face(
         surface=side,
         registration=request.registration,
         make=lens.spec.manufacture.make,
+        scale=scale,
         point_count=len(cloud),
         point_spacing_mm=cut.span.spacing_mm,
         used_share=cut.used,
@@ -78,9 +79,11 @@ def correct_face(
         expected_um=pixels.extent_um(second),
         cutter=limit,
         nodes=built.nodes,
+        step_schema=built.schema,
+        step_volume_change=built.volume_change,
         form_error_nm=Extent(max=error.form_max_nm, rms=error.form_rms_nm),
         normal_error_mrad=Extent(max=error.normal_max_mrad, rms=error.normal_rms_mrad),
-        rays=count,
+        rays=rays,
         receiver=section.name or section.kind,
         far_field=section.kind == "far_field",
         width=receiver.grid.width,
@@ -88,8 +91,10 @@ def correct_face(
         design=design.metrics,
         first_cut=before.metrics,
         second_cut=after.metrics,
-        change=after.replicates.change_from(design.replicates, count),
-        criteria=correction_criteria(cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, limit),
+        change=after.replicates.change_from(design.replicates, rays),
+        criteria=correction_criteria(
+            cut.used, cut.covered, error.form_max_nm, error.normal_max_mrad, built.volume_change, limit
+        ),
         file=stamp_of(built.step),
         chart=pixels.axis,
         area_mm2=pixels.area_mm2,
@@ -127,20 +132,20 @@ def _limit(
     made: CutFace,
     pixels: FacePixels,
     gain: float,
-    cutter_mm: float,
+    shop: ManufactureSection,
 ) -> CutterLimit:
-    """Record of the cutter's limit: concave radii before and after, and what it took from the correction."""
+    """Record of the cutter's limit: concave radii of the face that is cut, and what it took from the correction."""
     taken = ChangedSurface(cut.chosen.change.times(gain), made.change)
     return CutterLimit(
-        cutter_radius_mm=cutter_mm,
-        concave_radius_before_mm=_concave_mm(face),
-        concave_radius_mm=_concave_mm(OpticalFace(fit_patch(corrected), face.air)),
+        cutter_radius_mm=shop.cutter_radius_mm,
+        concave_radius_before_mm=_concave_mm(face, shop.scale),
+        concave_radius_mm=_concave_mm(OpticalFace(fit_patch(corrected), face.air), shop.scale),
         smoothed_more_share=made.smoothed_more_share,
         cut_back_um=pixels.extent_um(taken),
     )
 
 
-def _concave_mm(face: OpticalFace) -> float | None:
-    """Smallest concave radius (mm); None for a face that is convex everywhere."""
+def _concave_mm(face: OpticalFace, scale: float) -> float | None:
+    """Smallest concave radius (mm) of ``face`` times ``scale``; None for a face that is convex everywhere."""
     lowest = sample_face(face, SAMPLE_NODES).lowest_curvature()
-    return bounded(-1.0 / lowest) if lowest < 0.0 else None
+    return bounded(-scale / lowest) if lowest < 0.0 else None

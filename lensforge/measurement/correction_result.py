@@ -9,8 +9,9 @@ from pydantic import Field
 from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
 from lensforge.figures.chart import Chart
-from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
+from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, ROUND_TRIP_LIMIT
 from lensforge.geometry.part import FileStamp, SplineNodes
+from lensforge.geometry.step_settings import Schema
 from lensforge.measurement.comparison import Pose, Registration, Side, surface_criteria
 from lensforge.records import (
     Array,
@@ -58,6 +59,8 @@ class Correction(SimulatedResult):
     into the STEP; ``expected_um``: of the second cut, where the machine errs again as in the first. Extents are over
     the area of the face, ``residual_rms_um`` is what the filter of ``wavelength_mm`` leaves of the points: their noise
     and form of shorter waves; ``noise_rms_um``: of the points. Maps over the chart are [Y, X], NaN outside.
+    The STEP and all lengths are in the lens's own size, but the radii of ``cutter``: they are of the face that is cut,
+    ``scale`` times as large, 1 + shrinkage for a mould insert. ``step_volume_change``: relative, by reading back.
     Light on the first receiver, ``width`` x ``height`` in the unit of its chart: W/m^2, in the far field W/sr.
     """
 
@@ -67,6 +70,7 @@ class Correction(SimulatedResult):
     surface: Side
     registration: Registration
     make: Literal["part", "insert"]
+    scale: Positive
     point_count: Count
     point_spacing_mm: Positive
     used_share: Share
@@ -82,6 +86,8 @@ class Correction(SimulatedResult):
     expected_um: Extent
     cutter: CutterLimit
     nodes: SplineNodes
+    step_schema: Schema
+    step_volume_change: NotNegative
     form_error_nm: Extent
     normal_error_mrad: Extent
     rays: Count
@@ -129,7 +135,7 @@ def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"])
 
 
 def correction_criteria(
-    used: float, covered: float, form_nm: float, normal_mrad: float, cutter: CutterLimit
+    used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
 ) -> tuple[Criterion, ...]:
     """Criteria on a correction: its points, the written STEP as read back, and the reach of the cutter.
 
@@ -140,6 +146,7 @@ def correction_criteria(
         *surface_criteria(used, covered),
         at_most("form_error", form_nm, FORM_LIMIT_NM, "nm", longer),
         at_most("normal_error", normal_mrad, NORMAL_LIMIT_MRAD, "mrad", longer),
+        at_most("step_volume_change", volume_change, ROUND_TRIP_LIMIT, "", longer),
     )
     if cutter.concave_radius_mm is None:
         return found

@@ -14,7 +14,7 @@ from lensforge.geometry.patch import Patch
 from lensforge.measurement.areal_filter import ArealFilter, FilteredPoints, PointDeviations
 from lensforge.measurement.comparison import Registration
 from lensforge.measurement.deviation import coverage
-from lensforge.measurement.point_cloud import LEAST_POINTS, RigidMotion, over_surface, register
+from lensforge.measurement.registration import RigidMotion, registered
 from lensforge.measurement.wavelength import FilterRange, TriedFilter, longest_fitting
 from lensforge.surfaces.surface import Surface
 
@@ -57,13 +57,9 @@ class FirstCut:
     @staticmethod
     def of(surface: Surface, patch: Patch, cloud: Float[np.ndarray, "k 3"], request: Request) -> "FirstCut":
         """Register ``cloud`` (mm) to the face and filter its deviations. Raises :class:`InputError`."""
-        motion = register(patch, cloud, request.registration)
-        placed = motion.apply(cloud)
-        over = over_surface(placed)
-        if int(over.sum()) < LEAST_POINTS:
-            raise InputError(f"points: {int(over.sum())} of them lie over the surface, must be at least {LEAST_POINTS}")
-        radius = np.linalg.norm(placed[over], axis=1)
-        directions = placed[over] / radius[:, None]
+        placed = registered(patch, cloud, request.registration)
+        radius = np.linalg.norm(placed.points, axis=1)
+        directions = placed.points / radius[:, None]
         points = PointDeviations(surface, directions, radius - surface.radius(directions))
         span = FilterRange.of(points)
         if request.wavelength_mm is not None:
@@ -74,5 +70,12 @@ class FirstCut:
         chosen = likeliest if wavelength is None else ArealFilter(points, wavelength).solve()
         reach = _COVERED_SPACINGS * span.spacing_mm / points.largest_radius_mm
         return FirstCut(
-            motion, points, float(over.mean()), coverage(directions, reach), span, finest.noise_mm, likeliest, chosen
+            motion=placed.motion,
+            points=points,
+            used=placed.share,
+            covered=coverage(directions, reach),
+            span=span,
+            noise_mm=finest.noise_mm,
+            likeliest=likeliest,
+            chosen=chosen,
         )

@@ -74,7 +74,7 @@ def compare_photo(
         pixels=max(grid.shape),
         ssim=alike.ssim,
         nmse=alike.nmse,
-        alignment=_alignment(fit, _corner_error(picture.corners, grid)),
+        alignment=_alignment(fit, _corner_error(picture.corners, _target(shot, grid))),
         aligned=similarity(normalised(moved_back(measured, fit, grid)), reference),
         measured_evenness=_evenness(measured, uniform),
         simulated_evenness=_evenness(reference, uniform),
@@ -91,12 +91,12 @@ def compare_photo(
     )
 
 
-def _corner_error(corners: Float[np.ndarray, "4 2"], grid: PixelGrid) -> Float[np.ndarray, "4"]:
-    """Standard errors of ln s, rotation (rad) and shifts (mm) by the corners: a rigid square fitted to four points."""
+def _corner_error(corners: Float[np.ndarray, "4 2"], target_mm: Size) -> Float[np.ndarray, "4"]:
+    """Standard errors of ln s, rotation (rad) and shifts (mm) by the target's corners: a rectangle fitted."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     width, height = 0.5 * (sides[0] + sides[2]), 0.5 * (sides[1] + sides[3])
     relative = _CORNER_PX / float(np.hypot(width, height))
-    return np.array([relative, relative, *(0.5 * _CORNER_PX * np.array(grid.size) / (width, height))])
+    return np.array([relative, relative, *(0.5 * _CORNER_PX * np.array(target_mm) / (width, height))])
 
 
 def _alignment(fit: SimilarityFit, by_corners: Float[np.ndarray, "4"]) -> Alignment:

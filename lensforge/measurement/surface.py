@@ -4,17 +4,14 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from lensforge.accuracy import Preset
 from lensforge.errors import InputError
-from lensforge.evaluation.evaluate import evaluate_traced
-from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.metrics import relative_square
-from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.patch import Patch, fit_patch
 from lensforge.lens import Lens
+from lensforge.measurement.changed_lens import ChangedLens
 from lensforge.measurement.comparison import (
     DeviationExtent,
     Pose,
@@ -25,11 +22,11 @@ from lensforge.measurement.comparison import (
 )
 from lensforge.measurement.deviation import FormDeviation, coverage, fit_deviation
 from lensforge.measurement.face_pixels import FacePixels
-from lensforge.measurement.point_cloud import RigidMotion, distances, over_surface, register
+from lensforge.measurement.registration import RigidMotion, distances, registered
+from lensforge.receivers.build import receivers_of
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
-from lensforge.surfaces.spline import tabulate
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
+from lensforge.surfaces.srbf import SrbfBasis
 
 _MOST_RAYS = 2**20
 
@@ -56,7 +53,7 @@ def compare_surface(
     side: Side,
     source: Source,
     preset: Preset,
-    rays: int | None = None,
+    rays: int,
     registration: Registration = "rigid",
 ) -> SurfaceComparison:
     """Register ``cloud`` (mm) to one surface of ``lens``, map its form deviation, and simulate the lens with it.
@@ -69,10 +66,9 @@ def compare_surface(
         raise InputError(f"registration = {registration!r}: must be one of {', '.join(get_args(Registration))}")
     patch = fit_patch(getattr(lens, side))
     form = measure_form(patch, lens.basis, cloud, registration)
-    count = rays or default_rays(lens, preset)
-    design = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    measured = _with_deviation(design, side, form.deviation.surface)
-    before, after = (evaluate_traced(lens_, lens.spec, source, count, lens.seed) for lens_ in (design, measured))
+    traced = ChangedLens(lens, side, source, preset.evaluate_nodes_per_sigma, rays)
+    before, after = traced.lights(None, form.deviation.surface)
+    section, receiver = lens.spec.all_receivers[0], receivers_of(lens.spec, lens.spec.evaluate.pixels)[0]
     pixels = FacePixels.of(patch)
     form_um = pixels.map_um(form.deviation.surface)
     inside = np.isfinite(form_um)
@@ -87,13 +83,14 @@ def compare_surface(
         point_deviation_um=DeviationExtent.of(1e3 * form.distances),
         form_deviation_um=DeviationExtent.of(form_um[inside], pixels.area_mm2[inside]),
         residual_rms_um=1e3 * form.deviation.residual_rms_mm,
-        rays=count,
-        receiver=before.first.name,
-        far_field=before.first.kind == "far_field",
-        width=before.first.width,
-        height=before.first.height,
-        design=LightMetrics.of(before),
-        measured=LightMetrics.of(after),
+        rays=rays,
+        receiver=section.name or section.kind,
+        far_field=section.kind == "far_field",
+        width=receiver.grid.width,
+        height=receiver.grid.height,
+        design=before.metrics,
+        measured=after.metrics,
+        change=after.replicates.change_from(before.replicates, rays),
         nmse_between=relative_square(np.stack([after.map, before.map])),
         criteria=surface_criteria(form.used, form.covered),
         points=form.points,
@@ -110,18 +107,15 @@ def measure_form(
     patch: Patch, basis: SrbfBasis, cloud: Float[np.ndarray, "k 3"], registration: Registration = "rigid"
 ) -> Form:
     """Register ``cloud`` (mm) to the surface of ``patch``, and fit its radial deviation by ``basis``."""
-    motion = register(patch, cloud, registration)
-    placed = motion.apply(cloud)
-    over = over_surface(placed)
-    points = placed[over]
-    radius = np.linalg.norm(points, axis=1)
-    directions = points / radius[:, None]
+    placed = registered(patch, cloud, registration)
+    radius = np.linalg.norm(placed.points, axis=1)
+    directions = placed.points / radius[:, None]
     return Form(
-        motion=motion,
-        points=points,
-        distances=distances(patch, points)[0],
+        motion=placed.motion,
+        points=placed.points,
+        distances=distances(patch, placed.points)[0],
         deviation=fit_deviation(basis, directions, radius - patch.radius(directions)),
-        used=float(over.mean()),
+        used=placed.share,
         covered=coverage(directions, float(basis.sigmas.min())),
     )
 
@@ -129,13 +123,6 @@ def measure_form(
 def default_rays(lens: Lens, preset: Preset) -> int:
     """Number of rays where the caller names none: those of the evaluation, at most 2^20."""
     return min(lens.spec.evaluate.rays or preset.evaluate_rays, _MOST_RAYS)
-
-
-def _with_deviation(design: TracedLens, side: Side, deviation: SrbfSurface) -> TracedLens:
-    """The design with the deviation added to one table: tables are linear in the radius."""
-    tables = {"inner": design.inner, "outer": design.outer}
-    tables[side] = tables[side] + torch.from_numpy(tabulate(design.scene.grid, deviation))
-    return TracedLens(design.scene, tables["inner"], tables["outer"], design.table_error_nm)
 
 
 def pose_of(motion: RigidMotion) -> Pose:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lensforge.evaluation.light import LightMetrics
 from lensforge.measurement.correction_result import Correction
 from lensforge.records import Extent
 from lensforge.report import surface_figures
@@ -15,7 +16,7 @@ def correction_facts(made: Correction) -> Facts:
     chosen = "given" if made.wavelength_given else "by the noise of the points"
     cutter = made.cutter
     facts = [
-        ("File", f"lens_corrected_{made.surface}.step, form error {number(made.form_error_nm.max, 2)} nm as read back"),
+        ("File", _file(made)),
         ("Deviation of the first cut", _extent(made.deviation_um)),
         ("Correction", f"{_extent(made.correction_um)}, gain {number(made.gain, 3)}"),
         ("Expected deviation of the second cut", _extent(made.expected_um)),
@@ -43,9 +44,18 @@ def correction_facts(made: Correction) -> Facts:
         ),
     ]
     if cutter.smoothed_more_share > 0.0:
+        # Before the two facts on the light.
         back = f"{_extent(cutter.cut_back_um)} on {percent(cutter.smoothed_more_share)} of the face"
         facts.insert(-2, ("Cut back for the cutter", back))
-    return facts
+    return [*facts, *light_changes(made.change)]
+
+
+def light_changes(change: LightMetrics) -> Facts:
+    """Facts on the light's change from the design by the same rays, with the error of the difference."""
+    return [
+        ("NMSE, change from the design", number_with_error(change.nmse, 3)),
+        ("Efficiency, change from the design", number_with_error(change.efficiency, 3)),
+    ]
 
 
 def correction_pictures(made: Correction) -> list[PagePicture]:
@@ -62,6 +72,13 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
         for name, (values, title) in maps.items()
         if np.isfinite(values).any()
     ]
+
+
+def _file(made: Correction) -> str:
+    """The file's name and form error, and the scale that a mould insert asks for."""
+    error = number(made.form_error_nm.max, 2)
+    name = f"lens_corrected_{made.surface}.step, {made.step_schema}, form error {error} nm as read back"
+    return name if made.scale == 1.0 else f"{name}; it is the lens, to be scaled by {made.scale:.12g} for the mould"
 
 
 def _extent(extent: Extent) -> str:

@@ -9,7 +9,7 @@ from lensforge.measurement.alignment import Alignment
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.records import Metric
 from lensforge.report import irradiance_figures, line_figures, surface_figures
-from lensforge.report.corrected import correction_facts, correction_pictures
+from lensforge.report.corrected import correction_facts, correction_pictures, light_changes
 from lensforge.report.numerals import number, number_with_error, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.proof import Facts
@@ -119,6 +119,7 @@ def _surface_facts(surface: SurfaceComparison) -> Facts:
         ("Efficiency with this surface", f"{_share(part.efficiency)}, designed {_share(design.efficiency)}"),
         ("NMSE of the pattern with this surface", f"{_value(part.nmse)}, designed {_value(design.nmse)}"),
     ]
+    facts += light_changes(surface.change)
     if design.uniformity is not None:
         facts.append(
             ("Uniformity with this surface", f"{_value(part.uniformity)}, designed {_value(design.uniformity)}")

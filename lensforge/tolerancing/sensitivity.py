@@ -1,4 +1,4 @@
-"""The sensitivity study: uniformity, NMSE and efficiency of the lens as designed, and with each error."""
+"""The sensitivity study: NMSE, uniformity, RSD and efficiency of the lens as designed, and with each error."""
 
 import time
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def measure_sensitivity(
     source: Source,
     preset: Preset,
     *,
-    rays: int | None = None,
+    rays: int,
     amounts: Amounts | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sensitivity:
@@ -35,23 +35,22 @@ def measure_sensitivity(
     started = time.perf_counter()
     amounts = amounts or Amounts()
     nominal = TracedLens.of(lens, preset.evaluate_nodes_per_sigma)
-    count = rays or RAYS
-    count, errors = min(count, source.ray_count or count), perturbations(lens, amounts, lens.seed)
+    errors = perturbations(lens, amounts, lens.seed)
     announce = progress or (lambda done, total: None)
-    designed = traced_light(nominal, lens.spec, source, count, lens.seed)
+    designed = traced_light(nominal, lens.spec, source, rays, lens.seed)
     announce(1, len(errors) + 1)
     rows = []
     for done, error in enumerate(errors, start=2):
         shifted = ShiftedSource(source, error.source_mm, error.index) if any(error.source_mm) or error.index else source
-        found = traced_light(perturbed(nominal, error), lens.spec, shifted, count, lens.seed)
-        rows.append(_row(error, found, designed, count))
+        found = traced_light(perturbed(nominal, error), lens.spec, shifted, rays, lens.seed)
+        rows.append(_row(error, found, designed, rays))
         announce(done, len(errors) + 1)
     return Sensitivity(
         inputs={"lens": lens.sha256},
         nominal=designed.metrics,
         rows=tuple(rows),
         amounts=amounts,
-        rays=count,
+        rays=rays,
         seconds=time.perf_counter() - started,
     )
 

@@ -16,10 +16,10 @@ def surface(offset_mm, seed, relative=0.02):
     return SrbfSurface(basis, offset_mm * relative * noise * basis.sigmas / basis.sigmas.max(), offset_mm)
 
 
-def lens():
+def lens(source=None, **evaluate):
     content = {
         "name": "measured",
-        "source": {"kind": "square", "side_mm": 1.0},
+        "source": source or {"kind": "square", "side_mm": 1.0},
         "lens": {"levels": LEVELS, "inner_offset_mm": 6.0, "outer_offset_mm": 13.0},
         "constraints": {
             "cavity_height_mm": 1.0,
@@ -34,7 +34,7 @@ def lens():
             "receiver_mm": 300.0,
             "uniform_mm": 100.0,
         },
-        "evaluate": {"rays": 16384, "pixels": 24},
+        "evaluate": {"rays": 16384, "pixels": 24, **evaluate},
     }
     return Lens(surface(6.0, 1), surface(13.0, 2), parse_spec(content, "test"), 0, "draft")
 

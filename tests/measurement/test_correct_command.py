@@ -1,6 +1,7 @@
 """``lensforge correct`` as a user meets it: the files, what is read back, and what is refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,14 @@ from second_cuts import machine_error, measured
 import lensforge as lf
 from lensforge.cli import cli
 from lensforge.errors import InputError
+from lensforge.geometry.base_profile import OUTER
+from lensforge.geometry.form import face_points
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.step import parse_step
+from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.records.stored import with_checksum
 from lensforge.report.lens_page import render_report
+from lensforge.surfaces.scaled import scaled
 
 LENS = lens()
 
@@ -120,3 +127,18 @@ def test_bad_input_is_said_in_a_line(
     done = run(folder, *options)
     assert done.exit_code != 0
     assert message in done.output + str(done.exception)
+
+
+def test_an_insert_is_judged_as_large_as_it_is_cut_and_its_file_is_signed(tmp_path: Path) -> None:
+    """A mould of a lens that shrinks by 5 %: its radii are those of the scaled face, the file is that of the lens."""
+    shop = {"make": "insert", "shrinkage": 0.05, "author": "Ada", "date": "2026-01-31", "form_tolerance_um": 5.0}
+    mould = replace(LENS, spec=LENS.spec.replace({"manufacture": shop}))
+    np.savetxt(tmp_path / "points.csv", measured(LENS.outer, lambda u: machine_error(u, 13.0, wave_mm=6.0), 1200))
+    made = lf.correct(mould, points=tmp_path / "points.csv", surface="outer", wavelength_mm=4.0, rays=64)
+    cut = OpticalFace(fit_patch(scaled(LENS.outer, 1.05)), AirSide.INSIDE)
+    assert made.scale == 1.05
+    assert made.cutter.concave_radius_before_mm == pytest.approx(-1.0 / sample_face(cut, 161).lowest_curvature(), 1e-3)
+    assert made.step_schema == "AP242" and made.step_volume_change <= 1e-9
+    assert b"'Ada'" in made.step and b"2026-01-31" in made.step and b"SURFACE_PROFILE_TOLERANCE" in made.step
+    top, _ = face_points(parse_step(made.step).faces[OUTER], np.zeros((1, 2)))
+    assert top[0, 2] == pytest.approx(LENS.outer.radius(np.array([[0.0, 0.0, 1.0]]))[0], abs=0.05)

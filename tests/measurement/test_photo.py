@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from lensforge.errors import InputError
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.measurement.figures import photo_png
-from lensforge.measurement.photo import Shot, compare_photo, section
+from lensforge.measurement.photo import Shot, _corner_error, compare_photo, section
 from lensforge.measurement.photograph import lit_only, read_photograph, rectify
 from lensforge.measurement.similarity import displacement, normalised, similarity
 from lensforge.measurement.similarity_fit import fit_similarity
@@ -214,6 +214,14 @@ def test_errors_are_the_scatter_over_photographs():
         assert fit.fitted.all()
         ratios.append((fit.parameters - true) / fit.errors)
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+def test_the_corners_error_is_in_mm_of_the_target_that_they_bound():
+    """A target of 120 x 60 mm, 240 x 120 pixels large: its centre is the mean of four corners that scatter by 0.2."""
+    corners = np.array([[10.0, 20.0], [250.0, 20.0], [250.0, 140.0], [10.0, 140.0]])
+    scattered = corners + 0.2 * np.random.default_rng(4).normal(size=(4000, 4, 2))
+    expected = 0.5 * scattered.mean(axis=1).std(axis=0)
+    np.testing.assert_allclose(_corner_error(corners, (120.0, 60.0))[2:], expected, rtol=0.05)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
 from lensforge.geometry.patch import fit_patch
-from lensforge.measurement.point_cloud import _gaps_and_slopes, distances, moved, over_surface, read_cloud, register
+from lensforge.measurement.point_cloud import read_cloud
+from lensforge.measurement.registration import _gaps_and_slopes, distances, moved, over_surface, register
+from lensforge.surfaces.chart import HALF_WIDTH, to_sphere
 from lensforge.surfaces.srbf import SrbfBasis
 
 LENS = lens()
@@ -35,6 +37,10 @@ def test_common_layouts_hold_the_same_points(tmp_path, mark, head):
         (b"1 2 3\n" * 120 + b"1 2\n", "line 121: 2 numbers"),
         (b"1 2 3\n" * 120 + b"1 2 x\n", "line 121: '1 2 x'"),
         (b"1 2 3\n" * 120 + b"1 2 nan\n", "not finite"),
+        (b"1,234;5,678;9,012\n" * 120, "line 1: '1,234;5,678;9,012': decimal commas; write decimal points"),
+        (b"1,234\t5,678\t9,012\n" * 120, r"line 1: '1,234\\t5,678\\t9,012': decimal commas"),
+        (b"x y z\n" + b"1,234 -5,678 9\n" * 120, "line 2: '1,234 -5,678 9': decimal commas"),
+        (b"P1,1.0,2.0,3.0\n" * 120, "line 1: 'P1,1.0,2.0,3.0': no line begins with x, y, z"),
     ],
 )
 def test_what_is_no_cloud_is_input_error(tmp_path, content, message):
@@ -98,6 +104,7 @@ def test_slopes_are_those_of_the_distances():
     # The distance is exact to first order in the gap: slopes are compared where the gap is small.
     on = moved(cloud, motion)
     patch_points = on * (PATCH.radius(on / np.linalg.norm(on, axis=1)[:, None]) / np.linalg.norm(on, axis=1))[:, None]
+    patch_points = patch_points[patch_points[:, 2] > 0.0]  # beyond the rim the turn of the normal is left out
     level = Rotation.from_rotvec(motion[:3]).inv().apply(patch_points - motion[3:])
     _, slopes = _gaps_and_slopes(PATCH, level, motion)
     for k, step in enumerate(1e-6 * np.eye(6)):
@@ -110,3 +117,23 @@ def test_slopes_are_those_of_the_distances():
 def test_points_elsewhere_are_input_error():
     with pytest.raises(InputError, match="lens coordinates"):
         register(PATCH, probed(LENS.outer, 500) - np.array([0.0, 0.0, 100.0]))
+
+
+def test_a_point_keeps_its_gap_when_it_leaves_the_face():
+    """Points 0.5 mm off the face, by 0.02 mm above and below its rim: a fit gains nothing by pushing them off."""
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 150)
+    rim = to_sphere(HALF_WIDTH * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1))
+    points = rim * (PATCH.radius(rim) + 0.5)[:, None]
+    above, below = (_gaps_and_slopes(PATCH, points, np.array([*np.zeros(5), z])) for z in (0.02, -0.02))
+    assert over_surface(points + np.array([0.0, 0.0, 0.02])).all()
+    assert not over_surface(points - np.array([0.0, 0.0, 0.02])).any()
+    np.testing.assert_allclose(below[0], above[0], atol=0.02)
+    assert below[0].min() > 0.4
+
+
+@pytest.mark.parametrize("registration", ["none", "shift"])
+def test_few_points_over_the_face_are_input_error(registration):
+    cloud = probed(LENS.outer, 400)
+    cloud = np.concatenate([cloud[:60], 0.1 * cloud[60:70] - [0.0, 0.0, 50.0]])
+    with pytest.raises(InputError, match="60 of them lie over the surface once registered, must be at least 100"):
+        register(PATCH, cloud, registration)

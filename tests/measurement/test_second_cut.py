@@ -12,10 +12,10 @@ from lensforge.errors import InputError
 from lensforge.geometry.patch import fit_patch
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.measurement.areal_filter import ArealFilter, PointDeviations
+from lensforge.measurement.changed_lens import ChangedLens
 from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.cutter_limit import limited_by_cutter
 from lensforge.measurement.first_cut import FirstCut, Request
-from lensforge.measurement.second_cut import SecondCut
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -72,7 +72,7 @@ def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
 @pytest.mark.parametrize("side", first_by_day(1, ["inner", "outer"]))
 def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     found, again, error = corrected(side, "none" if side == "outer" else "rigid")
-    cuts = SecondCut(LENS, side, build_source(LENS.spec.source), PRESETS["draft"].evaluate_nodes_per_sigma, 2**17)
+    cuts = ChangedLens(LENS, side, build_source(LENS.spec.source), PRESETS["draft"].evaluate_nodes_per_sigma, 2**17)
     design, first, second = cuts.lights(None, Uncorrected(error), again)
     changes = [each.replicates.change_from(design.replicates, cuts.rays) for each in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency

@@ -112,7 +112,7 @@ def compared():
     def run(height):
         cloud = probed(LENS.outer, 3000, height_mm=height, noise_mm=0.0005, rotation=ROTATION, shift=SHIFT)
         return compare_surface(
-            cloud, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"]
+            cloud, lens=LENS, side="outer", source=build_source(LENS.spec.source), preset=PRESETS["draft"], rays=16384
         )
 
     return run
@@ -171,7 +171,9 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
         "none": {},
     }[registration]
     cloud = probed(part.outer, 3000, noise_mm=0.0005, **motion)
-    found = compare_surface(cloud, lens=LENS, side="outer", source=source, preset=preset, registration=registration)
+    found = compare_surface(
+        cloud, lens=LENS, side="outer", source=source, preset=preset, rays=16384, registration=registration
+    )
     left, before = found.irradiance_measured - true, found.irradiance_design - true
     assert np.sum(left**2) < 0.05 * np.sum(before**2)
     assert found.nmse_between > 1e-3
@@ -180,7 +182,13 @@ def test_the_light_is_that_of_the_deformed_lens(registration):
 
 
 def test_a_registration_of_no_kind_is_input_error():
-    given = {"lens": LENS, "side": "outer", "source": build_source(LENS.spec.source), "preset": PRESETS["draft"]}
+    given = {
+        "lens": LENS,
+        "side": "outer",
+        "source": build_source(LENS.spec.source),
+        "preset": PRESETS["draft"],
+        "rays": 64,
+    }
     bare = inspect.unwrap(compare_surface)  # without the types that only the tests check
     with pytest.raises(InputError, match="registration = 'loose': must be one of rigid, shift, none"):
         bare(probed(LENS.outer, 200), **given, registration="loose")
@@ -194,5 +202,6 @@ def test_half_a_surface_fails():
         side="outer",
         source=build_source(LENS.spec.source),
         preset=PRESETS["draft"],
+        rays=64,
     )
     assert {criterion.name for criterion in found.criteria if not criterion.passed} == {"surface_covered"}

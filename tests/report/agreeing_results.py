@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lensforge.evaluation.light import light_criteria
+from lensforge.evaluation.light import LightMetrics, light_criteria
 from lensforge.evaluation.receiver_light import WindowSize
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
 from lensforge.manufacturing.findings import check_findings, radial_criterion
@@ -11,6 +11,7 @@ from lensforge.measurement.comparison import DeviationExtent, photo_criteria, su
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import constraint_criteria
 from lensforge.receivers.build import receivers_of
+from lensforge.records import Metric
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.acceptance import proof_criteria, stray_criteria
 from lensforge.verification.size_result import SizedFile, Sizes
@@ -208,7 +209,15 @@ def compare(result, lens):
             ("form_deviation_um", form, areas),
         )
     }
-    return extents | {"nmse_between": squares(result.irradiance_measured, result.irradiance_design)}
+    between = squares(result.irradiance_measured, result.irradiance_design)
+    return extents | {"nmse_between": between, "change": difference(result.measured, result.design)}
+
+
+def difference(after, before):
+    """The change of every metric that both lights have, without errors."""
+    pairs = {name: (getattr(after, name), getattr(before, name)) for name in type(after).model_fields}
+    changes = {name: None if None in pair else pair[0].value - pair[1].value for name, pair in pairs.items()}
+    return LightMetrics(**{name: None if value is None else Metric(value=value) for name, value in changes.items()})
 
 
 MAKERS = {

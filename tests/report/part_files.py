@@ -147,6 +147,7 @@ def make_surface(lens, **changes):
         "measured": LightMetrics(
             nmse=Metric(value=0.0175), uniformity=None, rsd=None, efficiency=Metric(value=0.8375)
         ),
+        "change": LightMetrics(nmse=Metric(value=0.005), uniformity=None, rsd=None, efficiency=Metric(value=-0.0125)),
         "nmse_between": 0.00225,
         "criteria": (criterion("points_used", 1.0, 0.9, ">="),),
         "points": np.array([[0.0, 0.0, 10.0], [1.0, 0.0, 9.875]]),

@@ -1,9 +1,11 @@
 """Table of manufacturing and alignment errors on the page of a lens."""
 
+import pytest
 from page_text import Page, undrawn_page_of
 from result_folders import make_results
 
 from lensforge.agreement.studies import sensitivity_contradictions
+from lensforge.errors import InputError
 from lensforge.evaluation.light import LightMetrics
 from lensforge.records import Metric
 from lensforge.report.sensitivity_rows import ChangeRow, change_rows
@@ -42,3 +44,8 @@ def test_changes_are_shown_with_their_errors():
 def test_a_change_that_is_no_difference_is_a_contradiction():
     assert list(sensitivity_contradictions(study())) == []
     assert "change.nmse" in next(sensitivity_contradictions(study(2e-4)))
+
+
+def test_a_metric_without_a_region_is_not_drawn_as_unchanged():
+    with pytest.raises(InputError, match="metric = 'uniformity': the spec names no region of uniform light"):
+        study().plot(metric="uniformity")

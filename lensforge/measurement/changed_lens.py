@@ -1,4 +1,4 @@
-"""Expected light of a second cut: design, first cut and second cut simulated with the same rays."""
+"""Light of a lens with changed radii on one face beside that of the design, simulated with the same rays."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ _WIDER = 2.0
 
 
 @dataclass(frozen=True)
-class SecondCut:
+class ChangedLens:
     """Simulation of a lens with changed radii on one ``side``, always with the same rays."""
 
     lens: Lens
