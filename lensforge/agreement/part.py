@@ -9,6 +9,7 @@ from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
 from lensforge.geometry.keep_out_criterion import keep_out_criteria
 from lensforge.geometry.part import STL_FILE, Part
+from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEAD_BYTES = 84  # name and count of a binary STL
@@ -101,8 +102,12 @@ def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:
         change = abs(part.volume_mesh_mm3 / part.volume_mm3 - 1.0)
         yield from differing("criteria: mesh_volume_change", stored.get("mesh_volume_change"), change, "its volumes")
     remedies = {name: own[name].remedy if name in own else "" for name in PART_CRITERIA}
-    derived = part_criteria(measured, _volume_limit(part, area_mm2), remedies)
-    yield from judged("criteria", part.criteria, (*derived, *keep_out_criteria(part.lens.spec, part.keep_out)))
+    derived = (
+        *part_criteria(measured, _volume_limit(part, area_mm2), remedies),
+        *untrimmed_criteria(part.untrimmed_surfaces),
+        *keep_out_criteria(part.lens.spec, part.keep_out),
+    )
+    yield from judged("criteria", part.criteria, derived)
 
 
 def _volume_limit(part: Part, area_mm2: float | None) -> float:

@@ -46,6 +46,7 @@ from lensforge.geometry.step import (
 from lensforge.geometry.step_header import StepHeader
 from lensforge.geometry.step_settings import Schema
 from lensforge.geometry.step_tolerances import form_tolerances
+from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
@@ -138,7 +139,7 @@ def build_part(
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=(*_criteria(proof), *keep_out_criteria(lens.spec, keep_out)),
+        criteria=(*_criteria(proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
         step=step,
         stl=stl,
         threemf=threemf,
