@@ -33,17 +33,23 @@ def _remedy(spec: Spec, found: KeepOutDistance) -> str:
 def _fields(spec: Spec, found: KeepOutDistance) -> str:
     base, margin = spec.base, spec.constraints.keep_out_margin_mm
     (x, y, z), other = found.body_point_mm, found.keep_out_point_mm
-    across, below = float(np.hypot(*other[:2])), z - other[2]
+    overlap, across, below = found.distance_mm < 0.0, float(np.hypot(*other[:2])), z - other[2]
     outwards = across - float(np.hypot(x, y))
     at_bottom = base.kind != "none" and z <= _RIM_MM - base.height_mm
-    under = below > abs(outwards) or (at_bottom and found.distance_mm <= _RIM_MM)  # it stands on the keep-out
+    stands = at_bottom and found.distance_mm <= _RIM_MM  # the base stands on it
+    side = base.side_mm if base.kind == "square" else base.diameter_mm
+    through = overlap and 2.0 * (across + margin) >= side  # no pocket of this width leaves a wall
+    under = (other[2] < 0.0 and (at_bottom or not through)) if overlap else below > abs(outwards) or stands
     deep = base.height_mm - below + z + margin  # of a pocket whose top is clear
-    if z > _RIM_MM or (z >= -_RIM_MM and not under):
+    in_lens = z > _RIM_MM or (overlap and other[2] > _RIM_MM)
+    if in_lens or (z >= -_RIM_MM and not under and (outwards <= 0.0 or base.kind == "none")):
         return "raise lens.inner_offset_mm, or lower constraints.keep_out_margin_mm"
-    if base.kind == "step" and z < -_RIM_MM:
+    if base.kind == "step" and (z < -_RIM_MM or not under):
         return "cut the solid of base.file back there, or lower constraints.keep_out_margin_mm"
     if under and (z >= -_RIM_MM or deep >= base.height_mm):
         return "the keep-out is too close below the lens: move it down, or lower constraints.keep_out_margin_mm"
+    if under and through:
+        return "lower base.height_mm, or move the keep-out down or aside"
     if under:
         pocket = (
             f"base.pocket_depth_mm = {_at_least(deep)} with pocket_diameter_mm = {_at_least(2.0 * (across + margin))}"

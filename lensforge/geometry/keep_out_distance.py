@@ -86,7 +86,7 @@ def _nearest(
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """A place on the part that body and solid have in common."""
+    """The lowest vertex of what body and solid have in common, and its outermost one, lifted to its highest z."""
     common = np.asarray((body ^ _manifold(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
-    middle = common[np.linalg.norm(common - common.mean(axis=0), axis=1).argmin()]
-    return middle, middle
+    outermost = common[np.hypot(common[:, 0], common[:, 1]).argmax()]
+    return common[common[:, 2].argmin()], np.array([outermost[0], outermost[1], common[:, 2].max()])

@@ -93,7 +93,8 @@ class KeepOutDistance(Record):
     """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
 
     ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
-    twice its volume over its surface. ``error_mm``: of both meshes' facets.
+    twice its volume over its surface; the places are then the lowest vertex of that, and its outermost one lifted
+    to the height of its highest. ``error_mm``: of both meshes' facets.
     """
 
     distance_mm: Number

@@ -5,10 +5,13 @@ from dataclasses import replace
 import pytest
 from geometry_lenses import make_lens
 
+from lensforge.geometry import cutter_room
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import fit_faces
+from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens
+from lensforge.spec import Spec
 
 INNER_MM, OUTER_MM = 6.0, 13.7
 
@@ -41,6 +44,15 @@ def test_room_that_ends_at_the_least_wall_is_no_error_of_the_plan(pocket_mm: flo
     make_plan(*fit_faces(lens), found)
 
 
-def test_a_bore_that_the_spec_gives_is_that_bore_be_it_0() -> None:
-    lens = cut_lens(0.1, 0.03, bore_setback_mm=0.0)
-    assert base_with_room(lens).bore_setback_mm == 0.0
+def test_the_step_s_wall_keeps_off_the_bore_that_the_spec_gives_be_it_0(monkeypatch: pytest.MonkeyPatch) -> None:
+    openings = []
+
+    def relief(_outer: Patch, _spec: Spec, opening_mm: float) -> dict[str, float]:
+        openings.append(opening_mm)
+        return {"relief_step_mm": 0.0, "relief_setback_mm": 0.0}
+
+    monkeypatch.setattr(cutter_room, "_bore_setback", lambda *_: 0.5)
+    monkeypatch.setattr(cutter_room, "_relief", relief)
+    assert base_with_room(cut_lens(0.1, bore_setback_mm=0.0)).bore_setback_mm == 0.0
+    assert base_with_room(cut_lens(0.1)).bore_setback_mm == 0.5
+    assert openings == pytest.approx([INNER_MM, INNER_MM + 0.5])

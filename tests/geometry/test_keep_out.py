@@ -11,7 +11,8 @@ from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
 from lensforge.geometry.keep_out import read_keep_out
-from lensforge.geometry.part import Part
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.part import KeepOutDistance, Part
 from lensforge.lens import Lens
 
 INNER_MM, OUTER_MM = 0.8, 2.45
@@ -83,8 +84,9 @@ def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     path = step_file(tmp_path / "board.step", box((2.4, 2.4, 0.5), (0.0, 0.0, -1.65)))
     bored = part_with(path, diameter_mm=6.0, height_mm=2.0)
     assert bored.keep_out is not None and bored.keep_out.distance_mm < 0.0
-    (words,) = missed(bored)
-    assert "base.pocket_diameter_mm must be above" in words
+    (words,) = missed(bored)  # up to 1.4 mm below z = 0, its corners 1.7 mm from the axis
+    assert "base.pocket_depth_mm = 0.7 with pocket_diameter_mm = 3.595" in words
+    assert list(part_contradictions(bored)) == []
     wide = {"diameter_mm": 6.0, "height_mm": 2.0, "pocket_diameter_mm": 3.8, "pocket_depth_mm": 0.9}
     pocketed = part_with(path, **wide)
     assert pocketed.keep_out is not None
@@ -93,6 +95,30 @@ def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     assert missed(pocketed) == []
     shallow = part_with(path, **(wide | {"pocket_depth_mm": 0.65}))
     assert "base.pocket_depth_mm = 0.7" in missed(shallow)[0]
+
+
+@pytest.mark.parametrize(
+    ("base", "distance_mm", "body", "keep_out", "words"),
+    [
+        ("cylinder", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.diameter_mm"),
+        ("square", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.side_mm"),
+        ("cylinder", -0.01, (2.9, 0.0, -1.0), (3.0, 0.0, -0.5), "beside the base: lower base.diameter_mm"),
+        ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
+        ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
+        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner_offset_mm"),
+        ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner_offset_mm"),
+    ],
+)  # fmt: skip
+def test_the_remedy_names_the_field_of_the_place(
+    base: str, distance_mm: float, body: tuple[float, ...], keep_out: tuple[float, ...], words: str
+) -> None:
+    """Base 6 mm wide and 2 mm high; its side has vertices at z = 0 and at its bottom alone."""
+    width = "side_mm" if base == "square" else "diameter_mm"
+    plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
+    spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
+    found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
+    (criterion,) = keep_out_criteria(spec, found)
+    assert words in criterion.remedy
 
 
 def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
