@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
-from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
 from lensforge.geometry.part import STL_FILE, Part
 from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 
@@ -60,6 +60,9 @@ def _keep_out(part: Part) -> Iterator[str]:
     if found is not None:
         apart = float(np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm)))
         yield from beyond("keep_out.distance_mm", found.distance_mm, -np.inf, apart, "its places")
+        facets = part.triangulation
+        error_mm = mesh_error_mm(part.lens.spec.base, max(facets.rings, 1), 1e-3 * facets.chord_error_um)
+        yield from differing("keep_out.error_mm", found.error_mm, error_mm, "the facets")
 
 
 def _bounds(part: Part, corners: Float[np.ndarray, "n 3"]) -> Iterator[str]:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.geometry.keep_out import FACET_MM, KeepOut, KeepOutSolid
+from lensforge.geometry.keep_out import KeepOut, KeepOutSolid
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.part import KeepOutDistance
 
@@ -14,8 +14,8 @@ _SLACK = 1.0 + 1e-9  # of a distance in which to look for a smaller one
 _Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and their numbers
 
 
-def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, chord_mm: float) -> KeepOutDistance:
-    """Measure the smallest distance from ``mesh``, whose facets are off by ``chord_mm``, to the solids of ``keep_out``.
+def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance:
+    """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
 
     Raises :class:`InputError` where a mesh of the solids is not closed.
     """
@@ -39,7 +39,7 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, chord_mm: float) -> Kee
         distance_mm=gap_mm,
         body_point_mm=tuple(places[0].tolist()),
         keep_out_point_mm=tuple(places[1].tolist()),
-        error_mm=chord_mm + FACET_MM,
+        error_mm=error_mm,
     )
 
 

@@ -10,10 +10,11 @@ from keep_outs import ball, box, step_file
 from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
-from lensforge.geometry.keep_out import read_keep_out
-from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out import FACET_MM, read_keep_out
+from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
 from lensforge.geometry.part import KeepOutDistance, Part
 from lensforge.lens import Lens
+from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
 
@@ -59,6 +60,17 @@ def test_a_keep_out_too_close_to_the_cavity_misses_and_says_what_to_raise(tmp_pa
     assert list(part_contradictions(part)) == []
     closer = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"distance_mm": 0.5})})
     assert any("keep_out.distance_mm" in words for words in part_contradictions(closer))
+    lax = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"error_mm": 0.3})})
+    assert any("keep_out.error_mm = 0.3" in words for words in part_contradictions(lax))
+
+
+def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None:
+    """A hexagon about R has sides at R cos(pi/6)."""
+    base, none = BaseSection(diameter_mm=30.0), BaseSection(kind="none")
+    assert mesh_error_mm(base, 1, 1e-3) == pytest.approx(15.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    flange = base.model_copy(update={"flange_diameter_mm": 40.0})
+    assert mesh_error_mm(flange, 1, 1e-3) == pytest.approx(20.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    assert mesh_error_mm(none, 1, 1e-3) == 1e-3 + FACET_MM
 
 
 def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
