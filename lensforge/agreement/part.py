@@ -56,7 +56,8 @@ def part_contradictions(part: Part) -> Iterator[str]:
 def _keep_out(part: Part) -> Iterator[str]:
     """The distance from the keep-out is that of its two places, or less: these are known to a facet's size."""
     found, named = part.keep_out, part.lens.spec.constraints.keep_out
-    yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
+    if found is not None or part.watertight:  # nothing is measured with a mesh that is not closed
+        yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
     if found is not None:
         apart = float(np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm)))
         yield from beyond("keep_out.distance_mm", found.distance_mm, -np.inf, apart, "its places")

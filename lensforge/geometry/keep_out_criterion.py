@@ -14,6 +14,7 @@ from lensforge.spec import BaseSection, Spec
 from lensforge.spec.section import rounded_up
 
 _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
+_UNMEASURED = "the mesh of the lens is not closed: change the number of rings, and export again"
 
 
 def keep_out_criteria(spec: Spec, found: KeepOutDistance | None) -> tuple[Criterion, ...]:
@@ -22,7 +23,7 @@ def keep_out_criteria(spec: Spec, found: KeepOutDistance | None) -> tuple[Criter
     if limits.keep_out is None:
         return ()
     if found is None:
-        return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", "export again"),)
+        return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", _UNMEASURED),)
     limit = limits.keep_out_margin_mm - limits.tolerance_mm - found.error_mm
     return (at_least("keep_out_distance", found.distance_mm, limit, "mm", _remedy(spec, found)),)
 

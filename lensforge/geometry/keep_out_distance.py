@@ -14,19 +14,22 @@ _SLACK = 1.0 + 1e-9  # of a distance in which to look for a smaller one
 _Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and their numbers
 
 
-def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance:
+def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance | None:
     """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
 
-    Raises :class:`InputError` where a mesh of the solids is not closed.
+    None where ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
+    solids is not closed.
     """
     import manifold3d
 
     body = _manifold(mesh.vertices, mesh.triangles)
+    if body.status() != manifold3d.Error.NoError:
+        return None
     gap_mm, closest = np.inf, keep_out.solids[0]
     for solid in keep_out.solids:
         other = _manifold(solid.vertices, solid.triangles)
-        if body.status() != manifold3d.Error.NoError or other.is_empty():
-            raise InputError(f"{keep_out.path}: the mesh of a solid or of the lens is not closed; repair it in CAD")
+        if other.is_empty():
+            raise InputError(f"{keep_out.path}: the mesh of a solid is not closed; repair it in CAD")
         common = body ^ other
         if not common.is_empty():
             found = -2.0 * common.volume() / common.surface_area()

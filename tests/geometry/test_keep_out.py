@@ -1,5 +1,6 @@
 """The keep-out of a part: distances in closed form, what to change, and files that hold none."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,13 @@ from keep_outs import ball, box, step_file
 from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
+from lensforge.geometry.form import fit_faces
 from lensforge.geometry.keep_out import FACET_MM, read_keep_out
 from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
+from lensforge.geometry.keep_out_distance import keep_out_distance
+from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.part import KeepOutDistance, Part
+from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 
@@ -60,6 +65,10 @@ def test_a_keep_out_too_close_to_the_cavity_misses_and_says_what_to_raise(tmp_pa
     assert list(part_contradictions(part)) == []
     closer = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"distance_mm": 0.5})})
     assert any("keep_out.distance_mm" in words for words in part_contradictions(closer))
+    gone = part.model_copy(update={"keep_out": None})
+    assert any("keep_out = False" in words for words in part_contradictions(gone))
+    torn = gone.model_copy(update={"watertight": False})
+    assert not any("keep_out = False" in words for words in part_contradictions(torn))
     lax = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"error_mm": 0.3})})
     assert any("keep_out.error_mm = 0.3" in words for words in part_contradictions(lax))
 
@@ -71,6 +80,17 @@ def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None
     flange = base.model_copy(update={"flange_diameter_mm": 40.0})
     assert mesh_error_mm(flange, 1, 1e-3) == pytest.approx(20.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
     assert mesh_error_mm(none, 1, 1e-3) == 1e-3 + FACET_MM
+
+
+def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_out(tmp_path: Path) -> None:
+    path = step_file(tmp_path / "led.step", ball(0.3, (0.0, 0.0, 0.1)))
+    lens = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
+    mesh = build_mesh(make_plan(*fit_faces(lens), lens.spec.base), 6)
+    assert keep_out_distance(mesh, read_keep_out(path), 1e-3) is not None
+    torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
+    assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None
+    (criterion,) = keep_out_criteria(lens.spec.replace({"constraints.keep_out": str(path)}), None)
+    assert criterion.value is None and not criterion.passed and "is not closed" in criterion.remedy
 
 
 def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
