@@ -127,7 +127,9 @@ def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Outer
         flange = missing(base.flange_diameter_mm / 2.0, plan.shoulder_mm)
         flange = np.where(flange > _CLEAR_MM, flange, 0.0)
     if plan.ring is None:
-        setback = wall_retreat_mm(face.samples, cutter_mm, base.height_mm)
+        overhangs = all(arc.relation == "overhang" for arc in plan.arcs)  # the side of the base is then further inside
+        depth = plan.relief_mm if overhangs else base.height_mm
+        setback = wall_retreat_mm(face.samples, cutter_mm, depth) if depth > 0.0 else np.zeros(len(distance))
     else:
         wall = float(plan.ring.radius(np.zeros(1))[0])
         largest = largest_wall_mm(distance, height, cutter_mm)

@@ -109,3 +109,14 @@ def test_a_step_as_deep_as_the_base_wants_a_higher_base():
     relief, finding = outer_relief(sphere(DOME), diameter_mm=25.4, height_mm=0.9)
     assert relief.flange_clearance_mm == 0.0 and relief.smallest_step_mm == pytest.approx(1.0, abs=1e-6)
     assert "base.relief_step_mm = 1" in finding.reason and "base.height_mm above 1" in finding.reason
+
+
+def test_below_an_undercut_dome_on_a_narrower_base_only_the_step_has_a_wall():
+    """A rim of 2.83 mm that leans outwards, on a base of 2 mm radius."""
+    undercut = sphere(3.0, (0.0, 0.0, 1.0))
+    clearance = BALL * (1.0 - np.sqrt(1.0 - (1.0 / 3.0) ** 2))
+    for base, wall_mm in (({}, 0.0), ({"relief_step_mm": 0.5}, clearance)):
+        relief, _ = outer_relief(undercut, diameter_mm=4.0, height_mm=2.0, **base)
+        assert relief.step_clearance_mm == pytest.approx(wall_mm, abs=1e-4)
+    wide, _ = outer_relief(undercut, diameter_mm=25.4, height_mm=2.0)
+    assert wide.step_clearance_mm == pytest.approx(clearance, abs=1e-4)
