@@ -60,7 +60,7 @@ class BaseSection(Section):
         return self
 
     def _given(self, *names: str) -> list[str]:
-        """Those of the fields that are not as when left out."""
+        """Names of the fields that are not as when left out."""
         return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
 
     @model_validator(mode="after")
