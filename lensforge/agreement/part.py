@@ -7,8 +7,9 @@ from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
-from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
 from lensforge.geometry.part import STL_FILE, Part
+from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEAD_BYTES = 84  # name and count of a binary STL
@@ -55,10 +56,14 @@ def part_contradictions(part: Part) -> Iterator[str]:
 def _keep_out(part: Part) -> Iterator[str]:
     """The distance from the keep-out is that of its two places, or less: these are known to a facet's size."""
     found, named = part.keep_out, part.lens.spec.constraints.keep_out
-    yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
+    if found is not None or part.watertight:  # nothing is measured with a mesh that is not closed
+        yield from unlike("keep_out", found is not None, named is not None, "the spec's constraints.keep_out says")
     if found is not None:
         apart = float(np.linalg.norm(np.subtract(found.body_point_mm, found.keep_out_point_mm)))
         yield from beyond("keep_out.distance_mm", found.distance_mm, -np.inf, apart, "its places")
+        facets = part.triangulation
+        error_mm = mesh_error_mm(part.lens.spec.base, max(facets.rings, 1), 1e-3 * facets.chord_error_um)
+        yield from differing("keep_out.error_mm", found.error_mm, error_mm, "the facets")
 
 
 def _bounds(part: Part, corners: Float[np.ndarray, "n 3"]) -> Iterator[str]:
@@ -101,8 +106,12 @@ def _criteria(part: Part, area_mm2: float | None) -> Iterator[str]:
         change = abs(part.volume_mesh_mm3 / part.volume_mm3 - 1.0)
         yield from differing("criteria: mesh_volume_change", stored.get("mesh_volume_change"), change, "its volumes")
     remedies = {name: own[name].remedy if name in own else "" for name in PART_CRITERIA}
-    derived = part_criteria(measured, _volume_limit(part, area_mm2), remedies)
-    yield from judged("criteria", part.criteria, (*derived, *keep_out_criteria(part.lens.spec, part.keep_out)))
+    derived = (
+        *part_criteria(measured, _volume_limit(part, area_mm2), remedies),
+        *untrimmed_criteria(part.untrimmed_surfaces),
+        *keep_out_criteria(part.lens.spec, part.keep_out),
+    )
+    yield from judged("criteria", part.criteria, derived)
 
 
 def _volume_limit(part: Part, area_mm2: float | None) -> float:

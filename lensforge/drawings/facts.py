@@ -20,6 +20,7 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Refractive index": f"{spec.lens.refractive_index:g}",
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         **_mould_facts(lens, part),
+        **_untrimmed_facts(part),
         **_tolerance_facts(lens, part),
         "Volume": f"{part.volume_mm3:.3f} mm³",
         **({} if part.mass_g is None else {"Mass": f"{part.mass_g:.3f} g"}),
@@ -44,6 +45,18 @@ def _mould_facts(lens: Lens, part: Part) -> Facts:
     return {
         "Shrinkage": f"{shop.shrinkage:.12g}; {mould} are those of the mould: the lens times {shop.scale:.12g} about "
         "the origin; lens.step, lens.stl, lens.3mf, section, dimensions, volume and wall are of the moulded lens"
+    }
+
+
+def _untrimmed_facts(part: Part) -> Facts:
+    """Run-out and errors of the untrimmed faces; nothing where they are not exported."""
+    found = part.untrimmed_surfaces
+    if found is None:
+        return {}
+    return {
+        "Faces of lens_surfaces.step": f"{found.runout_deg:g}° beyond the rim; above it their form errs by "
+        f"{found.form_error_nm:.2g} nm at most against the design times {found.scale:.12g}, their normals by "
+        f"{1e3 * found.normal_error_mrad:.2g} µrad"
     }
 
 

@@ -9,10 +9,11 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.geometry.arcs import sampled_azimuths
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.outline import FULL_TURN, outline_of
 from lensforge.geometry.patch import Patch
-from lensforge.geometry.plan import rim_directions
+from lensforge.geometry.plan import MIN_BASE_WALL_MM, rim_radius
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection, Spec
 
@@ -61,7 +62,8 @@ def base_with_room(lens: Lens) -> BaseSection:
     inner, outer = fit_faces(lens)
     if "inner" in cut:
         room["bore_setback_mm"] = _bore_setback(inner, spec)
-    opening = float(_rim(inner).max()) + (base.bore_setback_mm or room["bore_setback_mm"])
+    setback = room["bore_setback_mm"] if base.bore_setback_mm is None else base.bore_setback_mm
+    opening = float(_rim(inner).max()) + setback
     if "outer" in cut:
         room |= _relief(outer, spec, opening)
     if base.relief_step_mm == 0.0:
@@ -74,15 +76,15 @@ def _bore_setback(inner: Patch, spec: Spec) -> float:
     distance, height = _centres(inner, -cutter_mm)
     pocket = base.pocket_diameter_mm
     depth = base.height_mm - (0.0 if pocket is None else base.pocket_depth_mm)
-    opening, wall = float(_rim(inner).max()), spec.constraints.min_thickness_mm
-    outside = float(outline_of(base).radius(_azimuths()).min()) - wall
-    room = min(outside, np.inf if pocket is None else pocket / 2.0 - _DIGITS_MM) - opening
+    opening = float(_rim(inner).max())
+    outside = float(outline_of(base).radius(sampled_azimuths()).min()) - _wall_mm(spec)
+    room = min(outside, np.inf if pocket is None else pocket / 2.0 - MIN_BASE_WALL_MM - _SPARE_MM) - opening
     return _rounded(float(smallest_bore_mm(distance, height, cutter_mm, 0.0, depth).max()) - opening, room)
 
 
 def _relief(outer: Patch, spec: Spec, opening_mm: float) -> dict[str, float]:
     """Step and setback of its wall; ``opening_mm``: radius of the cavity or its bore."""
-    base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, spec.constraints.min_thickness_mm
+    base, cutter_mm, wall = spec.base, spec.manufacture.cutter_radius_mm, _wall_mm(spec)
     distance, height = _centres(outer, cutter_mm)
     flange = 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
     step = float(needed_step_mm(distance, height, cutter_mm, base.widest_mm / 2.0).max())
@@ -93,6 +95,11 @@ def _relief(outer: Patch, spec: Spec, opening_mm: float) -> dict[str, float]:
         "relief_step_mm": step,
         "relief_setback_mm": _rounded(setback, rim - opening_mm - wall) if step > 0.0 else 0.0,
     }
+
+
+def _wall_mm(spec: Spec) -> float:
+    """Wall (mm) that room must leave: as the spec asks, but never so thin that the plan would refuse it."""
+    return max(spec.constraints.min_thickness_mm, MIN_BASE_WALL_MM) + _SPARE_MM
 
 
 def _rounded(needed_mm: float, room_mm: float) -> float:
@@ -107,15 +114,12 @@ def _rounded(needed_mm: float, room_mm: float) -> float:
 
 def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
     """Distance from the axis and height of the centres of balls that touch a face, ``offset_mm`` along its normal."""
-    radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), _azimuths(), indexing="ij")
+    azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
+    radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
     chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
     centres = patch.points(chart) + offset_mm * patch.normals(chart)
     return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
 
 
 def _rim(patch: Patch) -> Lengths:
-    return patch.radius(rim_directions(_azimuths()))
-
-
-def _azimuths() -> Lengths:
-    return np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
+    return rim_radius(patch)(sampled_azimuths())

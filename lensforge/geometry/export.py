@@ -12,7 +12,7 @@ from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
 from lensforge.geometry.keep_out import read_keep_out
-from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
 from lensforge.geometry.keep_out_distance import keep_out_distance
 from lensforge.geometry.mesh import BodyMesh, build_mesh, mesh_error
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
@@ -44,6 +44,7 @@ from lensforge.geometry.step import (
 )
 from lensforge.geometry.step_header import StepHeader
 from lensforge.geometry.step_settings import Schema
+from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens
 from lensforge.records import Extent
@@ -133,7 +134,7 @@ def build_part(
         triangulation=_describe(body),
         files={name: stamp_of(content) for name, content in files.items()},
         seconds=round(time.perf_counter() - start, 3),
-        criteria=(*_criteria(proof), *keep_out_criteria(lens.spec, keep_out)),
+        criteria=(*_criteria(proof), *untrimmed_criteria(untrimmed), *keep_out_criteria(lens.spec, keep_out)),
         step=step,
         stl=stl,
         threemf=threemf,
@@ -156,7 +157,10 @@ def _build(lens: Lens, nodes: int | None, rings: int | None, chord_mm: float) ->
 def _keep_out(lens: Lens, body: _Body) -> KeepOutDistance | None:
     """Distance of the body from the keep-out of the spec; None where it has none."""
     path = lens.spec.constraints.keep_out
-    return None if path is None else keep_out_distance(body.mesh, read_keep_out(path), body.reached.chord_mm)
+    if path is None:
+        return None
+    error_mm = mesh_error_mm(lens.spec.base, body.mesh.rings, body.reached.chord_mm)
+    return keep_out_distance(body.mesh, read_keep_out(path), error_mm)
 
 
 def _untrimmed(

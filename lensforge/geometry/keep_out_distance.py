@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.geometry.keep_out import FACET_MM, KeepOut, KeepOutSolid
+from lensforge.geometry.keep_out import KeepOut, KeepOutSolid
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.part import KeepOutDistance
 
@@ -14,19 +14,22 @@ _SLACK = 1.0 + 1e-9  # of a distance in which to look for a smaller one
 _Triangles = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]  # vertices and their numbers
 
 
-def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, chord_mm: float) -> KeepOutDistance:
-    """Measure the smallest distance from ``mesh``, whose facets are off by ``chord_mm``, to the solids of ``keep_out``.
+def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> KeepOutDistance | None:
+    """Measure the smallest distance from ``mesh`` to the solids of ``keep_out``; ``error_mm``: of both meshes' facets.
 
-    Raises :class:`InputError` where a mesh of the solids is not closed.
+    None where ``mesh`` is not closed, which a criterion of its own says. Raises :class:`InputError` where a mesh of the
+    solids is not closed.
     """
     import manifold3d
 
     body = _manifold(mesh.vertices, mesh.triangles)
+    if body.status() != manifold3d.Error.NoError:
+        return None
     gap_mm, closest = np.inf, keep_out.solids[0]
     for solid in keep_out.solids:
         other = _manifold(solid.vertices, solid.triangles)
-        if body.status() != manifold3d.Error.NoError or other.is_empty():
-            raise InputError(f"{keep_out.path}: the mesh of a solid or of the lens is not closed; repair it in CAD")
+        if other.is_empty():
+            raise InputError(f"{keep_out.path}: the mesh of a solid is not closed; repair it in CAD")
         common = body ^ other
         if not common.is_empty():
             found = -2.0 * common.volume() / common.surface_area()
@@ -39,7 +42,7 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, chord_mm: float) -> Kee
         distance_mm=gap_mm,
         body_point_mm=tuple(places[0].tolist()),
         keep_out_point_mm=tuple(places[1].tolist()),
-        error_mm=chord_mm + FACET_MM,
+        error_mm=error_mm,
     )
 
 
@@ -86,7 +89,7 @@ def _nearest(
 
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """A place on the part that body and solid have in common."""
+    """The lowest vertex of what body and solid have in common, and its outermost one, lifted to its highest z."""
     common = np.asarray((body ^ _manifold(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
-    middle = common[np.linalg.norm(common - common.mean(axis=0), axis=1).argmin()]
-    return middle, middle
+    outermost = common[np.hypot(common[:, 0], common[:, 1]).argmax()]
+    return common[common[:, 2].argmin()], np.array([outermost[0], outermost[1], common[:, 2].max()])

@@ -93,7 +93,8 @@ class KeepOutDistance(Record):
     """Smallest distance between the body and the keep-out of the spec, and where: a place on each, to a facet's size.
 
     ``distance_mm``: of their meshes; below 0 where they overlap, less the mean thickness of what they have in common,
-    twice its volume over its surface. ``error_mm``: of both meshes' facets.
+    twice its volume over its surface; the places are then the lowest vertex of that, and its outermost one lifted
+    to the height of its highest. ``error_mm``: of both meshes' facets.
     """
 
     distance_mm: Number
@@ -116,8 +117,8 @@ class Part(StageResult):
     ``nodes``: spline nodes across each optical face. ``volume_mm3``, ``area_mm2``: of the solid, ``volume_mesh_mm3``,
     ``area_mesh_mm2`` of the mesh. ``bounds_mm``: corners of the box around the mesh, all vertices of which lie on the
     solid: that of the solid is larger by no more than the chord error. ``mass_g`` where the spec states a density.
-    ``keep_out``: None where the spec has none. ``form_tolerances``: those that the STEP carries on its faces, in
-    AP242. ``signature``: in its header.
+    ``keep_out``: None where the spec has none, or the mesh is not closed.
+    ``form_tolerances``: those that the STEP carries on its faces, in AP242. ``signature``: in its header.
     ``files``: size and hash of each file, as built; ``altered`` names those whose bytes are others, in a folder whose
     files somebody has changed. Bytes that this process has not made itself are read within bounds, STEP and 3MF in a
     child process.

@@ -17,7 +17,7 @@ from lensforge.geometry.outline import FULL_TURN, Outline, circle, outline_of
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import grid, to_sphere
 
-_MIN_BASE_WALL_MM = 0.01
+MIN_BASE_WALL_MM = 0.01
 _WALL_NODES = 96  # chart nodes at which the wall is tested
 
 
@@ -149,10 +149,10 @@ def _bore(inner: StarShaped, base: BaseSection, outline: Outline) -> Outline | N
     room = float(outline.radius(azimuths).min())
     if base.pocket_diameter_mm is not None:
         room = min(room, base.pocket_diameter_mm / 2.0)
-    if base.bore_setback_mm > room - opening - _MIN_BASE_WALL_MM:
+    if base.bore_setback_mm > room - opening - MIN_BASE_WALL_MM:
         raise InputError(
             f"base.bore_setback_mm = {base.bore_setback_mm:g}: the bore must fit inside the base and its pocket; "
-            f"at most {room - opening - _MIN_BASE_WALL_MM:.4g}"
+            f"at most {room - opening - MIN_BASE_WALL_MM:.4g}"
         )
     return circle(opening + base.bore_setback_mm)
 
@@ -164,7 +164,7 @@ def _relief_ring(opening: StarShaped | Outline, outer: StarShaped, base: BaseSec
     azimuths = sampled_azimuths()
     hole = opening.radius(azimuths) if isinstance(opening, Outline) else rim_radius(opening)(azimuths)
     rim = rim_radius(outer)(azimuths)
-    room = float(rim.min() - hole.max()) - _MIN_BASE_WALL_MM
+    room = float(rim.min() - hole.max()) - MIN_BASE_WALL_MM
     if base.relief_setback_mm > room:
         raise InputError(
             f"base.relief_setback_mm = {base.relief_setback_mm:g}: the step's wall would open the cavity or its bore; "
@@ -189,7 +189,7 @@ def _require_wall(inner: StarShaped, outer: StarShaped) -> None:
 
 def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outline) -> None:
     azimuths = sampled_azimuths()
-    opening = inner.radius(rim_directions(azimuths)) + _MIN_BASE_WALL_MM
+    opening = inner.radius(rim_directions(azimuths)) + MIN_BASE_WALL_MM
     needed = float((opening / outline.radius(azimuths)).max())
     field, value = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     if needed > 1.0:
@@ -197,10 +197,10 @@ def _require_opening_inside(inner: StarShaped, base: BaseSection, outline: Outli
         if base.flat_mm is not None and opening.max() < value / 2.0:
             field, value, least = "flat_mm", base.flat_mm, f"at least {opening.max():.4g}"
         raise InputError(
-            f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - _MIN_BASE_WALL_MM):.4g} mm "
+            f"base.{field} = {value:g}: the cavity opens to {2.0 * (opening.max() - MIN_BASE_WALL_MM):.4g} mm "
             f"and must fit inside; {least}"
         )
-    pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - _MIN_BASE_WALL_MM)
+    pocket, room = base.pocket_diameter_mm, 2.0 * (float(outline.radius(azimuths).min()) - MIN_BASE_WALL_MM)
     if pocket is not None and not 2.0 * opening.max() <= pocket <= room:
         raise InputError(
             f"base.pocket_diameter_mm = {pocket:g}: from {2.0 * opening.max():.4g}, wider than the cavity, "

@@ -17,6 +17,7 @@ _DATUM = "A"
 _IN_PLANE_MM = 1e-9
 _MM_PER_M = 1e3
 _SAME = 1e-9  # relative; the file has 15 digits
+_REMEDY = "export with AP214, which carries no tolerance, or install cadquery 2.8"
 
 
 def form_tolerances(faces: dict[str, Any], width_um: float) -> tuple[FormTolerance, ...]:
@@ -63,7 +64,13 @@ def _profile(tool: Any, face: Any, width_um: float) -> Any:
 
 def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> None:
     """Raise :class:`InputError` where a STEP file does not carry just these tolerances, read back from its bytes."""
-    found = {tolerance.face: tolerance for tolerance in read_tolerances(content)}
+    written = read_tolerances(content)
+    if tolerances and len(written) != len(tolerances):
+        raise InputError(
+            f"manufacture.form_tolerance_um = {tolerances[0].width_um:g}: this version of the CAD kernel writes "
+            f"{len(written)} tolerances for {len(tolerances)}; {_REMEDY}"
+        )
+    found = {tolerance.face: tolerance for tolerance in written}
     for wanted in tolerances:
         read = found.pop(wanted.face, None)
         same = read is not None and abs(read.width_um / wanted.width_um - 1.0) < _SAME
@@ -71,7 +78,7 @@ def require_written(content: bytes, tolerances: tuple[FormTolerance, ...]) -> No
             stated = "none" if read is None else f"{read.width_um:g} um"
             raise InputError(
                 f"manufacture.form_tolerance_um = {wanted.width_um:g}: this version of the CAD kernel writes {stated} "
-                f"on {wanted.face}; export with AP214, which carries no tolerance, or install cadquery 2.8"
+                f"on {wanted.face}; {_REMEDY}"
             )
 
 

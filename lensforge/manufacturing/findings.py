@@ -10,7 +10,7 @@ from lensforge.criteria import Criterion, at_least, at_most, within
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
 from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
 from lensforge.manufacturing.result import Cutter, FaceName, FaceResult, Finding, ToolResult, Wall
-from lensforge.spec import Spec
+from lensforge.spec import BaseSection, Spec
 
 GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
@@ -29,7 +29,7 @@ def check_findings(
     faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
     return (
         *(cutter_finding(name, face.cutter) for name, face in faces),
-        *relief_findings(relief),
+        *relief_findings(relief, spec.base),
         *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
         wall_finding(wall_mm, spec.constraints.min_thickness_mm),
         *(draft_finding(name, face) for name, face in faces),
@@ -73,13 +73,13 @@ def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
     )
 
 
-def relief_findings(relief: Relief) -> list[Finding]:
-    """Clearance of the ball at the base: one statement for each face that has a base below it."""
+def relief_findings(relief: Relief, base: BaseSection) -> list[Finding]:
+    """Clearance of the ball at ``base``: one statement for each face that has a base below it."""
     faces: tuple[tuple[FaceName, _AnyRelief | None], ...] = (("outer", relief.outer), ("inner", relief.inner))
-    return [_relief_finding(surface, found) for surface, found in faces if found is not None]
+    return [_relief_finding(surface, found, base) for surface, found in faces if found is not None]
 
 
-def _relief_finding(surface: FaceName, relief: _AnyRelief) -> Finding:
+def _relief_finding(surface: FaceName, relief: _AnyRelief, base: BaseSection) -> Finding:
     """The base must retreat by nothing; nothing is known of a face that the ball does not reach."""
     retreat, second = _needed(relief)
     needed = None if retreat is None else max(retreat, second)
@@ -89,34 +89,48 @@ def _relief_finding(surface: FaceName, relief: _AnyRelief) -> Finding:
         reason = f"the base clears the ball at the {surface} face"
     else:
         reached = f"with this base the ball reaches {100.0 * relief.flush_fraction:.1f} % of the {surface} face"
-        reason = f"{reached}; {_remedy(relief, retreat, second)}"
+        reason = f"{reached}; {_remedy(relief, base, retreat)}"
     return Finding(name="relief", surface=surface, value=needed, sense="<=", limit=0.0, unit="mm", reason=reason)
 
 
 def _needed(relief: _AnyRelief) -> tuple[float | None, float]:
-    """Retreat (mm) that the base needs, None where nothing is reached, and a second one: step's wall, or pocket."""
+    """Retreat (mm) that the base needs, None where nothing is reached, and another: step's wall, flange, or pocket."""
     match relief:
         case OuterRelief():
-            return relief.smallest_step_mm, relief.step_clearance_mm or 0.0
+            return relief.smallest_step_mm, max(relief.step_clearance_mm or 0.0, relief.flange_clearance_mm or 0.0)
         case InnerRelief():
             return relief.bore_clearance_mm, relief.pocket_diameter_mm or 0.0
         case CustomBaseRelief():
             return relief.retreat_mm, 0.0
 
 
-def _remedy(relief: _AnyRelief, retreat_mm: float, second_mm: float) -> str:
+def _remedy(relief: _AnyRelief, base: BaseSection, retreat_mm: float) -> str:
     match relief:
         case CustomBaseRelief():
             return f"the base in its file must be cut back by up to {retreat_mm:.4g} mm where the ball hits it"
         case InnerRelief():
-            fields = {"bore_setback_mm": retreat_mm, "pocket_diameter_mm": second_mm}
+            fields = {"bore_setback_mm": retreat_mm, "pocket_diameter_mm": relief.pocket_diameter_mm or 0.0}
             needed = [f"base.{name} = {_up(value)}" for name, value in fields.items() if value > 0.0]
             return f"{' and '.join(needed)} would clear the ball"
-        case OuterRelief() if second_mm <= 0.0:
-            return f"base.relief_step_mm = {_up(retreat_mm)} would clear the ball"
         case OuterRelief():
-            step = f"base.relief_step_mm = {_up(retreat_mm)} and " if retreat_mm > 0.0 else ""
-            return f"the rim is undercut, and needs {step}base.relief_setback_mm = {_up(second_mm)}"
+            return _outer_remedy(relief, base)
+
+
+def _outer_remedy(relief: OuterRelief, base: BaseSection) -> str:
+    """Fields that clear the ball; the flange lies at the bottom, and some of the base must remain above it."""
+    fields = {"relief_step_mm": relief.smallest_step_mm, "relief_setback_mm": relief.step_clearance_mm}
+    needed = [f"base.{name} = {_up(value)}" for name, value in fields.items() if value]
+    lower, flange = relief.flange_clearance_mm or 0.0, 0.0 if base.flange_diameter_mm is None else base.flange_height_mm
+    height, least = base.height_mm + lower, (relief.smallest_step_mm or 0.0) + flange
+    if relief.smallest_step_mm and least >= height:
+        needed.append(f"base.height_mm above {_up(least)}")
+    elif lower > 0.0:
+        needed.append(f"base.height_mm = {_up(height)}")
+    undercut = bool(relief.step_clearance_mm)
+    words = ("the rim is undercut, and needs {}" if undercut else "{} would clear the ball").format(
+        " and ".join(needed)
+    )
+    return f"{words}; in place of the height, a smaller base.flange_diameter_mm may clear it" if lower > 0.0 else words
 
 
 def _up(length_mm: float) -> str:

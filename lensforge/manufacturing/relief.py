@@ -121,11 +121,15 @@ def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Outer
 
     base, present = plan.base, plan.relief_mm
     step = missing(base.widest_mm / 2.0, present)
-    if base.flange_diameter_mm is not None:
-        step = np.maximum(step, missing(base.flange_diameter_mm / 2.0, plan.shoulder_mm))
     step = np.where(step > _CLEAR_MM, step + present, 0.0)
+    flange = np.zeros(len(step))
+    if base.flange_diameter_mm is not None:
+        flange = missing(base.flange_diameter_mm / 2.0, plan.shoulder_mm)
+        flange = np.where(flange > _CLEAR_MM, flange, 0.0)
     if plan.ring is None:
-        setback = wall_retreat_mm(face.samples, cutter_mm, base.height_mm)
+        overhangs = all(arc.relation == "overhang" for arc in plan.arcs)  # the side of the base is then further inside
+        depth = plan.relief_mm if overhangs else base.height_mm
+        setback = wall_retreat_mm(face.samples, cutter_mm, depth) if depth > 0.0 else np.zeros(len(distance))
     else:
         wall = float(plan.ring.radius(np.zeros(1))[0])
         largest = largest_wall_mm(distance, height, cutter_mm)
@@ -133,7 +137,8 @@ def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Outer
     return OuterRelief(
         smallest_step_mm=_largest_reached(face, step),
         step_clearance_mm=_largest_reached(face, setback),
-        flush_fraction=_clear(face, np.maximum(step, setback)),
+        flange_clearance_mm=_largest_reached(face, flange),
+        flush_fraction=_clear(face, step + setback + flange),
     )
 
 

@@ -6,11 +6,13 @@ from lensforge.records import NotNegative, Record, Share, Text
 class OuterRelief(Record):
     """The step that the base needs to clear the ball, and its wall's setback; None where nothing is reached.
 
+    ``flange_clearance_mm``: how much lower the top of the flange must be, 0 where there is no flange.
     ``flush_fraction``: share of the face that the ball reaches with the base as it is.
     """
 
     smallest_step_mm: NotNegative | None
     step_clearance_mm: NotNegative | None
+    flange_clearance_mm: NotNegative | None
     flush_fraction: Share
 
 

@@ -41,10 +41,27 @@ class BaseSection(Section):
             raise ValueError('kind = "step" and file go together: give both, or neither')
         room = ("relief_step_mm", "relief_setback_mm", "bore_setback_mm")
         shapes = (*room, "flat_mm", "pocket_diameter_mm", "flange_diameter_mm")
-        given = [name for name in shapes if getattr(self, name)]
+        given = [name for name in shapes if getattr(self, name)] + self._given("diameter_mm", "side_mm", "height_mm")
         if self.kind == "step" and given:
-            raise ValueError(f"{given[0]} does not go with kind = 'step': the file holds the whole base")
+            stated = f"{given[0]} = {getattr(self, given[0]):g}"
+            raise ValueError(f"{stated} does not go with kind = 'step': the file holds the whole base; leave it out")
         return self
+
+    @model_validator(mode="after")
+    def _no_length_goes_with_nothing(self) -> "BaseSection":
+        """A length that is not the default has something to be the length of; a stored spec states defaults too."""
+        for width, length in (("pocket_diameter_mm", "pocket_depth_mm"), ("flange_diameter_mm", "flange_height_mm")):
+            if getattr(self, width) is None and self._given(length):
+                raise ValueError(f"{length} = {getattr(self, length):g} goes with {width}; give both, or neither")
+        for kind, other, width in (("cylinder", "square", "side_mm"), ("square", "cylinder", "diameter_mm")):
+            if self.kind == kind and self._given(width):
+                stated = f"{width} = {getattr(self, width):g}"
+                raise ValueError(f'{stated} goes with kind = "{other}", not "{kind}"; leave it out')
+        return self
+
+    def _given(self, *names: str) -> list[str]:
+        """Names of the fields that are not as when left out."""
+        return [name for name in names if getattr(self, name) != type(self).model_fields[name].default]
 
     @model_validator(mode="after")
     def _heights_fit(self) -> "BaseSection":
@@ -53,15 +70,19 @@ class BaseSection(Section):
         if self.kind in ("none", "step"):
             return self
         if self.relief_setback_mm and not self.step_mm:
-            raise ValueError(f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0")
+            raise ValueError(
+                f"relief_setback_mm = {self.relief_setback_mm:g} needs a relief_step_mm above 0, not {self.step_mm:g}"
+            )
         if self.step_mm + flange >= self.height_mm:
-            raise ValueError(f"relief_step_mm and flange_height_mm must leave some of height_mm = {self.height_mm:g}")
+            stated = f"relief_step_mm = {self.step_mm:g} and the flange's height, {flange:g}"
+            raise ValueError(f"{stated}, must together be below height_mm = {self.height_mm:g}")
         if pocket >= self.height_mm:
             raise ValueError(f"pocket_depth_mm = {pocket:g} must be below height_mm = {self.height_mm:g}")
         if self.flat_mm is not None and not (self.kind == "cylinder" and self.flat_mm < self.diameter_mm / 2.0):
             raise ValueError(f"flat_mm = {self.flat_mm:g}: a flat is cut from a cylinder, below diameter_mm / 2")
         if self.flange_diameter_mm is not None and self.flange_diameter_mm <= self.widest_mm:
-            raise ValueError(f"flange_diameter_mm must exceed the width of the base, {self.widest_mm:g}")
+            stated = f"flange_diameter_mm = {self.flange_diameter_mm:g}"
+            raise ValueError(f"{stated}: must exceed the width of the base, {self.widest_mm:g}")
         return self
 
     @property

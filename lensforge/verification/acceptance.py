@@ -164,9 +164,13 @@ def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
     """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
     finer = "export with a finer mesh"
     report = "do not trust this flux budget, it does not close: please report it"
+    held = (
+        "light goes round in the part until it is too dim to follow: state lens.absorption_per_mm of the material, or "
+        "blacken the base (verify --stray --base black)"
+    )
     balance = max(receiver.balance_error for receiver in stray.receivers)
     return (
         at_most("stray_balance", balance, BALANCE, "of the flux", report),
         at_most("stray_leaked", stray.flux.leaked, LEAK_SHARE, "of the flux", finer),
-        at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", "lower the cut-off"),
+        at_most("stray_too_dim", stray.flux.too_dim, DIM_SHARE, "of the flux", held),
     )

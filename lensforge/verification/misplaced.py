@@ -173,7 +173,7 @@ def candidates(found: BodySize, exported: BodySize) -> list[Motion]:
             continue
         unit = next((each for each in (1.0, *_UNITS) if abs(scale / each - 1.0) < _limit(each)), scale)
         shift = 0.5 * (low + high) - unit * turn @ (0.5 * (least + most))
-        shift = np.where(np.abs(shift) < _LEAST_SHIFT_MM * max(unit, 1.0), 0.0, shift)
+        shift = np.where(np.abs(shift) < _LEAST_SHIFT_MM * unit, 0.0, shift)
         motions.append(Motion(unit, turn, shift))
     return sorted(motions, key=lambda each: (np.linalg.det(each.turn) < 0.0, -np.trace(each.turn)))
 

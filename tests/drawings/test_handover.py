@@ -241,6 +241,7 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     for words in ("A. Author", "2026-03-31", "0.0125;", "the lens times 1.0125", "2.5 µm", "its schema carries none"):
         assert words in text
     assert "lens_surfaces.step, the tables" in text
+    assert f"errs by {part.untrimmed_surfaces.form_error_nm:.2g} nm at most against the design times 1.0125" in text
     for name in ("points.csv", "sag.csv", *(grid.file for grid in handed.grids)):
         head = [line for line in handed.files[name].decode().splitlines() if line.startswith("# ")]
         for words in ("A. Author", "2026-03-31", "0.0125", lens.sha256, "units: mm", "the lens times 1.0125"):

@@ -119,7 +119,7 @@ def test_a_step_that_stands_back_from_the_rim_is_a_circle_all_around(width):
     extras=st.sets(st.sampled_from(["flat", "flange", "pocket", "relief", "setback"])),
 )
 def test_random_lenses_on_random_bases_are_valid_and_closed(seed, outer, kind, width, extras):
-    content = {"kind": kind, "diameter_mm": width, "side_mm": width}
+    content = {"kind": kind, "side_mm" if kind == "square" else "diameter_mm": width}
     content |= {"flat_mm": 0.45 * width} if "flat" in extras and kind == "cylinder" else {}
     content |= {"flange_diameter_mm": 1.6 * width} if "flange" in extras else {}
     content |= {"pocket_diameter_mm": 14.0} if "pocket" in extras else {}
@@ -170,8 +170,36 @@ def test_a_step_below_a_rim_that_crosses_the_outline_is_refused():
         {"flat_mm": 13.0},
         {"kind": "square", "flat_mm": 10.0},
         {"flange_diameter_mm": 25.0},
+        {"pocket_depth_mm": 0.5},
+        {"flange_height_mm": 0.7},
+        {"side_mm": 20.0},
+        {"kind": "square", "diameter_mm": 20.0},
+        {"kind": "step", "file": "clamp.step", "height_mm": 3.0},
     ],
 )
 def test_heights_and_widths_that_contradict_each_other_are_refused(keys):
     with pytest.raises(InputError, match=r"^BaseSection: .*(must|flat|needs|go)"):
         BaseSection(**keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "line"),
+    [
+        ({"relief_setback_mm": 0.1}, "relief_setback_mm = 0.1 needs a relief_step_mm above 0, not 0"),
+        (
+            {"relief_step_mm": 1.6, "flange_diameter_mm": 30.0},
+            "relief_step_mm = 1.6 and the flange's height, 0.5, must",
+        ),
+        ({"flange_diameter_mm": 25.0}, "flange_diameter_mm = 25: must exceed the width of the base, 25.4"),
+        ({"kind": "step", "file": "clamp.step", "height_mm": 3.0}, "height_mm = 3 does not go with kind = 'step'"),
+    ],
+)
+def test_a_refusal_states_the_value_and_what_is_allowed(keys, line):
+    with pytest.raises(InputError) as caught:
+        BaseSection(**keys)
+    assert line in str(caught.value)
+
+
+def test_a_base_that_writes_its_defaults_out_is_read_again():
+    for base in (BaseSection(kind="square", side_mm=20.0), BaseSection(kind="none", diameter_mm=20.0)):
+        assert BaseSection(**base.model_dump()) == base

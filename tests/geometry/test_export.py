@@ -8,11 +8,15 @@ import pytest
 from geometry_lenses import ALL_LEVELS, PAPER_SCALES, exact_volume, make_lens
 from nightly import first_by_day
 
+from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
+from lensforge.geometry import export
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import face_points
+from lensforge.geometry.patch import fit_extended
 from lensforge.geometry.step import parse_surfaces
 from lensforge.surfaces.chart import to_sphere
+from lensforge.surfaces.scaled import scaled
 from lensforge.version import __version__
 
 KEYS = {
@@ -133,6 +137,25 @@ def test_ap242_and_untrimmed_surfaces_on_request():
         radius = np.linalg.norm(points, axis=1)
         np.testing.assert_allclose(np.degrees(np.arcsin(points[:, 2] / radius)), -8.0, atol=1e-9)
         np.testing.assert_allclose(radius, surface.radius(to_sphere(edge)), atol=1e-8)
+
+
+def test_untrimmed_faces_are_judged_as_those_of_the_part(monkeypatch):
+    lens = make_lens(0.8, 2.45, 0.01)
+    part = build_part(lens, rings=16, runout_deg=8.0)
+    judged = {criterion.name: criterion for criterion in part.criteria}
+    assert judged["surfaces_form_error"].value == part.untrimmed_surfaces.form_error_nm
+    assert judged["surfaces_normal_error"].value == part.untrimmed_surfaces.normal_error_mrad
+    assert list(part_contradictions(part)) == []
+    wrong = part.model_copy(
+        update={"untrimmed_surfaces": part.untrimmed_surfaces.model_copy(update={"form_error_nm": 5e3})}
+    )
+    assert any("surfaces_form_error" in words for words in part_contradictions(wrong))
+
+    def larger(surface, nodes, runout_deg):
+        return fit_extended(scaled(surface, 1.0 + 1e-6), nodes, runout_deg)
+
+    monkeypatch.setattr(export, "fit_extended", larger)  # 2 nm on the outer face
+    assert failed(build_part(lens, rings=16, runout_deg=8.0)) == ["surfaces_form_error"]
 
 
 def test_a_base_that_does_not_hold_the_cavity_is_refused():

@@ -1,5 +1,6 @@
 """The keep-out of a part: distances in closed form, what to change, and files that hold none."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,15 @@ from keep_outs import ball, box, step_file
 from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
-from lensforge.geometry.keep_out import read_keep_out
-from lensforge.geometry.part import Part
+from lensforge.geometry.form import fit_faces
+from lensforge.geometry.keep_out import FACET_MM, read_keep_out
+from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
+from lensforge.geometry.keep_out_distance import keep_out_distance
+from lensforge.geometry.mesh import build_mesh
+from lensforge.geometry.part import KeepOutDistance, Part
+from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens
+from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
 
@@ -58,6 +65,32 @@ def test_a_keep_out_too_close_to_the_cavity_misses_and_says_what_to_raise(tmp_pa
     assert list(part_contradictions(part)) == []
     closer = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"distance_mm": 0.5})})
     assert any("keep_out.distance_mm" in words for words in part_contradictions(closer))
+    gone = part.model_copy(update={"keep_out": None})
+    assert any("keep_out = False" in words for words in part_contradictions(gone))
+    torn = gone.model_copy(update={"watertight": False})
+    assert not any("keep_out = False" in words for words in part_contradictions(torn))
+    lax = part.model_copy(update={"keep_out": part.keep_out.model_copy(update={"error_mm": 0.3})})
+    assert any("keep_out.error_mm = 0.3" in words for words in part_contradictions(lax))
+
+
+def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None:
+    """A hexagon about R has sides at R cos(pi/6)."""
+    base, none = BaseSection(diameter_mm=30.0), BaseSection(kind="none")
+    assert mesh_error_mm(base, 1, 1e-3) == pytest.approx(15.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    flange = base.model_copy(update={"flange_diameter_mm": 40.0})
+    assert mesh_error_mm(flange, 1, 1e-3) == pytest.approx(20.0 * (1.0 - np.sqrt(0.75)) + FACET_MM)
+    assert mesh_error_mm(none, 1, 1e-3) == 1e-3 + FACET_MM
+
+
+def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_out(tmp_path: Path) -> None:
+    path = step_file(tmp_path / "led.step", ball(0.3, (0.0, 0.0, 0.1)))
+    lens = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
+    mesh = build_mesh(make_plan(*fit_faces(lens), lens.spec.base), 6)
+    assert keep_out_distance(mesh, read_keep_out(path), 1e-3) is not None
+    torn = replace(mesh, triangles=mesh.triangles[1:], face=mesh.face[1:])
+    assert keep_out_distance(torn, read_keep_out(path), 1e-3) is None
+    (criterion,) = keep_out_criteria(lens.spec.replace({"constraints.keep_out": str(path)}), None)
+    assert criterion.value is None and not criterion.passed and "is not closed" in criterion.remedy
 
 
 def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
@@ -83,8 +116,9 @@ def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     path = step_file(tmp_path / "board.step", box((2.4, 2.4, 0.5), (0.0, 0.0, -1.65)))
     bored = part_with(path, diameter_mm=6.0, height_mm=2.0)
     assert bored.keep_out is not None and bored.keep_out.distance_mm < 0.0
-    (words,) = missed(bored)
-    assert "base.pocket_diameter_mm must be above" in words
+    (words,) = missed(bored)  # up to 1.4 mm below z = 0, its corners 1.7 mm from the axis
+    assert "base.pocket_depth_mm = 0.7 with pocket_diameter_mm = 3.595" in words
+    assert list(part_contradictions(bored)) == []
     wide = {"diameter_mm": 6.0, "height_mm": 2.0, "pocket_diameter_mm": 3.8, "pocket_depth_mm": 0.9}
     pocketed = part_with(path, **wide)
     assert pocketed.keep_out is not None
@@ -93,6 +127,30 @@ def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     assert missed(pocketed) == []
     shallow = part_with(path, **(wide | {"pocket_depth_mm": 0.65}))
     assert "base.pocket_depth_mm = 0.7" in missed(shallow)[0]
+
+
+@pytest.mark.parametrize(
+    ("base", "distance_mm", "body", "keep_out", "words"),
+    [
+        ("cylinder", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.diameter_mm"),
+        ("square", 0.05, (3.0, 0.0, 0.0), (3.05, 0.0, 0.0), "beside the base: lower base.side_mm"),
+        ("cylinder", -0.01, (2.9, 0.0, -1.0), (3.0, 0.0, -0.5), "beside the base: lower base.diameter_mm"),
+        ("cylinder", -0.1, (1.0, 0.0, -2.0), (1.2, 0.0, -1.5), "depth_mm = 0.6 with pocket_diameter_mm = 2.6"),
+        ("cylinder", -0.1, (3.0, 0.0, -2.0), (3.0, 0.0, -1.5), "lower base.height_mm, or move the keep-out"),
+        ("cylinder", 0.05, (0.8, 0.0, 0.0), (0.75, 0.0, 0.0), "raise lens.inner_offset_mm"),
+        ("cylinder", -0.01, (0.8, 0.0, -0.1), (0.9, 0.0, 0.1), "raise lens.inner_offset_mm"),
+    ],
+)  # fmt: skip
+def test_the_remedy_names_the_field_of_the_place(
+    base: str, distance_mm: float, body: tuple[float, ...], keep_out: tuple[float, ...], words: str
+) -> None:
+    """Base 6 mm wide and 2 mm high; its side has vertices at z = 0 and at its bottom alone."""
+    width = "side_mm" if base == "square" else "diameter_mm"
+    plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": base, width: 6.0, "height_mm": 2.0})
+    spec = plain.spec.replace({"constraints.keep_out": "clamp.step", "constraints.keep_out_margin_mm": 0.1})
+    found = KeepOutDistance(distance_mm=distance_mm, body_point_mm=body, keep_out_point_mm=keep_out, error_mm=1e-3)
+    (criterion,) = keep_out_criteria(spec, found)
+    assert words in criterion.remedy
 
 
 def test_no_keep_out_has_no_distance_and_no_criterion() -> None:

@@ -9,8 +9,10 @@ from geometry_lenses import make_lens, off_grid_chart
 from nightly import first_by_day
 
 from lensforge.errors import InputError
+from lensforge.geometry import step_tolerances
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import face_points
+from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.geometry.step import parse_step, parse_surfaces
 from lensforge.geometry.step_tolerances import form_tolerances, read_tolerances, require_written
 from lensforge.surfaces.chart import to_sphere
@@ -109,6 +111,15 @@ def test_tolerances_that_the_kernel_writes_otherwise_are_refused_in_one_line():
     ) as caught:
         require_written(part.step, wanted)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("faces", [("A", "A", "B"), ("A", "B", "C")])
+def test_a_doubled_or_additional_tolerance_is_refused(monkeypatch, faces):
+    written = [FormTolerance(face=name, width_um=2.0, datum_faces=()) for name in faces]
+    monkeypatch.setattr(step_tolerances, "read_tolerances", lambda _: written)
+    wanted = tuple(FormTolerance(face=name, width_um=2.0, datum_faces=()) for name in "AB")
+    with pytest.raises(InputError, match=r"form_tolerance_um = 2: .* writes 3 tolerances for 2; export with AP214"):
+        require_written(b"", wanted)
 
 
 @pytest.mark.parametrize("shrinkage", first_by_day(1, [0.005, 0.1]))

@@ -246,7 +246,7 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     base = {"height_mm": 6.0}
     for _ in range(3):
         plan = lay_out(inner.samples.face.patch, outer.samples.face.patch, BaseSection(**base))
-        found = relief_findings(check_relief(plan, None, 0.6, inner, outer))[0]
+        found = relief_findings(check_relief(plan, None, 0.6, inner, outer), plan.base)[0]
         if found.holds:
             break
         base |= {key: float(value) for key, value in re.findall(r"base\.(\w+) = ([\d.]+)", found.reason)}

@@ -120,7 +120,7 @@ def check(result, lens):
                 ),
             }
         )
-    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flush_fraction=1.0)
+    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flange_clearance_mm=0.0, flush_fraction=1.0)
     return change | {"relief": Relief(outer=clear, inner=None)}
 
 

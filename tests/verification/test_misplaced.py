@@ -9,6 +9,7 @@ from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.verification.body import mesh_size
 from lensforge.verification.comparison import Expected
+from lensforge.verification.misplaced import candidates
 from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 
@@ -100,3 +101,14 @@ def test_a_thick_base_is_no_matter_of_the_light():
 def test_a_coarse_mesh_is_told_to_be_finer():
     found = remedies(mesh(rings=8))
     assert "finer mesh" in found["deviation_rms"] and "another" not in found["deviation_rms"]
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001, 25.4])
+def test_the_least_shift_is_a_length_of_the_lens_whatever_the_unit_of_the_file(unit):
+    """A shift of 1 mm counts in metres too; one of 1 um in no unit."""
+    exported = mesh_size(mesh())
+    for shift_mm, expected in ((1.0, unit), (1e-3, 0.0)):
+        bounds = unit * (np.array(exported.bounds_mm) + np.array([shift_mm, 0.0, 0.0]))
+        first = candidates(exported.model_copy(update={"bounds_mm": tuple(map(tuple, bounds.tolist()))}), exported)[0]
+        assert first.scale == unit
+        np.testing.assert_allclose(first.shift_mm, [expected, 0.0, 0.0], atol=1e-9)
