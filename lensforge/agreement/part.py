@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.geometry.acceptance import PART_CRITERIA, mass_g, mesh_volume_limit, part_criteria
-from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
+from lensforge.geometry.keep_out_error import mesh_error_mm
 from lensforge.geometry.part import STL_FILE, Part
 from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 

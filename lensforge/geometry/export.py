@@ -12,8 +12,9 @@ from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.facet_error import FacetError
 from lensforge.geometry.form import FormError, Place, face_error, fit_faces, worst
 from lensforge.geometry.keep_out import read_keep_out
-from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
 from lensforge.geometry.keep_out_distance import keep_out_distance
+from lensforge.geometry.keep_out_error import mesh_error_mm
 from lensforge.geometry.mesh import BodyMesh, build_mesh, mesh_error
 from lensforge.geometry.mesh_files import parse_3mf, parse_stl, stl_bytes, threemf_bytes
 from lensforge.geometry.part import (

@@ -13,13 +13,11 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.geometry.custom_base import tessellated
+from lensforge.geometry.keep_out_error import FACET_MM
 from lensforge.geometry.solid import Solid
 from lensforge.geometry.step_reading import parse_apart
 from lensforge.untrusted.archives import MOST_STEP_MIB
 
-# Largest distance of the meshes from curved faces. The CAD kernel keeps its chord at the edges of its triangles; in the
-# middle of those of a ball it is off by 1.7 times as much.
-FACET_MM = 2e-3
 _CHORD_MM = 0.5 * FACET_MM
 _REMEDY = "repair it in CAD, and export it as AP203, AP214 or AP242"
 

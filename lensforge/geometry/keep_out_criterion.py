@@ -3,14 +3,11 @@
 It follows from the record and the spec alone, so that the criterion in a file can be held against the file's numbers.
 """
 
-from math import cos, pi
-
 import numpy as np
 
 from lensforge.criteria import Criterion, at_least
-from lensforge.geometry.keep_out import FACET_MM
 from lensforge.geometry.part import KeepOutDistance
-from lensforge.spec import BaseSection, Spec
+from lensforge.spec import Spec
 from lensforge.spec.section import rounded_up
 
 _RIM_MM = 1e-5  # from z = 0: a place on the rim of an exported face
@@ -26,15 +23,6 @@ def keep_out_criteria(spec: Spec, found: KeepOutDistance | None) -> tuple[Criter
         return (at_least("keep_out_distance", float("nan"), limits.keep_out_margin_mm, "mm", _UNMEASURED),)
     limit = limits.keep_out_margin_mm - limits.tolerance_mm - found.error_mm
     return (at_least("keep_out_distance", found.distance_mm, limit, "mm", _remedy(spec, found)),)
-
-
-def mesh_error_mm(base: BaseSection, rings: int, chord_mm: float) -> float:
-    """Largest error (mm) of a distance between the meshes of body and keep-out.
-
-    ``chord_mm``: of the optical facets. A cylinder of the base is a polygon of 6 ``rings`` corners, or more.
-    """
-    widest = (base.flange_diameter_mm or base.widest_mm) if base.kind in ("cylinder", "square") else 0.0
-    return max(chord_mm, widest / 2.0 * (1.0 - cos(pi / (6 * rings)))) + FACET_MM
 
 
 def _remedy(spec: Spec, found: KeepOutDistance) -> str:

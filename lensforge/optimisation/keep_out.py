@@ -14,7 +14,8 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from lensforge.errors import InputError
-from lensforge.geometry.keep_out import FACET_MM, KeepOut, read_keep_out
+from lensforge.geometry.keep_out import KeepOut, read_keep_out
+from lensforge.geometry.keep_out_error import FACET_MM
 from lensforge.kernels.grown_extent import grown_extents
 from lensforge.kernels.jit import in_chunks
 from lensforge.optimisation.chart_points import ChartPoints

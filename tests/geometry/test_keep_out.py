@@ -12,9 +12,10 @@ from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import fit_faces
-from lensforge.geometry.keep_out import FACET_MM, read_keep_out
-from lensforge.geometry.keep_out_criterion import keep_out_criteria, mesh_error_mm
+from lensforge.geometry.keep_out import read_keep_out
+from lensforge.geometry.keep_out_criterion import keep_out_criteria
 from lensforge.geometry.keep_out_distance import keep_out_distance
+from lensforge.geometry.keep_out_error import FACET_MM, mesh_error_mm
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.part import KeepOutDistance, Part
 from lensforge.geometry.plan import make_plan
