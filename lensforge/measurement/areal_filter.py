@@ -2,10 +2,11 @@
 
 The filtered deviation s minimises
 
-    sum_i a_i (d_i - s_i)^2  +  (wavelength / 2 pi)^4 * integral |second derivatives of s|^2 dA
+    sum_i a_i (d_i - s_i)^2 c_i^2  +  (wavelength / 2 pi)^4 * integral |second derivatives of s|^2 dA
 
-over the points, each of which stands for the area a_i, so that the density of the points does not matter. A wave of the
-stated wavelength passes by one half, one of n times that wavelength by 1/(1 + n^-4): the transmission of the spline
+over the points, each of which stands for the area a_i of the face, so that the density of the points does not matter; c
+is the cosine between the ray from the origin and the normal, along which points have their noise. A wave of the stated
+wavelength passes by one half, one of n times that wavelength by 1/(1 + n^-4): the transmission of the spline
 filters of profiles (M. Krystek, Measurement 18, 9 (1996)). The edge of the face needs no special treatment.
 
 Lengths are along a sphere of the local radius: on a face inclined to it by t, waves along the slope are longer by
@@ -57,14 +58,24 @@ class PointDeviations:
         return float(self.surface.radius(fibonacci_hemisphere(2000)).max())
 
     @cached_property
+    def cosines(self) -> Float[np.ndarray, " n"]:
+        """Cosine between direction and normal: of a radial deviation, so much lies along the normal."""
+        return np.sum(self.surface.normal(self.directions) * self.directions, axis=1)
+
+    @cached_property
     def areas(self) -> Float[np.ndarray, " n"]:
         """Area (mm^2) that each point stands for: the cells of a regular pattern, shared by the points in them."""
         cells = fibonacci_hemisphere(max(1, len(self.directions) // _POINTS_PER_CELL))
         _, cell = cKDTree(cells).query(self.directions)
         count = np.bincount(cell, minlength=len(cells))
         area = 2.0 * np.pi / len(cells) * self.surface.radius(cells) ** 2
-        shared: Float[np.ndarray, " n"] = (area / np.maximum(count, 1))[cell]
+        shared: Float[np.ndarray, " n"] = (area / np.maximum(count, 1))[cell] / self.cosines
         return shared
+
+    def mean_square(self, values: Float[np.ndarray, "n *k"]) -> float:
+        """Mean square along the normal, over the area, of radial ``values`` (mm)."""
+        along = (self.cosines * values.T) ** 2
+        return float(np.mean(along @ self.areas) / np.sum(self.areas))
 
 
 def shortest_by_nodes_mm(radius_mm: float) -> float:
@@ -76,7 +87,8 @@ class ArealFilter:
     """The filter of one wavelength (mm) on the points of one face."""
 
     def __init__(self, points: PointDeviations, wavelength_mm: float) -> None:
-        self._points, self.wavelength_mm, self.areas = points, wavelength_mm, points.areas
+        self.points, self.wavelength_mm = points, wavelength_mm
+        self._weights = points.areas * points.cosines**2
         detail = wavelength_mm / points.largest_radius_mm
         # A wavelength and a half beyond the square that is exported: what lies further out has no effect on it.
         half = min(np.tan(np.arctan(HALF_WIDTH) + 0.75 * detail), _WIDEST)
@@ -87,12 +99,12 @@ class ArealFilter:
         self._fitted = sum((part.T @ part).tocsc() for part in self._weighted(self._values))
 
     def _parts(self) -> Iterator[slice]:
-        for start in range(0, len(self._points.directions), _CHUNK):
+        for start in range(0, len(self.points.directions), _CHUNK):
             yield slice(start, start + _CHUNK)
 
     def _weighted(self, values: list[Any]) -> Iterator[Any]:
         for rows, part in zip(self._parts(), values, strict=True):
-            yield sparse.diags_array(np.sqrt(self.areas[rows])) @ part
+            yield sparse.diags_array(np.sqrt(self._weights[rows])) @ part
 
     def _rows(self, chart: Float[np.ndarray, "n 2"]) -> Any:
         """Values of all basis functions at chart points, a sparse row for each."""
@@ -121,7 +133,7 @@ class ArealFilter:
     def _scale(self) -> Float[np.ndarray, " p"]:
         """Length (mm) of a unit of the chart at the places."""
         directions = to_sphere(self.places)
-        scale: Float[np.ndarray, " p"] = self._points.surface.radius(directions) * (1.0 + directions[:, 2])
+        scale: Float[np.ndarray, " p"] = self.points.surface.radius(directions) * (1.0 + directions[:, 2])
         return scale
 
     @cached_property
@@ -154,11 +166,11 @@ class ArealFilter:
         penalty = sum((stiff @ each).T @ (stiff @ each) for each in along)
         matrix = (self._fitted + penalty + _FADE * (value.T @ value)).tocsc()
         solver = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return FilteredPoints(self, solver, solver.solve(self.loads(self._points.deviations)))
+        return FilteredPoints(self, solver, solver.solve(self.loads(self.points.deviations)))
 
     def loads(self, values: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
         """Right sides of the filter's equations for ``values`` at the points."""
-        weighted = (self.areas * values.T).T
+        weighted = (self._weights * values.T).T
         pairs = zip(self._parts(), self._values, strict=True)
         loads: Float[np.ndarray, m * k] = np.sum([part.T @ weighted[rows] for rows, part in pairs], axis=0)
         return loads
@@ -172,7 +184,7 @@ class ArealFilter:
         side = len(self._knots) - _DEGREE - 1
         table = BSpline.design_matrix(self._breaks, self._knots, _DEGREE)
         values = table @ control.reshape(side, side) @ table.T
-        detail = _STEEPEST * self.wavelength_mm / self._points.largest_radius_mm
+        detail = _STEEPEST * self.wavelength_mm / self.points.largest_radius_mm
         return RadialChange.through(self._breaks, np.asarray(values), detail)
 
 
@@ -201,12 +213,12 @@ class FilteredPoints:
     def left_of_noise(self) -> tuple[float, float]:
         """Shares of n that the filter leaves: of the degrees of freedom, and of the variance of noise in the residual.
 
-        1 - tr A / n, and the mean square over the area of (I - A) z for random signs z (Hutchinson 1990).
+        1 - tr A / n, and the mean square along the normal of (I - A) z for random signs z along it (Hutchinson 1990).
         """
-        signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (len(self.values), _PROBES))
-        left = signs - self.at_points_again(signs)
-        areas = self.areal.areas[:, None]
-        return float(np.mean(signs * left)), float(np.sum(areas * left**2) / (_PROBES * np.sum(areas)))
+        points, signs = self.areal.points, np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, len(self.values)))
+        noise = (signs / points.cosines).T
+        left = noise - self.at_points_again(noise)
+        return float(np.mean(signs * points.cosines * left.T)), points.mean_square(left)
 
     def at_points_again(self, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
         """Other values at the points, each column through the same filter."""

@@ -18,7 +18,6 @@ from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
 from lensforge.measurement.surface import pose_of
-from lensforge.measurement.wavelength import mean_square
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Extent
 from lensforge.sources.bundle import Source
@@ -73,7 +72,7 @@ def correct_face(
         wavelength_mm=cut.chosen.areal.wavelength_mm,
         wavelength_given=request.wavelength_mm is not None,
         noise_rms_um=1e3 * cut.noise_mm,
-        residual_rms_um=1e3 * float(np.sqrt(mean_square(cut.points.areas, left))),
+        residual_rms_um=1e3 * float(np.sqrt(cut.points.mean_square(left))),
         deviation_um=pixels.extent_um(first),
         correction_um=pixels.extent_um(made.change),
         expected_um=pixels.extent_um(second),
@@ -114,7 +113,7 @@ def _expected(cut: FirstCut, made: CutFace, gain: float) -> ChangedSurface:
     The points of the first measurement decided on the correction, so that what it leaves of them is too small (a
     parametric bootstrap: Efron & Tibshirani 1993).
     """
-    noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations))
+    noise = cut.noise_mm * np.random.default_rng(_SEED).normal(size=len(cut.points.deviations)) / cut.points.cosines
     measured_again = made.filtered.again(cut.likeliest.values + noise)
     return ChangedSurface(cut.likeliest.change, measured_again.times(-gain))
 

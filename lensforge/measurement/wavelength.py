@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from lensforge.errors import InputError
@@ -72,7 +71,7 @@ def point_spacing_mm(points: PointDeviations) -> float:
 
 @dataclass(frozen=True)
 class TriedFilter:
-    """A filter's result, the noise (mm, rms) of the points by what it leaves, and its score by cross-validation."""
+    """A filter and its result, the noise (mm rms along the normal) of the points by what it leaves, and its score."""
 
     filtered: FilteredPoints
     noise_mm: float
@@ -83,7 +82,7 @@ class TriedFilter:
         """Filter ``points``. The score is the error (mm^2) at points that were not measured (Golub et al. 1979)."""
         filtered = ArealFilter(points, wavelength_mm).solve()
         freedom, noise = filtered.left_of_noise()
-        square = mean_square(points.areas, points.deviations - filtered.values)
+        square = points.mean_square(points.deviations - filtered.values)
         return TriedFilter(filtered, float(np.sqrt(square / noise)), square / freedom**2)
 
 
@@ -98,8 +97,3 @@ def longest_fitting(points: PointDeviations, span: FilterRange, finest: TriedFil
     tried = [finest, *(TriedFilter.of(points, span.shortest_mm * _STEP**step) for step in range(1, count))]
     allowed = min(each.score for each in tried) * (1.0 + np.sqrt(2.0 / len(points.directions)))
     return [each.filtered for each in tried if each.score <= allowed][-1]
-
-
-def mean_square(areas: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"]) -> float:
-    """Mean square of ``values`` over ``areas``."""
-    return float(np.sum(areas * values**2) / np.sum(areas))

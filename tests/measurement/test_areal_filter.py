@@ -9,6 +9,7 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.measurement.areal_filter import ArealFilter, PointDeviations
 from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.wavelength import FilterRange, TriedFilter, longest_fitting, point_spacing_mm
+from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 
 RADIUS = 13.0
@@ -111,6 +112,18 @@ def test_noise_alone_takes_long_waves_and_detail_short_ones():
 
     assert chosen(np.zeros(len(u))) > 8.0
     assert chosen(2.0 * wave(u, 4.0)) < 3.0
+
+
+def test_noise_is_along_the_normal_of_a_face_that_is_inclined_to_the_rays():
+    """A sphere whose centre is 0.7 of its radius above the origin: near the rim radial noise is 1.4 times as large."""
+    face, u = sphere(6.0, 4.2), fibonacci_hemisphere(4000)
+    noise = 3e-4 * np.random.default_rng(5).normal(size=len(u)) / np.sum(face.normal(u) * u, axis=1)
+    points = PointDeviations(face, u, noise)
+    span = FilterRange.of(points)
+    finest = TriedFilter.of(points, span.shortest_mm)
+    assert finest.noise_mm == pytest.approx(3e-4, rel=0.04)
+    assert np.sum(points.areas) == pytest.approx(2.0 * np.pi * 6.0**2 * 1.7, rel=0.01), "of the cap above z = 0"
+    assert longest_fitting(points, span, finest).areal.wavelength_mm > 0.4 * span.longest_mm
 
 
 def test_a_wavelength_that_the_points_do_not_show_is_refused():
