@@ -2,6 +2,7 @@
 
 import pickle
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -27,6 +28,15 @@ install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     skip_by_day(items)
+
+
+@pytest.fixture(autouse=True)
+def closed_figures() -> Iterator[None]:
+    """Plots that results draw stay open for a notebook to show: matplotlib warns when a process has more than 20."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")
 
 
 @pytest.fixture
