@@ -60,7 +60,8 @@ class PointDeviations:
     @cached_property
     def cosines(self) -> Float[np.ndarray, " n"]:
         """Cosine between direction and normal: of a radial deviation, so much lies along the normal."""
-        return np.sum(self.surface.normal(self.directions) * self.directions, axis=1)
+        cosines: Float[np.ndarray, " n"] = np.sum(self.surface.normal(self.directions) * self.directions, axis=1)
+        return cosines
 
     @cached_property
     def areas(self) -> Float[np.ndarray, " n"]:
