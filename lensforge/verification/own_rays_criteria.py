@@ -12,7 +12,7 @@ CERTAIN = 4.0
 # Besides noise: what the other casts allow the part to change of the flux and of the picture.
 FLUX_SHARE, PICTURE = 1e-3, 1e-3
 
-# Of 27 means and products of a right sampler one is that many standard errors off in 500,000 verifications.
+# Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
 MOST_APART = 5.5
 _WRONG = "the design's source is sampled wrongly, please report it"
 
