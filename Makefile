@@ -24,7 +24,7 @@ lowest:  ## a draft and all stages with the lowest version of each dependency th
 	done
 
 lint: setup  ## style and types
-	$(BIN)/ruff check .
+	$(BIN)/ruff check --no-cache .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 

@@ -22,7 +22,7 @@ import lensforge as lf
 from lensforge.geometry.form import face_points
 from lensforge.geometry.mesh import INNER, OUTER
 from lensforge.geometry.step import parse_step
-from lensforge.measurement.second_cut import SecondCut
+from lensforge.measurement.changed_lens import ChangedLens
 from lensforge.sources.build import build_source
 from lensforge.surfaces.chart import HALF_WIDTH, grid, to_chart
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -128,7 +128,7 @@ def row(lens: lf.Lens, side: Any, options: argparse.Namespace) -> tuple[str, ...
         np.savetxt(file, measured(of, error, options), delimiter=",")
         made = lf.correct(lens, points=file, surface=side, rays=options.rays)
     again = cut_from(made.step, side, of, error)
-    cuts = SecondCut(lens, side, build_source(lens.spec.source, lens.spec.lens.dispersion), 6.0, options.rays)
+    cuts = ChangedLens(lens, side, build_source(lens.spec.source, lens.spec.lens.dispersion), 6.0, options.rays)
     design, *cut = cuts.lights(None, RadialError(error), RadialError(again))
     first, second = (each.replicates.change_from(design.replicates, options.rays) for each in cut)
     return (

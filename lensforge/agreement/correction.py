@@ -6,7 +6,8 @@ from lensforge.agreement.comparing import differing, judged, unlike
 from lensforge.agreement.studies import change_contradictions
 from lensforge.geometry.part import stamp_of
 from lensforge.lens import Lens
-from lensforge.measurement.correction_result import Correction, area_extent, correction_criteria
+from lensforge.measurement.comparison import area_extent
+from lensforge.measurement.correction_result import Correction, correction_criteria
 
 
 def correction_contradictions(found: Correction, lens: Lens) -> Iterator[str]:

@@ -14,14 +14,13 @@ from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
-from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask, mean_share
 from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
-from lensforge.jackknife import jackknife
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.possible import PossibleLight, SourceLight
-from lensforge.records import Image, Metric
+from lensforge.records import Image
 from lensforge.sources.bundle import Source
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.targets.limits import LightLimit, light_limits
@@ -121,7 +120,7 @@ def receiver_light(
         window=WindowSize(width=width, height=height, radius=radius),
         nmse=metrics.nmse,
         efficiency=metrics.efficiency,
-        share_in_target=_share(received.images[:, in_target(target)].sum(axis=1), emitted_w),
+        share_in_target=mean_share(received.images[:, in_target(target)].sum(axis=1) / emitted_w),
         uniformity=metrics.uniformity,
         rsd=metrics.rsd,
         raw=_raw(mean, target, mask),
@@ -159,12 +158,6 @@ def _raw(
         uniformity=None if mask is None else uniformity(mean, mask),
         rsd=None if mask is None else relative_deviation(mean, mask),
     )
-
-
-def _share(flux_w: Float[np.ndarray, " r"], emitted_w: float) -> Metric:
-    """Mean over replicates as a share of the emitted flux."""
-    value, error = jackknife(flux_w[:, None], lambda mean: float(mean[0]))
-    return Metric(value=value / emitted_w, standard_error=None if error is None else error / emitted_w)
 
 
 def _noise(images: Images) -> float | None:

@@ -52,7 +52,7 @@ class ReplicateMetrics:
             nmse=self.nmse.metric(),
             uniformity=None if self.uniformity is None else self.uniformity.metric(),
             rsd=None if self.rsd is None else self.rsd.metric(),
-            efficiency=_mean(self.efficiency),
+            efficiency=mean_share(self.efficiency),
         )
 
     def change_from(self, before: "ReplicateMetrics", rays: int) -> LightMetrics:
@@ -68,7 +68,7 @@ class ReplicateMetrics:
             rsd=None
             if self.rsd is None or even is None
             else _with_one_ray(self.rsd.change_from(even), noise.rsd, rays),
-            efficiency=_with_one_ray(_mean(self.efficiency - before.efficiency), noise.efficiency, rays),
+            efficiency=_with_one_ray(mean_share(self.efficiency - before.efficiency), noise.efficiency, rays),
         )
 
 
@@ -114,5 +114,6 @@ def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
     return change.model_copy(update={"standard_error": error})
 
 
-def _mean(shares: Float[np.ndarray, " r"]) -> Metric:
+def mean_share(shares: Float[np.ndarray, " r"]) -> Metric:
+    """Mean of the ``shares`` of each replicate."""
     return jackknife_metric(shares[:, None], lambda mean: float(mean[0]))

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.geometry.base_profile import INNER, OUTER, RIM
+from lensforge.geometry.manifold import manifold_of
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.solid import Solid, uniquely_named
 from lensforge.geometry.step_reading import parse_apart
@@ -145,9 +146,9 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
 
     Raises :class:`InputError` where the CAD kernel's mesh of the base is not closed.
     """
-    lens = _manifold(mesh.vertices, mesh.triangles, mesh.face)
+    lens = manifold_of(mesh.vertices, mesh.triangles, mesh.face)
     vertices, triangles = tessellated(base.solid, chord_mm)
-    below = _manifold(vertices, triangles, np.full(len(triangles), len(mesh.names)))
+    below = manifold_of(vertices, triangles, np.full(len(triangles), len(mesh.names)))
     if below.is_empty():
         raise InputError(f"{base.path}: the mesh of its solid is not closed; repair the solid in CAD")
     joined = (lens + below).to_mesh64()
@@ -158,19 +159,6 @@ def join_mesh(mesh: BodyMesh, base: CustomBase, chord_mm: float) -> BodyMesh:
         (*mesh.names, BASE),
         mesh.rings,
     )
-
-
-def _manifold(
-    vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"], face: Int[np.ndarray, " t"]
-) -> Any:
-    import manifold3d
-
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(vertices, dtype=np.float64),
-        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
-        face_id=np.ascontiguousarray(face, dtype=np.uint64),
-    )
-    return manifold3d.Manifold(mesh)
 
 
 def tessellated(base: Solid, chord_mm: float) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:

@@ -46,6 +46,14 @@ def smallest_bore_mm(distance: Lengths, height: Lengths, cutter_mm: float, top_m
     return np.where(away < cutter_mm, distance + across, 0.0)
 
 
+def ball_centres_mm(
+    points: Float[np.ndarray, "k 3"], normals: Float[np.ndarray, "k 3"], offset_mm: float
+) -> tuple[Lengths, Lengths]:
+    """Distance from the axis and height of the centres of balls that touch ``points``, ``offset_mm`` along normals."""
+    centres = points + offset_mm * normals
+    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
+
+
 def base_with_room(lens: Lens) -> BaseSection:
     """The base of ``lens``; lengths that its spec leaves out give the cutter room at the faces designed for it.
 
@@ -113,12 +121,11 @@ def _rounded(needed_mm: float, room_mm: float) -> float:
 
 
 def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
-    """Distance from the axis and height of the centres of balls that touch a face, ``offset_mm`` along its normal."""
+    """Those of balls all over a face, ``offset_mm`` along its outward normal."""
     azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
     radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
     chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
-    centres = patch.points(chart) + offset_mm * patch.normals(chart)
-    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
+    return ball_centres_mm(patch.points(chart), patch.normals(chart), offset_mm)
 
 
 def _rim(patch: Patch) -> Lengths:

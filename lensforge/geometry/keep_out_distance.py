@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.geometry.keep_out import KeepOut, KeepOutSolid
+from lensforge.geometry.manifold import manifold_of
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.part import KeepOutDistance
 
@@ -22,12 +23,12 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
     """
     import manifold3d
 
-    body = _manifold(mesh.vertices, mesh.triangles)
+    body = manifold_of(mesh.vertices, mesh.triangles)
     if body.status() != manifold3d.Error.NoError:
         return None
     gap_mm, closest = np.inf, keep_out.solids[0]
     for solid in keep_out.solids:
-        other = _manifold(solid.vertices, solid.triangles)
+        other = manifold_of(solid.vertices, solid.triangles)
         if other.is_empty():
             raise InputError(f"{keep_out.path}: the mesh of a solid is not closed; repair it in CAD")
         common = body ^ other
@@ -44,16 +45,6 @@ def keep_out_distance(mesh: BodyMesh, keep_out: KeepOut, error_mm: float) -> Kee
         keep_out_point_mm=tuple(places[1].tolist()),
         error_mm=error_mm,
     )
-
-
-def _manifold(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Any:
-    import manifold3d
-
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(vertices, dtype=np.float64),
-        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
-    )
-    return manifold3d.Manifold(mesh)
 
 
 def _between_vertices(one: Float[np.ndarray, "n 3"], other: Float[np.ndarray, "m 3"]) -> float:
@@ -90,6 +81,6 @@ def _nearest(
 
 def _common_place(body: Any, solid: KeepOutSolid) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """The lowest vertex of what body and solid have in common, and its outermost one, lifted to its highest z."""
-    common = np.asarray((body ^ _manifold(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
+    common = np.asarray((body ^ manifold_of(solid.vertices, solid.triangles)).to_mesh64().vert_properties)[:, :3]
     outermost = common[np.hypot(common[:, 0], common[:, 1]).argmax()]
     return common[common[:, 2].argmin()], np.array([outermost[0], outermost[1], common[:, 2].max()])

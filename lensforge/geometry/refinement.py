@@ -65,22 +65,28 @@ def refined_dome(
 ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "u 3"]]:
     """Vertices and triangles of an open dome whose facets are all within ``chord_mm`` of ``patch``.
 
-    The first vertices are those given. Raises :class:`InputError` where that takes more triangles than fit.
+    The first vertices are those given. Raises :class:`InputError` where that takes too many triangles, or more rounds
+    of splitting than any smooth face.
     """
-    facets = Facets(vertices, triangles, _away(patch, vertices[triangles]))
+    facets, aim = Facets(vertices, triangles, _away(patch, vertices[triangles])), _AIM
     for _ in range(_ROUNDS):
-        far = facets.away > _AIM * chord_mm
+        far = facets.away > aim * chord_mm
         if not far.any():
-            break
+            if facet_error(patch, facets.vertices[facets.triangles]).chord_mm <= chord_mm:
+                return facets.vertices, facets.triangles
+            aim *= _AIM  # the largest distance lies between the points that are looked at
+            continue
         facets = _split(patch, facets, far)
         if len(facets.triangles) > MOST_TRIANGLES:
-            break
-    if facet_error(patch, facets.vertices[facets.triangles]).chord_mm > chord_mm:
-        raise InputError(
-            f"{len(facets.triangles)} triangles of a face are not all within {1e3 * chord_mm:g} um of it, and no more "
-            f"than {MOST_TRIANGLES} are made; export with a number of rings, --rings 300: their distance is stated"
-        )
-    return facets.vertices, facets.triangles
+            raise _not_within(chord_mm, f"with {MOST_TRIANGLES} triangles, the most that are made,")
+    raise _not_within(chord_mm, f"after {_ROUNDS} rounds of splitting")
+
+
+def _not_within(chord_mm: float, why: str) -> InputError:
+    return InputError(
+        f"the facets of a face are not all within {1e3 * chord_mm:g} um of it {why}; export with a number of rings, "
+        "--rings 300: their distance is stated"
+    )
 
 
 def _away(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 4"]:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.geometry.manifold import manifold_of
+
 
 @dataclass(frozen=True)
 class Closure:
@@ -27,13 +29,7 @@ class Closure:
 
 def check_closed(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> Closure:
     """Test a mesh whose neighbouring triangles share vertex indices."""
-    import manifold3d
-
-    mesh = manifold3d.Mesh64(
-        vert_properties=np.ascontiguousarray(vertices, dtype=np.float64),
-        tri_verts=np.ascontiguousarray(triangles, dtype=np.uint64),
-    )
-    body = manifold3d.Manifold(mesh)
+    body = manifold_of(vertices, triangles)
     return Closure(body.status().name, int(body.genus()), float(body.volume()), _fault(vertices, triangles))
 
 

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from lensforge.geometry.acceptance import FORM_LIMIT_NM
 from lensforge.geometry.custom_base import read_custom_base, tessellated
-from lensforge.geometry.cutter_room import largest_wall_mm, needed_step_mm, smallest_bore_mm
+from lensforge.geometry.cutter_room import ball_centres_mm, largest_wall_mm, needed_step_mm, smallest_bore_mm
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import Plan
 from lensforge.manufacturing.cutter import LEAF
@@ -114,7 +114,7 @@ def check_relief(
 
 
 def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> OuterRelief:
-    distance, height = _centres(face.samples, cutter_mm)
+    distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def missing(base_mm: float, present_mm: float) -> Float[np.ndarray, " k"]:
         return np.maximum(needed_step_mm(distance, height, cutter_mm, base_mm) - present_mm, 0.0)
@@ -143,7 +143,7 @@ def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Outer
 
 
 def _inner_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> InnerRelief:
-    distance, height = _centres(face.samples, cutter_mm)
+    distance, height = ball_centres_mm(face.samples.points, face.samples.normals, cutter_mm)
 
     def needed(radius_mm: float, top_mm: float, bottom_mm: float) -> Float[np.ndarray, " k"]:
         radius = smallest_bore_mm(distance, height, cutter_mm, top_mm, bottom_mm)
@@ -162,12 +162,6 @@ def _inner_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Inner
         pocket_diameter_mm=_largest_reached(face, pocket),
         flush_fraction=_clear(face, np.maximum(bore, pocket)),
     )
-
-
-def _centres(face: FaceSamples, cutter_radius_mm: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Distance from the axis and height (mm) of the centres of the balls that touch the samples."""
-    centres = face.points + cutter_radius_mm * face.normals
-    return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
 
 
 def _at_custom(face: FaceCheck, custom: CustomBaseMesh, cutter_mm: float) -> CustomBaseRelief:

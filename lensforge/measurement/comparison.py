@@ -12,6 +12,7 @@ from lensforge.measurement.alignment import Alignment
 from lensforge.records import (
     Array,
     Count,
+    Extent,
     Flag,
     Image,
     Irradiance,
@@ -176,6 +177,13 @@ class DeviationExtent(Record):
             min=float(values.min()),
             max=float(values.max()),
         )
+
+
+def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"]) -> Extent:
+    """Largest absolute value, and rms over the area; NaN counts nowhere."""
+    inside = np.isfinite(values)
+    square = float(np.sum(areas[inside] * values[inside] ** 2) / np.sum(areas[inside]))
+    return Extent(max=float(np.abs(values[inside]).max()), rms=float(np.sqrt(square)))
 
 
 class SurfaceComparison(SimulatedResult):

@@ -127,13 +127,6 @@ class Correction(SimulatedResult):
         return plot_face(self.correction_map_um.T, float(self.chart[-1]), f"{self.surface}: correction (µm)", axes)
 
 
-def area_extent(values: Float[np.ndarray, "*n"], areas: Float[np.ndarray, "*n"]) -> Extent:
-    """Largest absolute value, and rms over the area; NaN counts nowhere."""
-    inside = np.isfinite(values)
-    square = float(np.sum(areas[inside] * values[inside] ** 2) / np.sum(areas[inside]))
-    return Extent(max=float(np.abs(values[inside]).max()), rms=float(np.sqrt(square)))
-
-
 def correction_criteria(
     used: float, covered: float, form_nm: float, normal_mrad: float, volume_change: float, cutter: CutterLimit
 ) -> tuple[Criterion, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.geometry.patch import Patch
-from lensforge.measurement.correction_result import area_extent
+from lensforge.measurement.comparison import area_extent
 from lensforge.records import Extent
 from lensforge.surfaces.chart import to_sphere
 from lensforge.surfaces.surface import Surface

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 from lensforge.criteria import Criterion, at_most
 from lensforge.verification.advice import Evidence, form_of_mesh
+from lensforge.verification.allowances import FLUX_SHARE, NOISE_ALLOWANCE
 from lensforge.verification.own_rays_criteria import emission_criterion, own_rays_criteria
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
 from lensforge.verification.size_criteria import other_body, size_criteria
@@ -16,12 +17,11 @@ from lensforge.verification.stray_result import StrayFlux, StrayLight
 # Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
 # surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
 DEVIATION_PER_DISTANCE = 1e-4
-# Shares of flux: rays that graze the rim or the limit of total reflection may end either way.
-FLUX_SHARE = FATE_SHARE = 1e-3
+FATE_SHARE = FLUX_SHARE  # of rays that end otherwise
 # With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
 SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
 # The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
-NOISE_FLOORS, NOISE_ALLOWANCE = 2.5, 1e-3
+NOISE_FLOORS = 2.5
 
 BREP_RAYS = 1024  # through the STEP file: the CAD kernel casts a few hundred in a second
 # Half of the mesh's limit. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the

@@ -3,15 +3,12 @@
 import math
 
 from lensforge.criteria import Criterion, at_most
+from lensforge.verification.allowances import FLUX_SHARE, NOISE_ALLOWANCE
 from lensforge.verification.light_result import OwnRays
 
 BLOCKS = 16  # of rays, whose pictures tell light from noise
 LEAST_RAYS = 4 * BLOCKS  # for a picture of each block
-# 4 standard errors: of 100,000 right samplers 6 would be taken for a wrong one.
-CERTAIN = 4.0
-# Besides noise: what the other casts allow the part to change of the flux and of the picture.
-FLUX_SHARE, PICTURE = 1e-3, 1e-3
-
+_ERRORS = 4.0  # standard errors: of 100,000 right samplers 6 would be taken for a wrong one
 # Of 27 means and products of a right sampler one is that many standard errors off in 1 of 975,000 verifications.
 MOST_APART = 5.5
 _WRONG = "the design's source is sampled wrongly, please report it"
@@ -33,8 +30,10 @@ def own_rays_criteria(own: OwnRays) -> list[Criterion]:
         f"it stays where all other criteria are met, {_WRONG}"
     )
     apart = abs(own.efficiency.value - own.efficiency_design.value)
-    found = [at_most("own_rays_efficiency", apart, FLUX_SHARE + CERTAIN * error, "of the flux", remedy)]
+    found = [at_most("own_rays_efficiency", apart, FLUX_SHARE + _ERRORS * error, "of the flux", remedy)]
     seen = own.nmse_less_noise
     if seen is not None:
-        found.append(at_most("own_rays_nmse", seen.value, PICTURE + CERTAIN * (seen.standard_error or 0.0), "", remedy))
+        found.append(
+            at_most("own_rays_nmse", seen.value, NOISE_ALLOWANCE + _ERRORS * (seen.standard_error or 0.0), "", remedy)
+        )
     return found
