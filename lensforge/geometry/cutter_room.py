@@ -121,7 +121,7 @@ def _rounded(needed_mm: float, room_mm: float) -> float:
 
 
 def _centres(patch: Patch, offset_mm: float) -> tuple[Lengths, Lengths]:
-    """Those of balls all over a face, ``offset_mm`` along its outward normal."""
+    """Centres of balls all over a face, ``offset_mm`` along its outward normal."""
     azimuths = np.linspace(0.0, FULL_TURN, _AZIMUTHS, endpoint=False)
     radius, turn = np.meshgrid(np.linspace(0.0, 1.0, _RINGS), azimuths, indexing="ij")
     chart = (radius[..., None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)).reshape(-1, 2)
