@@ -138,7 +138,7 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     verify_part(
         run.part.stl,
         rays=rays,
-        refractive_index=lens.refractive_index,
+        medium=lens.medium,
         expected=[Expected(screen, light.map, landed.hits, landed.flux)],
         step=step,
     )

@@ -46,7 +46,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         proof = verify_apart(
             part.stl,
             rays=bundle,
-            refractive_index=lens.refractive_index,
+            medium=lens.medium,
             expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
             names=[receiver.name for receiver in light.receivers],
             step=part.step,
@@ -63,7 +63,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
 def stray_light(
     part: Part, *, rays: int | None = None, base: Literal["polished", "black"] = "polished", threads: int | None = None
 ) -> StrayLight:
-    """Follow rays through the part with reflections, base and absorption, which the sequential design leaves out."""
+    """Follow rays through the part with reflections and the base, which the sequential design leaves out."""
     from lensforge.screens import screens_of
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
@@ -74,8 +74,7 @@ def stray_light(
         stray = stray_apart(
             part.stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
-            refractive_index=lens.refractive_index,
-            absorption_per_mm=spec.lens.absorption_per_mm,
+            medium=lens.medium,
             screens=screens_of(spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,

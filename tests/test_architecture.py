@@ -177,11 +177,12 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "verification"}
+    allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "verification"}
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
+            assert _layer(name) != "optics" or name == "lensforge.optics.medium"
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:

@@ -15,7 +15,7 @@ from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask, mean_share
-from lensforge.evaluation.simulate import MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
+from lensforge.evaluation.simulate import ABSORBED, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
@@ -74,7 +74,7 @@ def evaluate_traced(
     started = time.perf_counter()
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
-    light, largest_mm = SourceLight.of(source, traced.scene.refractive_index), spec.constraints.max_radius_mm
+    light, largest_mm = SourceLight.of(source, traced.scene.medium.refractive_index), spec.constraints.max_radius_mm
     images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
     found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
     lit = tuple(
@@ -185,6 +185,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         missed=sum(missed.model_dump().values()),
         total_reflection=float(share[Fate.TOTAL_REFLECTION]),
         not_converged=float(share[Fate.NOT_CONVERGED]),
+        absorbed=float(share[ABSORBED]),
         reflected=1.0 - float(share.sum()),
     )
     return flux, missed

@@ -16,7 +16,8 @@ class Flux(Record):
     """The flux budget: shares of the emitted flux by fate; they add up to 1.
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
-    that surface. ``reflected``: reflected at either face, which a sequential design does not follow.
+    that surface. ``absorbed``: by the body from face to face. ``reflected``: at either face, which a sequential design
+    does not follow.
     """
 
     detected: Share
@@ -24,6 +25,7 @@ class Flux(Record):
     missed: Share
     total_reflection: Share
     not_converged: Share
+    absorbed: Share = 0.0
     reflected: Share
 
 

@@ -22,6 +22,8 @@ from lensforge.tracing.tables import Scene, trace_tables
 
 REPLICATES = 16
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
+ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
+CAUSES = len(Fate) + 2
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -43,7 +45,7 @@ class TracedLens:
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
         inner, outer = (torch.from_numpy(table) for table in tables.values())
-        return TracedLens(Scene(lens.refractive_index, grid), inner, outer, errors)
+        return TracedLens(Scene(lens.medium, grid), inner, outer, errors)
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
@@ -55,7 +57,7 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), and in the window (r,).
 
     The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``.
+    ``MISSED_RECEIVER`` and ``ABSORBED``.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -66,7 +68,7 @@ class ReceivedFlux:
     def none_yet(receiver: Receiver, replicates: int) -> "ReceivedFlux":
         """No flux."""
         images = np.zeros((replicates, *receiver.grid.shape))
-        return ReceivedFlux(images, np.zeros((replicates, len(Fate) + 1)), np.zeros(replicates))
+        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), np.zeros(replicates))
 
     def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
         """Count ``share`` of the flux of ``rays`` in ``replicate``."""
@@ -99,9 +101,12 @@ def simulate(lens: TracedLens, source: Source, receivers: tuple[Receiver, ...], 
 
 
 def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> Float[np.ndarray, " f"]:
-    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, in the last place."""
+    """Flux (W) by fate; rays that left the lens and ``missed_receiver`` count apart, and flux that was absorbed."""
     fates = torch.where(missed_receiver, MISSED_RECEIVER, rays.fates).numpy()
-    return np.bincount(fates, rays.flux.numpy(), minlength=len(Fate) + 1)
+    found = np.bincount(fates, rays.flux.numpy(), minlength=CAUSES)
+    if rays.absorbed is not None:
+        found[ABSORBED] = rays.absorbed.numpy().sum()
+    return found
 
 
 @dataclass(frozen=True)

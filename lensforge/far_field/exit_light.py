@@ -8,11 +8,10 @@ from jaxtyping import Float
 
 from lensforge import seeds
 from lensforge.errors import InputError
-from lensforge.evaluation.simulate import TracedLens
+from lensforge.evaluation.simulate import CAUSES, TracedLens
 from lensforge.far_field.angular_grid import AngularGrid, finest_grid
 from lensforge.far_field.resolution import FittedIntensity, fit
 from lensforge.far_field.sphere import exit_rays
-from lensforge.kernels.fates import Fate
 from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
 
@@ -91,7 +90,7 @@ class _Sums:
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
-                self._by_fate.append(np.zeros(len(Fate) + 1))
+                self._by_fate.append(np.zeros(CAUSES))
                 self._weights.append(0.0)
                 self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
             self._deposits[part] += weight * deposit

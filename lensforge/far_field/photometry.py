@@ -64,6 +64,7 @@ class LostFlux(Record):
     not_converged: NotNegative
     surfaces_intersect: NotNegative
     missed_receiver: NotNegative
+    absorbed: NotNegative = 0.0
 
 
 class Photometry(SimulatedResult):

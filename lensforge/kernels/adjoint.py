@@ -4,7 +4,7 @@ Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; the change 
 Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
 """
 
-from math import sqrt
+from math import exp, sqrt
 
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.jit import inline, kernel
@@ -68,7 +68,7 @@ def hit_adjoint(
 
 @kernel
 def trace_adjoint(
-    origins, directions, emitted, indices, inner, outer, scene, lengths, fates,
+    origins, directions, emitted, indices, absorptions, inner, outer, scene, lengths, fates,
     by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
@@ -108,17 +108,24 @@ def trace_adjoint(
         through2, slope2 = 1.0, 0.0
         if left and fresnel:
             through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
-        by_c2 += gw * emitted[k] * through1 * slope2
+        arrived, by_t2 = emitted[k], 0.0  # the flux but for both surfaces; its sensitivity to the path in the body
+        if len(absorptions) > 0:
+            absorption = absorptions[min(k, len(absorptions) - 1)]
+            arrived *= exp(-absorption * t2)
+            by_t2 = -absorption * gw * arrived * through1 * through2
+        by_c2 += gw * arrived * through1 * slope2
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         along = ex * cx + ey * cy + ez * cz
         ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
-        by_c1 = gw * emitted[k] * through2 * slope1
+        by_c1 = gw * arrived * through2 * slope1
         fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
+        ex, ey, ez = ex + by_t2 * bx, ey + by_t2 * by, ez + by_t2 * bz
         ex, ey, ez = hit_adjoint(
             sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
             jet2, outer_gradient, table_origin, inverse_step,
         )  # fmt: skip
         fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
+        ex, ey, ez = ex - by_t2 * bx, ey - by_t2 * by, ez - by_t2 * bz  # the path begins at the inner surface
         _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
         hit_adjoint(
             px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,

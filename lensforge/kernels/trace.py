@@ -1,10 +1,11 @@
 """Tracing: rays through both surfaces and out of the lens, one loop over rays.
 
 ``scene`` is ``(Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's refractive index for each
-ray, or one for all. The path lengths that were found are kept, so that the adjoint need not search again.
+ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where the body is clear. The path
+lengths that were found are kept, so that the adjoint need not search again.
 """
 
-from math import sqrt
+from math import exp, sqrt
 
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND, first_hit, tile_of
@@ -36,12 +37,13 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
 
 @kernel
 def trace(
-    origins, directions, emitted, indices, inner, outer, inner_bounds, outer_bounds, scene,
-    lengths, exit_points, exit_directions, flux, sin2_exit, fates,
+    origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
+    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
 ):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
 
-    Points and directions come as zeros, and stay so where a ray does not leave the lens.
+    Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and stay so where a ray does not leave
+    the lens, or does not reach the outer surface.
     """
     fresnel, table_origin, inverse_step = scene
     for k in range(len(emitted)):
@@ -83,6 +85,10 @@ def trace(
                 else (Fate.SURFACES_INTERSECT if t == 0.0 else Fate.NOT_CONVERGED)
             )
             continue
+        if len(absorptions) > 0:
+            arrived = flux[k] * exp(-absorptions[min(k, len(absorptions) - 1)] * t)
+            absorbed[k] = flux[k] - arrived
+            flux[k] = arrived
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
         sin2_exit[k] = 1.0 - q_squared

@@ -78,7 +78,7 @@ class MeritFunction:
             ImageTerms.of(section.targets, receiver, limit, spec.lens.basis.symmetry, section.share / total)
             for section, receiver in zip(sections, receivers, strict=True)
         )
-        scene = Scene(spec.lens.refractive_index, parametrisation.grid, fresnel)
+        scene = Scene(spec.lens.medium, parametrisation.grid, fresnel)
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
         limits = limit_terms(spec, receivers, efficacy, source.flux_w)
         return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)

@@ -17,6 +17,7 @@ _WORDS = {
     "surfaces_intersect": "met intersecting surfaces",
     "total_reflection": "totally reflected",
     "not_converged": "not converged",
+    "absorbed": "absorbed in the lens",
     "reflected": "reflected at the surfaces",
     "outside": "landed outside the window",
 }

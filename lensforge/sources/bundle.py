@@ -7,38 +7,54 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from lensforge.optics.medium import Medium
+
 
 @dataclass(frozen=True)
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``refractive_indices``: of the lens at the wavelength of each ray; None where the index of the spec holds for all.
+    ``refractive_indices`` and ``absorption_per_mm``: of the lens at the wavelength of each ray; None where that of the
+    spec holds for all.
     """
 
     origins: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     refractive_indices: Float[np.ndarray, " n"] | None = None
+    absorption_per_mm: Float[np.ndarray, " n"] | None = None
 
     def __len__(self) -> int:
         return len(self.flux)
 
     def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
         """Select some of the rays."""
-        indices = None if self.refractive_indices is None else self.refractive_indices[rows]
-        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], indices)
+        own = (None if each is None else each[rows] for each in (self.refractive_indices, self.absorption_per_mm))
+        return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
+
+    def indices(self, medium: Medium) -> Float[np.ndarray, " n"]:
+        """Refractive index of the lens for each ray: its own where it has one, else that of ``medium``."""
+        own = self.refractive_indices
+        return np.full(len(self), medium.refractive_index) if own is None else own
+
+    def absorptions(self, medium: Medium) -> Float[np.ndarray, " n"]:
+        """Absorption (1/mm) of the lens for each ray: its own where it has one, else that of ``medium``."""
+        own = self.absorption_per_mm
+        return np.full(len(self), medium.absorption_per_mm) if own is None else own
 
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """Join the rays of all parts in their order; all have refractive indices, or none has."""
-        indices = [part.refractive_indices for part in parts]
+        """Join the rays of all parts in their order; all have refractive indices, or none has, and absorptions."""
+        indices, absorptions = (
+            [own for own in rows if own is not None]
+            for rows in zip(*((part.refractive_indices, part.absorption_per_mm) for part in parts), strict=True)
+        )
         return cls(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.flux for part in parts]),
-            None
-            if all(own is None for own in indices)
-            else np.concatenate([own for own in indices if own is not None]),
+            np.concatenate(indices) if indices else None,
+            np.concatenate(absorptions) if absorptions else None,
         )
 
 

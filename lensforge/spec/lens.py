@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
 from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
+from lensforge.optics.medium import Medium
 from lensforge.spec.section import Coordinate, FilePath, Label, Millimetres, Section
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
@@ -141,8 +142,8 @@ class LensSection(Section):
     Either ``refractive_index`` holds for all wavelengths, and ``material`` is only a label; or ``material`` names a
     dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` is used where a single number is
     needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d of a dispersive
-    material of one's own. ``absorption_per_mm`` (Beer-Lambert) enters the stray-light pass of ``verify``, not the
-    design; ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
+    material of one's own. ``absorption_per_mm`` (Beer and Lambert) dims every ray on its way through the body;
+    ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
@@ -187,6 +188,11 @@ class LensSection(Section):
             )
         object.__setattr__(self, "refractive_index", index)
         return self
+
+    @property
+    def medium(self) -> Medium:
+        """The body at the design wavelength: refractive index and absorption."""
+        return Medium(self.refractive_index, self.absorption_per_mm)
 
     @property
     def dispersion(self) -> Material | None:

@@ -57,7 +57,8 @@ def measure_sensitivity(
 
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
     """Tables and index of the lens with ``error``; an error of the source is left to the caller."""
-    scene = replace(nominal.scene, refractive_index=nominal.scene.refractive_index + error.index)
+    medium = nominal.scene.medium
+    scene = replace(nominal.scene, medium=replace(medium, refractive_index=medium.refractive_index + error.index))
     inner, outer = (
         _table(nominal, error.surfaces[name]) if name in error.surfaces else table
         for name, table in (("inner", nominal.inner), ("outer", nominal.outer))

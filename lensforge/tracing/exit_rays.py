@@ -15,9 +15,10 @@ class ExitRays:
     """Rays as they leave the outer surface; receivers take them on from there.
 
     ``points``: mm, on the outer surface, and ``directions``: unit vectors behind it; 0 where a ray did not leave the
-    lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses. ``sin2_exit``: squared sine of
-    the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not reached. ``fates``:
-    values of :class:`~lensforge.kernels.fates.Fate`.
+    lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses and absorption. ``sin2_exit``:
+    squared sine of the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not
+    reached. ``fates``: values of :class:`~lensforge.kernels.fates.Fate`. ``absorbed``: flux (W) that the body took on
+    the way to the outer surface; None where it takes none.
     """
 
     points: Float[Tensor, "n 3"]
@@ -25,6 +26,7 @@ class ExitRays:
     flux: Float[Tensor, " n"]
     sin2_exit: Float[Tensor, " n"]
     fates: Int8[Tensor, " n"]
+    absorbed: Float[Tensor, " n"] | None = None
 
     @property
     def left_lens(self) -> Bool[Tensor, " n"]:

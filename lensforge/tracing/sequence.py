@@ -14,6 +14,7 @@ from torch import Tensor
 
 from lensforge.kernels.fates import Fate
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.exit_rays import ExitRays
 
@@ -48,22 +49,27 @@ class TracedSurface(Protocol):
 
 @dataclass(frozen=True)
 class TensorRays:
-    """A :class:`RayBundle` as tensors of one precision on one device, each ray with the body's index for it."""
+    """A :class:`RayBundle` as tensors of one precision on one device, with the body's index for each ray.
+
+    ``absorptions`` (1/mm) likewise; None where the body is clear.
+    """
 
     origins: Float[Tensor, "n 3"]
     directions: Float[Tensor, "n 3"]
     flux: Float[Tensor, " n"]
     indices: Float[Tensor, " n"]
+    absorptions: Float[Tensor, " n"] | None
 
     @staticmethod
-    def of(rays: RayBundle, refractive_index: float, dtype: torch.dtype, device: torch.device) -> "TensorRays":
-        """The same numbers; ``refractive_index`` holds for rays without an index of their own."""
+    def of(rays: RayBundle, medium: Medium, dtype: torch.dtype, device: torch.device) -> "TensorRays":
+        """The same numbers; ``medium`` holds for rays without their own."""
         origins, directions, flux = (
             torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.flux)
         )
-        own = rays.refractive_indices
-        indices = torch.full_like(flux, refractive_index) if own is None else torch.as_tensor(own).to(flux)
-        return TensorRays(origins, directions, flux, indices)
+        indices = torch.as_tensor(rays.indices(medium)).to(flux)
+        clear = rays.absorption_per_mm is None and medium.absorption_per_mm == 0.0
+        absorptions = None if clear else torch.as_tensor(rays.absorptions(medium)).to(flux)
+        return TensorRays(origins, directions, flux, indices, absorptions)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
@@ -73,6 +79,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     """
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
+    absorbed = None if rays.absorptions is None else torch.zeros_like(rays.flux)
     for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         through_plane = _through_plane(directions, is_outer)
@@ -82,6 +89,11 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         above = points[:, 2].detach() >= 0.0
         fates[alive[~above]] = through_plane[crossing.found][~above]
         alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
+        if is_outer and rays.absorptions is not None:
+            lengths = torch.linalg.norm(points - origins[above], dim=1)
+            arrived = flux[alive] * torch.exp(-rays.absorptions[alive] * lengths)
+            absorbed = torch.zeros_like(flux).index_put((alive,), flux[alive] - arrived)
+            flux = flux.index_put((alive,), arrived)
         ratio, cosine = ratios[alive], torch.sum(directions * normals, dim=1)
         behind_squared = transmitted_cosine_squared(cosine, ratio)
         if is_outer:
@@ -93,7 +105,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         if fresnel:
             flux = flux.index_put((alive,), flux[alive] * fresnel_transmittance(cosine, ratio))
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
-    return ExitRays(points, directions, flux, sin2_exit, fates)
+    return ExitRays(points, directions, flux, sin2_exit, fates, absorbed)
 
 
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:

@@ -1,6 +1,6 @@
 """Rays through two tables by the compiled kernels on all cores, and the gradients with respect to the tables."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,6 +11,7 @@ from lensforge.kernels.adjoint import trace_adjoint
 from lensforge.kernels.bounds import SurfaceBounds, surface_bounds
 from lensforge.kernels.jit import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
@@ -18,12 +19,12 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 @dataclass(frozen=True)
 class Scene:
-    """The lens body between two tables: its refractive index, and the tables' grid.
+    """The lens body between two tables: its medium, and the tables' grid.
 
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
 
-    refractive_index: float
+    medium: Medium
     grid: TableGrid
     fresnel: bool = True
 
@@ -31,14 +32,19 @@ class Scene:
         """The three numbers that the kernels take."""
         return self.fresnel, self.grid.origin, 1.0 / self.grid.step
 
-    def indices(self, rays: RayBundle) -> Float[np.ndarray, " k"]:
-        """The body's refractive index for each ray where they differ, or one for all."""
-        own = rays.refractive_indices
-        return np.array([self.refractive_index]) if own is None else own
+    def body(self, rays: RayBundle) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " j"]]:
+        """The body's refractive index for each ray where they differ, or one for all; its absorption (1/mm) likewise.
+
+        Nothing where the body is clear.
+        """
+        indices, absorptions = rays.refractive_indices, rays.absorption_per_mm
+        if absorptions is None:
+            absorptions = np.full(int(self.medium.absorption_per_mm > 0.0), self.medium.absorption_per_mm)
+        return np.array([self.medium.refractive_index]) if indices is None else indices, absorptions
 
 
-def _part(indices: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
-    return indices if len(indices) == 1 else indices[part]
+def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:
+    return values if len(values) <= 1 else values[part]
 
 
 @dataclass(frozen=True)
@@ -57,20 +63,23 @@ class TracedBundle:
         """Trace ``rays`` through two tables; see :func:`trace_tables`."""
         bounds = checked_bounds(inner, outer, scene)
         tables = inner.detach().numpy(), outer.detach().numpy()
-        count, indices = len(rays), scene.indices(rays)
+        count, (indices, absorptions) = len(rays), scene.body(rays)
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
+        absorbed = np.zeros(count if len(absorptions) else 0)
 
         def work(_: int, part: slice) -> None:
             trace(
-                rays.origins[part], rays.directions[part], rays.flux[part], _part(indices, part),
-                *tables, *bounds, scene.packed(),
-                lengths[part], points[part], directions[part], flux[part], sin2_exit[part], fates[part],
+                rays.origins[part], rays.directions[part], rays.flux[part],
+                _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
+                lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
             )  # fmt: skip
 
         in_chunks(work, count)
         exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
+        if len(absorptions):
+            exits = replace(exits, absorbed=torch.from_numpy(absorbed))
         return TracedBundle(*tables, scene, rays, lengths, exits)
 
     def gradients(
@@ -80,12 +89,13 @@ class TracedBundle:
 
         The flux that a lost ray carried counts as a constant.
         """
-        rays, fates, indices = self.rays, self.exits.fates.numpy(), self.scene.indices(self.rays)
+        rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
-                rays.origins[part], rays.directions[part], rays.flux[part], _part(indices, part),
+                rays.origins[part], rays.directions[part], rays.flux[part],
+                _part(indices, part), _part(absorptions, part),
                 self.inner, self.outer, self.scene.packed(), self.lengths[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
                 *totals[:, chunk],

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import BREP_RAYS
 from lensforge.verification.casting import Leg
@@ -19,8 +20,8 @@ from lensforge.verification.passage import (
     LandedRays,
     Passage,
     RefractedRays,
+    absorb,
     faces_away,
-    indices_of,
     leave,
     outside_leg,
     refract,
@@ -34,7 +35,7 @@ _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 def cast_brep(
     body: StepBody,
     rays: RayBundle,
-    refractive_index: float,
+    medium: Medium,
     expected: Sequence[Expected],
     mesh: Passage,
     count: int = BREP_RAYS,
@@ -46,7 +47,7 @@ def cast_brep(
     start = perf_counter()
     rows = drawn(count, len(rays))
     some = rays.take(rows)
-    passage = send_through_step(body, some, refractive_index)
+    passage = send_through_step(body, some, medium)
     seconds, found = perf_counter() - start, []
     for each in expected:
         landed, by_mesh = LandedRays.of(passage, each.screen), LandedRays.of(mesh, each.screen)
@@ -58,10 +59,10 @@ def cast_brep(
     return found
 
 
-def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float) -> Passage:
+def send_through_step(body: StepBody, rays: RayBundle, medium: Medium) -> Passage:
     """Trace every ray into the body and out of it, as through the mesh."""
     passage = Passage.of(rays)
-    leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
+    leg, indices = outside_leg(rays), rays.indices(medium)
     entry = body.first_hits(leg)
     against = np.where(np.sum(entry.normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
     passage.fates[:] = np.select(
@@ -77,6 +78,8 @@ def send_through_step(body: StepBody, rays: RayBundle, refractive_index: float) 
     exits = body.first_hits(entered.leg)
     passage.fates[rows] = _exit_fates(body, entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
+    lengths = np.linalg.norm(exits.points[reached] - entered.leg.origins[reached], axis=1)
+    absorb(passage, rows[reached], lengths, rays.absorptions(medium)[rows[reached]])
     left = _cross(entered.leg.take(reached), exits.take(reached), indices[rows[reached]])
     leave(passage, rows[reached], left)
     return passage

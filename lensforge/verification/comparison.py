@@ -117,7 +117,8 @@ def gap_quantiles(landed: LandedRays, expected: Expected) -> Float[np.ndarray, "
 def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[PartFlux, PartMissed]:
     """Shares of the emitted flux by fate, which add up to 1; and the missed flux by cause.
 
-    ``reflected`` is what rays lose by reflection at the surfaces; the rest of a ray's flux counts by its fate.
+    ``reflected`` is what rays lose by reflection at the surfaces, ``absorbed`` in the body; the rest of a ray's flux
+    counts by its fate.
     Rays that reach the receiver's surface outside the window are ``outside``.
     """
     reached = landed.fates == CastFate.LANDED
@@ -136,7 +137,8 @@ def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[Pa
         outside=share(rays, landed.flux[reached & ~inside]),
         missed=sum(missed.model_dump().values()),
         total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
-        reflected=share(rays, rays.flux - landed.flux),
+        absorbed=share(rays, landed.absorbed),
+        reflected=share(rays, rays.flux - landed.flux - landed.absorbed),
     )
     return flux, missed
 

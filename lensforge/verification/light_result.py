@@ -10,6 +10,7 @@ class PartFlux(Record):
     outside: Share
     missed: Share
     total_reflection: Share
+    absorbed: Share = 0.0
     reflected: Share
 
 

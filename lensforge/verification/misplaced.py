@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from lensforge.optics.medium import Medium
 from lensforge.records import BodySize
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
@@ -115,7 +116,7 @@ _AS_IT_LIES = Motion(1.0, np.eye(3), np.zeros(3))
 
 
 def recognised(
-    cast: Cast, found: BodySize, exported: BodySize | None, rays: RayBundle, refractive_index: float, expected: Expected
+    cast: Cast, found: BodySize, exported: BodySize | None, rays: RayBundle, medium: Medium, expected: Expected
 ) -> str:
     """Words on a part that is the lens elsewhere, larger, turned, mirrored or inside out; empty where it is not.
 
@@ -126,8 +127,7 @@ def recognised(
     if len(rows) == 0:
         return ""
     some, landings = rays.take(rows), expected.take(rows)
-    own = some.refractive_indices
-    indices = np.full(len(some), refractive_index) if own is None else own
+    indices = some.indices(medium)
 
     def distance(motion: Motion) -> float:
         """Median distance (mm) between landings, after ``motion`` is undone; infinite where too many rays are lost."""

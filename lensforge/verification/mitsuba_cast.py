@@ -10,12 +10,14 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.errors import InputError
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import CastFate, LandedRays, Passage, indices_of
+from lensforge.verification.passage import CastFate, LandedRays, Passage, absorb
 from lensforge.verification.proof import Gaps, MitsubaCast
 from lensforge.verification.screen import nmse, squared_norm
 
@@ -29,7 +31,7 @@ def installed() -> bool:
 
 
 def cast_mitsuba(
-    part: PartMesh, rays: RayBundle, refractive_index: float, expected: Sequence[Expected], count: int = RAYS
+    part: PartMesh, rays: RayBundle, medium: Medium, expected: Sequence[Expected], count: int = RAYS
 ) -> list[tuple[MitsubaCast, Gaps]]:
     """Cast ``count`` of ``rays``, drawn at random, through ``part``; and quantiles of the landing gaps (mm).
 
@@ -38,7 +40,7 @@ def cast_mitsuba(
     start = perf_counter()
     rows = drawn(count, len(rays))
     some = rays.take(rows)
-    version, passage = send_through_mitsuba(part, some, refractive_index)
+    version, passage = send_through_mitsuba(part, some, medium)
     seconds, found = perf_counter() - start, []
     for each in expected:
         landed, design, screen = LandedRays.of(passage, each.screen), each.take(rows), each.screen
@@ -59,7 +61,7 @@ def cast_mitsuba(
     return found
 
 
-def send_through_mitsuba(part: PartMesh, rays: RayBundle, refractive_index: float) -> tuple[str, Passage]:
+def send_through_mitsuba(part: PartMesh, rays: RayBundle, medium: Medium) -> tuple[str, Passage]:
     """Trace every ray in and out, both hits above z = 0.
 
     Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
@@ -76,15 +78,16 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, refractive_index: floa
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
         passage = Passage.of(rays)
-        table = zip(
-            rays.origins.tolist(), rays.directions.tolist(), indices_of(rays, refractive_index).tolist(), strict=True
-        )
+        table = zip(rays.origins.tolist(), rays.directions.tolist(), rays.indices(medium).tolist(), strict=True)
+        lengths, through = np.zeros(len(rays)), np.ones((2, len(rays)))
         for row, (origin, direction, index) in enumerate(table):
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            passage.fates[row], end, transmittance = _cast(mi, scene, flags, ray, index)
-            passage.flux[row] *= transmittance
+            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, index, through[:, row])
             if end is not None:
                 passage.points[row], passage.directions[row] = end
+        passage.flux[:] *= through[0]
+        absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(medium))
+        passage.flux[:] *= through[1]
         return str(mi.__version__), passage
     finally:
         if before is not None:
@@ -92,27 +95,31 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, refractive_index: floa
 
 
 def _cast(
-    mi: Any, scene: Any, flags: Any, ray: Any, index: float
+    mi: Any, scene: Any, flags: Any, ray: Any, index: float, through: Float[np.ndarray, "2"]
 ) -> tuple[CastFate, tuple[list[float], list[float]] | None, float]:
-    """Fate of one ray, its exit point (mm) and direction, None if it is lost, and the share of its flux left."""
-    left = 1.0
-    for entering in (True, False):
+    """Fate of one ray; its exit point (mm) and direction, None if it is lost; its path (mm) from face to face, or 0.
+
+    ``through``: what each face transmits, filled in for those that it passes.
+    """
+    length = 0.0
+    for face, entering in enumerate((True, False)):
         hit = scene.ray_intersect(ray, flags, False, True)
         if not hit.is_valid():
-            return CastFate.NO_HIT, None, left
+            return CastFate.NO_HIT, None, length
         if hit.p.z <= 0.0:
-            return CastFate.OPENING if entering else CastFate.BASE, None, left
+            return CastFate.OPENING if entering else CastFate.BASE, None, length
         local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
         reflectance, cosine, _, ratio = mi.fresnel(local.z, index)
         if (local.z > 0.0) != entering:
-            return CastFate.STARTS_INSIDE if entering else CastFate.BACK_INTO_CAVITY, None, left
+            return CastFate.STARTS_INSIDE if entering else CastFate.BACK_INTO_CAVITY, None, length
         if entering and hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0:  # as ``faces_away``
-            return CastFate.STARTS_OUTSIDE, None, left
+            return CastFate.STARTS_OUTSIDE, None, length
+        length = 0.0 if entering else float(hit.t)
         if reflectance >= 1.0:
-            return CastFate.TOTAL_REFLECTION, None, left
-        left *= 1.0 - reflectance
+            return CastFate.TOTAL_REFLECTION, None, length
+        through[face] = 1.0 - reflectance
         ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
-    return CastFate.LANDED, (list(ray.o), list(ray.d)), left
+    return CastFate.LANDED, (list(ray.o), list(ray.d)), length
 
 
 def _scene(mi: Any, part: PartMesh) -> Any:

@@ -11,10 +11,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import at_base, faces_away, indices_of, meet, refract
+from lensforge.verification.passage import at_base, faces_away, meet, refract
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
@@ -39,7 +40,8 @@ class Cause(IntEnum):
 class ActiveRays:
     """Rays being traced: leg, flux (W), True in the material, cause, and the face by which they entered (-1: none).
 
-    ``indices``: refractive index of the lens for each. ``crossings``: surfaces passed on the sequential path.
+    ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the lens for each. ``crossings``: surfaces
+    passed on the sequential path.
     """
 
     leg: Leg
@@ -49,22 +51,22 @@ class ActiveRays:
     crossings: Int[np.ndarray, " n"]
     entered_by: Int[np.ndarray, " n"]
     indices: Float[np.ndarray, " n"]
+    absorptions: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ActiveRays":
         """Some of the rays."""
-        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices")
+        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices", "absorptions")
         rest = (getattr(self, name)[rows] for name in names)
         return ActiveRays(self.leg.take(rows), *rest)
 
 
 @dataclass(frozen=True)
 class Body:
-    """The part as a refracting body: index for rays without one of their own, absorption (1/mm), finish of the base."""
+    """The part as a refracting body: its medium for rays without one of their own, and the finish of the base."""
 
     part: PartMesh
     grid: Grid
-    refractive_index: float
-    absorption_per_mm: float = 0.0
+    medium: Medium
     base: Base = "polished"
 
 
@@ -134,9 +136,8 @@ def _emitted(body: Body, rays: RayBundle) -> ActiveRays:
     reached = np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions + leg.origins
     outside = hits.found & faces_away(reached, body.part.mesh.face_normals[hits.triangles])
     causes = np.where(inside | outside, Cause.BASE, Cause.SEQUENTIAL)
-    return ActiveRays(
-        leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, indices_of(rays, body.refractive_index)
-    )
+    own = (rays.indices(body.medium), rays.absorptions(body.medium))
+    return ActiveRays(leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, *own)
 
 
 def _along(body: Body, leg: Leg, hits: FacetHits) -> Float[np.ndarray, " n"]:
@@ -178,7 +179,7 @@ def _next_hits(body: Body, light: ActiveRays) -> FacetHits:
 def _absorbed(body: Body, light: ActiveRays, points: Float[np.ndarray, "n 3"], budget: FluxBudget) -> ActiveRays:
     """Rays after bulk absorption on their path to ``points``, by the Beer-Lambert law."""
     lengths = np.linalg.norm(points - light.leg.origins, axis=1)
-    left = np.where(light.inside, np.exp(-body.absorption_per_mm * lengths), 1.0)
+    left = np.where(light.inside, np.exp(-light.absorptions * lengths), 1.0)
     budget.absorbed += float(np.sum(light.flux * (1.0 - left)))
     return replace(light, flux=light.flux * left)
 
@@ -202,6 +203,7 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
         np.tile(light.crossings + on_path, 2),
         np.tile(np.where(entering, body.part.faces[hits.triangles], light.entered_by), 2),
         np.tile(light.indices, 2),
+        np.tile(light.absorptions, 2),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
@@ -39,12 +40,14 @@ class CastFate(IntEnum):
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
+    ``absorbed``: flux (W) that the body took of it from face to face.
     ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
     """
 
     points: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
+    absorbed: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
 
@@ -55,6 +58,7 @@ class Passage:
             points=np.full((len(rays), 3), np.nan),
             directions=np.full((len(rays), 3), np.nan),
             flux=rays.flux.copy(),
+            absorbed=np.zeros(len(rays)),
             fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
             facets_um=np.zeros((len(rays), 2)),
         )
@@ -62,10 +66,11 @@ class Passage:
 
 @dataclass(frozen=True)
 class LandedRays:
-    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate."""
+    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray and absorbed, fate."""
 
     landings: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
+    absorbed: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
 
     @staticmethod
@@ -75,7 +80,7 @@ class LandedRays:
         left = np.nonzero(passage.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(passage.points[left], passage.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        return LandedRays(landings, passage.flux, fates)
+        return LandedRays(landings, passage.flux, passage.absorbed, fates)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -154,10 +159,13 @@ def _ahead(
     return ahead
 
 
-def indices_of(rays: RayBundle, refractive_index: float) -> Float[np.ndarray, " n"]:
-    """Refractive index of the lens for each ray: the ray's own where it has one, else ``refractive_index``."""
-    own = rays.refractive_indices
-    return np.full(len(rays), refractive_index) if own is None else own
+def absorb(
+    passage: Passage, rows: Int[np.ndarray, " k"], lengths: Float[np.ndarray, " k"], per_mm: Float[np.ndarray, " k"]
+) -> None:
+    """Take from rays what the body absorbs of them over ``lengths`` (mm), by the law of Beer and Lambert."""
+    arrived = passage.flux[rows] * np.exp(-per_mm * lengths)
+    passage.absorbed[rows] = passage.flux[rows] - arrived
+    passage.flux[rows] = arrived
 
 
 def outside_leg(rays: RayBundle) -> Leg:
@@ -165,20 +173,20 @@ def outside_leg(rays: RayBundle) -> Leg:
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
-def send_through(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, threads: int = 1) -> Passage:
+def send_through(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium, threads: int = 1) -> Passage:
     """Cast every ray into the part and out of it; air outside, n = 1."""
 
     def send(start: int) -> Passage:
-        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), refractive_index)
+        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), medium)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float) -> Passage:
+def _send(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium) -> Passage:
     passage = Passage.of(rays)
-    leg, indices = outside_leg(rays), indices_of(rays, refractive_index)
+    leg, indices = outside_leg(rays), rays.indices(medium)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
     passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
@@ -193,6 +201,8 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float) 
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     rows = rows[reached]
     left = cross(part, entered.leg.take(reached), exits.take(reached), indices[rows])
+    lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
+    absorb(passage, rows, lengths, rays.absorptions(medium)[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
     leave(passage, rows, left)
     return passage

@@ -7,20 +7,21 @@ import trimesh
 from jaxtyping import Float
 from trimesh.ray.ray_triangle import RayMeshIntersector
 
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import cross, indices_of, outside_leg
+from lensforge.verification.passage import cross, outside_leg
 from lensforge.verification.proof import PlainCast
 
 _CANDIDATES = 2**20  # triangles tested together: bounds the memory, 2.8 GB where all rays were cast at once
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
-def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, refractive_index: float, count: int) -> PlainCast:
+def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium, count: int) -> PlainCast:
     """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, indices = outside_leg(rays).take(rows), indices_of(rays, refractive_index)[rows]
+    outside, indices = outside_leg(rays).take(rows), rays.indices(medium)[rows]
     part.mesh.triangles_tree  # noqa: B018  built here, so that it is not timed as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]

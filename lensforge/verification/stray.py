@@ -1,4 +1,4 @@
-"""Stray light, which the sequential design leaves out: reflections, the base, absorption; its flux, and where it lands.
+"""Stray light, which the sequential design leaves out: reflections and the base; its flux, and where it lands.
 
 The non-sequential trace of the part is compared with the sequential trace of the same rays through the same mesh. The
 board and the chip under the lens are not modelled: they absorb all light that comes back to them.
@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
+from lensforge.optics.medium import Medium
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import balance_error, stray_criteria
 from lensforge.verification.casting import Grid
@@ -27,8 +28,7 @@ def trace_stray(
     stl: bytes,
     *,
     rays: RayBundle,
-    refractive_index: float,
-    absorption_per_mm: float,
+    medium: Medium,
     screens: Sequence[Screen],
     names: Sequence[str] = ("light",),
     base: Base = "polished",
@@ -47,8 +47,8 @@ def trace_stray(
     limits = limits or Limits()
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
-    budget = follow(Body(part, grid, refractive_index, absorption_per_mm, base), rays, limits)
-    passage, emitted = send_through(part, grid, rays, refractive_index), float(rays.flux.sum())
+    budget = follow(Body(part, grid, medium, base), rays, limits)
+    passage, emitted = send_through(part, grid, rays, medium), float(rays.flux.sum())
     found = StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(
@@ -56,7 +56,7 @@ def trace_stray(
         ),
         rays=len(rays),
         base=base,
-        absorption_per_mm=absorption_per_mm,
+        absorption_per_mm=medium.absorption_per_mm,
         cut_off=limits.cut_off,
         depth=limits.depth,
         criteria=(),

@@ -281,10 +281,11 @@ def refracted(surface, p, d, ratio):
 
 
 def trace(lens, pair, p, d, nm=None):
-    """Fate (index in FATES), place on the receiver's plane (mm), and flux at the end, of rays of flux 1."""
+    """Fate (index in FATES), place on the receiver's plane (mm), flux at the end and absorbed, of rays of flux 1."""
     inner, outer = pair
     n, d = refractive_index(lens, nm, len(p)), unit(d)
     fate, flux, place = np.full(len(p), LANDED), np.ones(len(p)), np.full((len(p), 2), np.nan)
+    absorbed = np.zeros(len(p))
     fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
     below = (p[:, 2] < 0) & (fate == LANDED)
     p = p.copy()
@@ -307,6 +308,8 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(t)]] = BASE
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
+    left = flux[live] * np.exp(-lens["spec"]["lens"]["absorption_per_mm"] * t)
+    absorbed[live], flux[live] = flux[live] - left, left
     d[live], passed = refracted(outer, p[live], d[live], n[live])
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
@@ -316,4 +319,4 @@ def trace(lens, pair, p, d, nm=None):
     live = live[up]
     to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
     place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]
-    return fate, place, flux
+    return fate, place, flux, absorbed

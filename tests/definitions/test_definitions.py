@@ -44,7 +44,7 @@ CHIPS = {
     "position_mm": [0.1, 0.0, 0.0], "flux_w": 1.0, "intensity": {"kind": "cosine", "power": 1.2},
 }  # fmt: skip
 PMMA = {"material": "PMMA", "refractive_index": None}  # None: left out
-ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55}
+ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55, "absorption_per_mm": 0.02}
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,8 @@ def test_same_rays(folder: Path, case: str) -> None:
     assert light.rays == count
     for cause, share in library_shares(light).items():
         assert share == pytest.approx(mine["figures"][cause][0], abs=5e-6), cause
-    for fate in {"above the plane": ("backward", "base"), "from a cup, dispersive": ("outside_cavity",)}[case]:
+    fates = {"above the plane": ("backward", "base"), "from a cup, dispersive": ("outside_cavity", "absorbed")}
+    for fate in fates[case]:
         assert mine["figures"][fate][0] > 0.005
     assert (d[:, 2] < 0).mean() > 0.25 or case != "above the plane"
     image = mine["bins"][0]

@@ -8,6 +8,7 @@ import torch
 from scenes import small_spec, sphere, table_of
 
 from lensforge.optics.materials import MATERIALS
+from lensforge.optics.medium import Medium
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose
@@ -51,12 +52,14 @@ def exact(rays, index):
         ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (sphere(INNER), sphere(OUTER))
     )
-    return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, index, rays)))
+    return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, Medium(index), rays)))
 
 
 def fused(rays, index):
     grid = TableGrid(32)
-    exit_rays = trace_tables(table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(index, grid), rays)
+    exit_rays = trace_tables(
+        table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(Medium(index), grid), rays
+    )
     return Hits.of(RECEIVER.land(exit_rays))
 
 

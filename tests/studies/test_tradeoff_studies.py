@@ -28,7 +28,7 @@ def lens():
 
 @pytest.fixture(scope="module")
 def traced(lens):
-    scene = Scene(lens.refractive_index, GRID)
+    scene = Scene(lens.medium, GRID)
     return TracedLens(scene, table_of(lens.inner, GRID), table_of(lens.outer, GRID), {})
 
 

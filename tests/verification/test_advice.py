@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
+from lensforge.optics.medium import Medium
 from lensforge.verification.advice import Evidence, form_of_mesh
 from lensforge.verification.comparison import Expected, compare
 from lensforge.verification.passage import CastFate, LandedRays
@@ -31,7 +32,7 @@ def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     result = verify_part(
         part.export(file_type="stl"),
         rays=rays,
-        refractive_index=INDEX,
+        medium=Medium(INDEX),
         expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
         plain_rays=1,
     )
@@ -125,7 +126,7 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
     rays = lambertian(2, 0.0)
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
-        passage = LandedRays(there if landed else nowhere, ones, fates)
+        passage = LandedRays(there if landed else nowhere, ones, 0.0 * ones, fates)
         screen = Screen.square(DISTANCE, 10.0, 2)
         expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
         agreement = compare(rays, passage, expected)

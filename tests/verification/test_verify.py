@@ -6,6 +6,7 @@ import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
+from lensforge.optics.medium import Medium
 from lensforge.verification.comparison import Expected
 from lensforge.verification.proof import Proof
 from lensforge.verification.screen import Screen
@@ -56,8 +57,8 @@ def design_irradiance():
 def verify(design_irradiance):
     right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
 
-    def run(mesh, plain_rays=20, refractive_index=INDEX, inputs=None, step=None, **changes):
-        given = {"rays": RAYS, "refractive_index": refractive_index, "plain_rays": plain_rays, "inputs": inputs}
+    def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, **changes):
+        given = {"rays": RAYS, "medium": Medium(index), "plain_rays": plain_rays, "inputs": inputs}
         return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
 
     return run
@@ -127,7 +128,7 @@ def test_a_hole_fails(verify):
 
 
 def test_a_wrong_index_fails(verify):
-    assert "deviation_rms" in failed(verify(right(), refractive_index=INDEX + 0.001, plain_rays=1))
+    assert "deviation_rms" in failed(verify(right(), index=INDEX + 0.001, plain_rays=1))
 
 
 def test_a_design_that_counts_too_much_flux_fails(verify):
