@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lensforge.lens import load_lens
-from lensforge.optics.materials import MATERIALS
+from lensforge.materials.catalogue import MATERIALS
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import Window
 from lensforge.receivers.receiver import Hits

@@ -42,7 +42,7 @@ from lensforge.spec.emission import (
     TableIntensity,
     TableSpectrum,
 )
-from lensforge.spec.lens import FixedAsphere, FixedSphere
+from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PointsLimit, ZoneLimit
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource

@@ -15,7 +15,7 @@ from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.pictures.reading import read_light
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.sources.dispersion import index_of_rays
+from lensforge.sources.dispersion import dispersed
 from lensforge.sources.flux import chip_fluxes
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_table import read_radiance
@@ -65,7 +65,7 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
         return rays
     table = spectrum_of(section.spectrum)
     waves = emission.wavelengths(random, count, table.wavelengths_nm, table.power_density)
-    return replace(rays, refractive_indices=index_of_rays(waves, rays.flux, material, "source.spectrum")[0])
+    return dispersed(rays, waves, material, "source.spectrum")[0]
 
 
 def _drawn(

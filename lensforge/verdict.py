@@ -17,7 +17,7 @@ from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.design import Design
 from lensforge.records import Record, State, Text
 from lensforge.spec import Spec

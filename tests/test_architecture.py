@@ -15,17 +15,17 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "untrusted",
-    "pictures", "kernels", "records", "jackknife", "criteria", "surfaces",
-    "optics", "spec", "accuracy", "lens", "figures", "sources", "tracing", "receivers", "targets", "geometry",
-    "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing", "verification", "screens", "emissions",
-    "measurement", "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages",
-    "cast_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder", "pipeline",
-    "studies", "verbs", "api", "commands", "cli", "__main__",
+    "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "optics", "materials", "spec", "accuracy",
+    "lens", "figures", "sources", "tracing", "receivers", "targets", "geometry", "optimisation", "evaluation",
+    "tolerancing", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement",
+    "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "cast_stages",
+    "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder", "pipeline", "studies", "verbs",
+    "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
     "torch", "numba", "scipy", "cadquery", "OCP", "trimesh", "manifold3d", "lib3mf", "pyvista", "matplotlib",
-    "skimage", "PIL", "jinja2", "rich", "mitsuba",
+    "skimage", "PIL", "jinja2", "rich", "mitsuba", "yaml",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
 SELDOM = ("lensforge.sources.rayfiles", "lensforge.studies")

@@ -10,7 +10,7 @@ from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.spec import AnyReceiver
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.target import IN_TARGET

@@ -46,3 +46,8 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
         transmitted: Turns = 1.0 - 0.5 * (r_s**2 + r_p**2)
     turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
     return turned
+
+
+def normal_transmittance(refractive_index: float) -> float:
+    """Transmittance of one surface at normal incidence; two of them bound a lens's efficiency, 0.923 for PMMA."""
+    return 1.0 - ((refractive_index - 1.0) / (refractive_index + 1.0)) ** 2

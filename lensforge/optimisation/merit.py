@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
 from lensforge.optimisation.image_terms import Images, ImageTerms, nmse_loss

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.limit_result import LimitResult, LimitState
 from lensforge.evaluation.receiver_light import ReceiverLight
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.records import Metric
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.receiver_table import share_with_error

@@ -1,6 +1,6 @@
 """Emitters built from the ``[source]`` of a spec; modules that one kind needs are loaded for that kind only."""
 
-from lensforge.optics.materials import Material
+from lensforge.materials.material import Material
 from lensforge.sources.bundle import Source
 from lensforge.sources.dispersion import DispersedSource
 from lensforge.sources.flux import emitter_flux

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.errors import InputError
-from lensforge.optics.materials import Material
+from lensforge.materials.material import Material
 from lensforge.sources.bundle import ChangedSource, RayBundle
 from lensforge.sources.source_summary import Range
 from lensforge.sources.spectrum import Spectrum, usable_wavelengths
@@ -65,14 +65,15 @@ class IndexRange:
         return tuple(found)
 
 
-def index_of_rays(
-    wavelengths_nm: Float[np.ndarray, " n"], flux: Float[np.ndarray, " n"], material: Material, name: str
-) -> tuple[Float[np.ndarray, " n"], IndexRange]:
-    """Look up the index of ``material`` for each ray of ``flux``, any unit; ``name`` is the source in errors.
+def dispersed(
+    rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material, name: str
+) -> tuple[RayBundle, IndexRange]:
+    """Give each of ``rays`` what ``material`` has at its wavelength; ``name`` is the source in errors.
 
     Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
     """
-    total, usable = float(flux.sum()), usable_wavelengths(wavelengths_nm)
+    flux, usable = rays.flux, usable_wavelengths(wavelengths_nm)
+    total = float(flux.sum())
     if not usable.any():
         raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
     waves = np.where(usable, wavelengths_nm, np.average(wavelengths_nm[usable], weights=flux[usable]))
@@ -84,7 +85,7 @@ def index_of_rays(
     clamped, low, high = share(outside | ~usable), float(waves.min()), float(waves.max())
     _require_few(clamped, low, high, material, name)
     extrapolated = share(usable & ~outside & ~_within(waves, material.range_nm))
-    return material.nearest_index(waves), IndexRange.of(low, high, material, extrapolated, clamped)
+    return in_material(rays, waves, material), IndexRange.of(low, high, material, extrapolated, clamped)
 
 
 def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:
@@ -124,6 +125,13 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
     )
 
 
+def in_material(rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> RayBundle:
+    """Give each of ``rays`` the index, and the absorption where it is known, of ``material`` at its wavelength."""
+    absorption = None if material.absorption is None else material.absorption.at(wavelengths_nm)
+    indices = material.nearest_index(wavelengths_nm)
+    return replace(rays, refractive_indices=indices, absorption_per_mm=absorption)
+
+
 @dataclass(frozen=True, eq=False)
 class DispersedSource(ChangedSource):
     """Source that emits ``spectrum`` from every point in every direction, each ray with its index in ``material``.
@@ -145,4 +153,4 @@ class DispersedSource(ChangedSource):
     def sample(self, count: int, seed: int) -> RayBundle:
         """Draw the rays of the source itself, each with the index at a wavelength drawn by ``seed``."""
         rays = self.source.sample(count, seed)
-        return replace(rays, refractive_indices=self.material.nearest_index(self.spectrum.draw(count, seed)))
+        return in_material(rays, self.spectrum.draw(count, seed), self.material)

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError, remedy
-from lensforge.optics.materials import Material
+from lensforge.materials.material import Material
 from lensforge.records import Point
 from lensforge.sources.bundle import RayBundle
-from lensforge.sources.dispersion import IndexRange, index_of_rays
+from lensforge.sources.dispersion import IndexRange, dispersed
 from lensforge.sources.flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
 from lensforge.sources.placement import SourcePose
 from lensforge.sources.ray_set import RaySetEmitter, placed
@@ -128,8 +128,7 @@ def _bundle(
     if material is None or wavelengths_nm is None:
         return bundle, None
     name = rayfile.path if spectrum is None else "source.spectrum"
-    indices, index_range = index_of_rays(wavelengths_nm, rays.flux, material, name)
-    return replace(bundle, refractive_indices=indices), index_range
+    return dispersed(bundle, wavelengths_nm, material, name)
 
 
 def _with_name(part: _Loaded) -> tuple[str, ...]:

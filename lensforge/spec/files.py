@@ -10,7 +10,7 @@ from lensforge.files import require_regular_file
 from lensforge.spec.section import Section
 
 _NAMED = "the spec names it"
-_FIELDS = ("file", "keep_out", "start")  # fields that name a file
+_FIELDS = ("file", "keep_out", "start", "material_file")  # fields that name a file
 
 
 def resolve_files(table: object, folder: Path) -> None:

@@ -1,17 +1,18 @@
 """The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
-from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from jaxtyping import Float
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
-from lensforge.optics.materials import D_LINE_NM, MATERIALS, Material, by_abbe_number
+from lensforge.materials.catalogue import MATERIALS
+from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
 from lensforge.optics.medium import Medium
-from lensforge.spec.section import Coordinate, FilePath, Label, Millimetres, Section
+from lensforge.spec.fixed_surface import FixedSurface
+from lensforge.spec.optical_data import OpticalData, with_optical_data
+from lensforge.spec.section import FilePath, Label, Millimetres, Section
 from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 
@@ -27,106 +28,6 @@ Levels = Annotated[
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
 
 
-_MERIDIAN = np.linspace(0.0, 0.5 * np.pi, 2001)  # angles (rad) from the axis to the horizon
-
-
-def _directions(polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-    return np.stack([np.sin(polar_rad), np.zeros_like(polar_rad), np.cos(polar_rad)], axis=1)
-
-
-class _Fixed(Section):
-    @property
-    def surface(self) -> Asphere:
-        """Surface about the axis. Raises :class:`InputError` where it is not star-shaped about the origin."""
-        raise NotImplementedError
-
-    @property
-    def apex_mm(self) -> float:
-        """Height of its vertex on the axis."""
-        return self.surface.vertex_mm
-
-    def on_meridian_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Distance (mm) from the origin at angles from the axis; the surface is the same all around."""
-        return self.surface.radius(_directions(polar_rad))
-
-    @property
-    def largest_mm(self) -> float:
-        """Largest distance from the origin, z = 0 and above."""
-        return float(self.on_meridian_mm(_MERIDIAN).max())
-
-    def clearance_mm(self, height_mm: float, radius_mm: float) -> float:
-        """Least height above the paraboloid of that height and radius, Eq. (12); below 0 where it cuts in."""
-        points = self.on_meridian_mm(_MERIDIAN)[:, None] * _directions(_MERIDIAN)
-        return float((height_mm / radius_mm**2 * points[:, 0] ** 2 + points[:, 2] - height_mm).min())
-
-    def least_draft_deg(self, polar_rad: Float[np.ndarray, " k"]) -> float:
-        """Least draft (deg) along the axis: 90 degrees less the angle from the axis to the normal."""
-        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
-        rise = radius * np.cos(polar_rad) + slope * np.sin(polar_rad)
-        return float(np.rad2deg(np.arcsin(rise / np.hypot(radius, slope))).min())
-
-    def curvatures_per_mm(self, polar_rad: Float[np.ndarray, " k"]) -> tuple[float, float]:
-        """Least and largest principal curvature (1/mm), along and across the meridian; positive where it bulges."""
-        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
-        length = np.hypot(radius, slope)
-        along = (radius**2 + 2.0 * slope**2 - radius * np.gradient(slope, polar_rad, edge_order=2)) / length**3
-        off_axis = np.maximum(np.sin(polar_rad), 1e-9)
-        across = (radius * np.sin(polar_rad) - slope * np.cos(polar_rad)) / (radius * off_axis * length)
-        both = np.concatenate([along, across[1:]])  # on the axis the two are equal
-        return float(both.min()), float(both.max())
-
-    def _slope_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Derivative of the radius by the polar angle (mm/rad)."""
-        down = np.stack([np.cos(polar_rad), np.zeros_like(polar_rad), -np.sin(polar_rad)], axis=1)
-        slope: Float[np.ndarray, " k"] = np.sum(self.surface.gradient(_directions(polar_rad)) * down, axis=1)
-        return slope
-
-    @model_validator(mode="after")
-    def _is_star_shaped(self) -> "_Fixed":
-        try:
-            _ = self.surface
-        except InputError as error:
-            raise ValueError(str(error)) from None
-        return self
-
-
-class FixedSphere(_Fixed):
-    """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
-
-    kind: Literal["sphere"] = "sphere"
-    radius_mm: Millimetres
-    centre_z_mm: Coordinate = 0.0
-
-    @property
-    def surface(self) -> Asphere:
-        """Surface about the axis."""
-        return _asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm, 0.0, ())
-
-
-class FixedAsphere(_Fixed):
-    """Even asphere by the sag of ISO 10110-12: ``radius_mm`` at the vertex, below 0 for a dome over the source.
-
-    ``coefficients``: A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...
-    """
-
-    kind: Literal["asphere"] = "asphere"
-    vertex_z_mm: Millimetres
-    radius_mm: Coordinate
-    conic_constant: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
-    coefficients: Annotated[tuple[Coordinate, ...], Field(max_length=10)] = ()
-
-    @property
-    def surface(self) -> Asphere:
-        """Surface about the axis."""
-        return _asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
-
-
-_asphere = lru_cache(maxsize=16)(Asphere)  # a spec asks for its surfaces many times; their profile takes 0.1 s
-
-
-FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")]
-
-
 def _lens_file(path: Path) -> Path:
     """The file of the lens in a result folder, or ``path`` itself."""
     return path / LENS_FILE if path.is_dir() else path
@@ -139,15 +40,20 @@ class LensSection(Section):
     ``symmetry`` "auto" is the largest mirror symmetry that source and target share; the record of a lens names it.
     ``start``: a result folder, or its lens.json: the search goes on from that lens instead of from the hemispheres.
 
-    Either ``refractive_index`` holds for all wavelengths, and ``material`` is only a label; or ``material`` names a
-    dispersive one of ``optics.materials``, whose index at ``design_wavelength_nm`` is used where a single number is
-    needed, and for a source without wavelengths. ``abbe_number`` makes ``refractive_index`` the n_d of a dispersive
-    material of one's own. ``absorption_per_mm`` (Beer and Lambert) dims every ray on its way through the body;
-    ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
+    Either ``refractive_index`` holds for all wavelengths, and ``material`` is only a label; or the material is
+    dispersive, and its index at ``design_wavelength_nm`` is used where a single number is needed, and for a source
+    without wavelengths. Dispersive is a ``material`` of ``materials.catalogue``; one with ``optical_data``; one of a
+    ``material_file`` (a Zemax catalogue, of which ``material`` names the glass; a file of refractiveindex.info; a
+    table), which becomes ``optical_data`` as the spec is read; and one with ``abbe_number``, whose n_d is
+    ``refractive_index``.
+    ``absorption_per_mm`` (Beer and Lambert) dims every ray on its way through the body, if the material itself states
+    no absorption. ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
     material: Label = "PMMA at 564 nm"
+    material_file: FilePath | None = None
+    optical_data: OpticalData | None = None
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
@@ -161,10 +67,18 @@ class LensSection(Section):
     symmetry: Symmetry = "auto"
     start: Annotated[FilePath, AfterValidator(_lens_file)] | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _material_of_the_file(cls, content: Any) -> Any:
+        try:
+            return with_optical_data(content)
+        except InputError as error:
+            raise ValueError(f"material_file: {error}") from None
+
     @model_validator(mode="after")
     def _one_source_of_the_index(self) -> "LensSection":
         given = self.model_fields_set
-        known = MATERIALS.get(self.material)
+        known = self._own_or_catalogued
         if known is None:
             if "material" in given and "refractive_index" not in given:
                 raise ValueError(
@@ -177,6 +91,8 @@ class LensSection(Section):
             return self
         if self.abbe_number is not None:
             raise ValueError(f"abbe_number: {self.material} has its own dispersion; leave out one of the two")
+        if self.absorption_per_mm > 0.0 and known.absorption is not None:
+            raise ValueError(f"absorption_per_mm: {self.material} has its own absorption; leave out one of the two")
         try:
             index = known.index_at(self.design_wavelength_nm)
         except InputError as error:
@@ -192,14 +108,24 @@ class LensSection(Section):
     @property
     def medium(self) -> Medium:
         """The body at the design wavelength: refractive index and absorption."""
-        return Medium(self.refractive_index, self.absorption_per_mm)
+        material = self.dispersion
+        if material is None or material.absorption is None:
+            return Medium(self.refractive_index, self.absorption_per_mm)
+        return Medium(self.refractive_index, float(material.absorption.at(np.array([self.design_wavelength_nm]))[0]))
+
+    @property
+    def _own_or_catalogued(self) -> Material | None:
+        """The material of the spec's own data, or of the catalogue by its name."""
+        if self.optical_data is not None:
+            return self.optical_data.material(self.material)
+        return MATERIALS.get(self.material)
 
     @property
     def dispersion(self) -> Material | None:
         """Index against wavelength; None for a lens of one index."""
         if self.abbe_number is not None:
             return by_abbe_number(self.refractive_index, self.abbe_number, self.material)
-        return MATERIALS.get(self.material)
+        return self._own_or_catalogued
 
     @model_validator(mode="after")
     def _each_surface_starts_once(self) -> "LensSection":

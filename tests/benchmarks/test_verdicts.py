@@ -3,7 +3,7 @@
 import verdicts
 
 import lensforge as lf
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.scene_check import SceneCheck
 from lensforge.sources.build import build_source
 from lensforge.verdict import LEAST_SHARE

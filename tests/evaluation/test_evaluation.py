@@ -8,7 +8,7 @@ from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.jackknife import jackknife
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.build import build_source
 
 DRAFT = PRESETS["draft"]

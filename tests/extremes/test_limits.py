@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.tables import Scene, trace_tables

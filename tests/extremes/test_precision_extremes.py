@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface

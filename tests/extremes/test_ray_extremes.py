@@ -11,8 +11,8 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.refraction import transmittance, transmitted_cosine_squared
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid

@@ -19,8 +19,8 @@ from lensforge.evaluation import simulate
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.collect import Collected, collected
 from lensforge.optimisation.image_terms import nmse_loss, shortfall_loss, uniformity_loss
 from lensforge.optimisation.optimiser import search

@@ -14,7 +14,7 @@ from lensforge.far_field.photometry import Photometry
 from lensforge.far_field.sphere import exit_rays
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose

@@ -7,7 +7,7 @@ from lensforge.optics.dielectric import (
     refract,
     transmitted_cosine_squared,
 )
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 
 N = 1.4936
 

@@ -7,8 +7,12 @@ import pytest
 import torch
 
 from lensforge.optics.dielectric import fresnel_transmittance
-from lensforge.optics.materials import normal_transmittance
-from lensforge.optics.two_refractions import best_transmittance, face_transmittance, largest_deviation_rad
+from lensforge.optics.two_refractions import (
+    best_transmittance,
+    face_transmittance,
+    largest_deviation_rad,
+    normal_transmittance,
+)
 
 INDICES = [1.0, 1.2, 1.4936, 2.0, 3.5]
 

@@ -11,7 +11,7 @@ import lensforge as lf
 from lensforge.errors import Cancelled, InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.scene_check import SceneCheck
 from lensforge.sources.build import build_source

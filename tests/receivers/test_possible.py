@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from lensforge.optics.materials import normal_transmittance
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.receivers.cylinder import Cylinder
 from lensforge.receivers.far_field import FarField, chart_radius
 from lensforge.receivers.pixels import PixelGrid

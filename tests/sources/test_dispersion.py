@@ -8,7 +8,8 @@ from rayfile_samples import image, rays, with_spectrum_numbers, with_tables
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.materials import D_LINE_NM, MATERIALS
+from lensforge.materials.catalogue import MATERIALS
+from lensforge.materials.material import D_LINE_NM
 from lensforge.sources.build import build_source, summarise
 from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.reading import decode

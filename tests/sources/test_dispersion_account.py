@@ -9,7 +9,8 @@ from rayfile_samples import rays
 from scenes import small_spec
 
 from lensforge.errors import InputError
-from lensforge.optics.materials import MATERIALS, by_abbe_number
+from lensforge.materials.catalogue import MATERIALS
+from lensforge.materials.material import by_abbe_number
 from lensforge.sources.build import build_source, summarise
 from lensforge.sources.dispersion import index_of_spectrum
 from lensforge.sources.rayfiles import write_rayfile
@@ -127,10 +128,11 @@ def test_zeros_of_a_table_are_no_light():
 
 
 def test_the_stated_errors_are_those_of_the_benchmark():
-    for material in MATERIALS.values():
+    by_formula = [material for material in MATERIALS.values() if material.dispersion.name != "cauchy"]
+    for material in by_formula:
         worst = max(difference for _, _, difference, _ in differences(material))
         assert 0.6 * material.extrapolation_error < worst < 1.02 * material.extrapolation_error, material.name
-    abbe = max(difference_by_abbe_number(material) for material in MATERIALS.values())
+    abbe = max(difference_by_abbe_number(material) for material in by_formula)
     assert 0.7 * 0.005 < abbe < 0.005 == by_abbe_number(1.5, 50.0).extrapolation_error
 
 

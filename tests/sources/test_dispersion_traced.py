@@ -7,7 +7,7 @@ import pytest
 import torch
 from scenes import small_spec, sphere, table_of
 
-from lensforge.optics.materials import MATERIALS
+from lensforge.materials.catalogue import MATERIALS
 from lensforge.optics.medium import Medium
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import Plane

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from lensforge import seeds
-from lensforge.optics.materials import MATERIALS
+from lensforge.materials.catalogue import MATERIALS
 from lensforge.optimisation.held_rays import HeldRays
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.dispersion import DispersedSource

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from lensforge import sources
 from lensforge.errors import InputError
-from lensforge.optics.materials import MATERIALS
+from lensforge.materials.catalogue import MATERIALS
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity

@@ -9,7 +9,7 @@ from lensforge.lens import Lens
 from lensforge.optimisation.feasibility import measure_constraints
 from lensforge.spec import BaseSection
 from lensforge.spec.feasible import least_rim_mm, require_base_around_cavity, smallest_inner_mm
-from lensforge.spec.lens import FixedAsphere, FixedSphere
+from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
 from lensforge.spec.section import rounded_up
 
 POLAR = np.linspace(0.0, 0.5 * np.pi, 2001)

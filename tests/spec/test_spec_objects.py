@@ -21,7 +21,7 @@ from lensforge.spec.emission import (
     TableIntensity,
     TableSpectrum,
 )
-from lensforge.spec.lens import FixedAsphere, FixedSphere, FixedSurface
+from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere, FixedSurface
 from lensforge.spec.section import Section
 
 SPECS = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))

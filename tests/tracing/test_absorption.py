@@ -12,8 +12,8 @@ from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter

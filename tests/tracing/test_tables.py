@@ -8,8 +8,8 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of, weig
 
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
-from lensforge.optics.materials import normal_transmittance
 from lensforge.optics.medium import Medium
+from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
