@@ -58,7 +58,7 @@ def rows(directory: Path, count: int) -> list[tuple[str, ...]]:
     before = None
     for name, base, finish in cases:
         part = mesh_with_base(lens, base)
-        body = Body(part, Grid(part.mesh), lens.medium, finish)
+        body = Body(part, Grid(part.mesh), lens.media, finish)
         escaped = follow(body, rays, Limits()).escaped()
         places = screen.land(escaped.points, escaped.directions)
         picture, inside = screen.irradiance(places, escaped.flux), screen.in_window(places)

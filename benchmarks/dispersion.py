@@ -54,7 +54,7 @@ def main():
     landed = {}
     for name, index in (("each", each), ("mean", mean), ("design", lens.refractive_index)):
         coloured = replace(rays, refractive_indices=np.full(each.shape, index))
-        landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.medium, coloured)))
+        landed[name] = Hits.of(receiver.land_in_torch(trace_exact(*surfaces, lens.media, coloured)))
     inside = {name: whole.contains(light.hits) for name, light in landed.items()}
     report = {
         "rays": len(rays),

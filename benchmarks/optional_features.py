@@ -138,7 +138,7 @@ def _verify(run: Run, count: int, step: bytes | None = None) -> None:
     verify_part(
         run.part.stl,
         rays=rays,
-        medium=lens.medium,
+        media=lens.media,
         expected=[Expected(screen, light.map, landed.hits, landed.flux)],
         step=step,
     )

@@ -110,7 +110,7 @@ def exact_light(reference: ExactReference, dtype: torch.dtype, scan: DenseScan) 
     lens = reference.lens
     inner, outer = (exact_surface(lens, name, dtype, scan) for name in SURFACES)
     with torch.no_grad():
-        exits = trace_exact(inner, outer, lens.medium, reference.rays)
+        exits = trace_exact(inner, outer, lens.media, reference.rays)
     return Hits.of(design_receiver(lens).land_in_torch(exits))
 
 

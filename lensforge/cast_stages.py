@@ -46,7 +46,7 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
         proof = verify_apart(
             part.stl,
             rays=bundle,
-            medium=lens.medium,
+            media=lens.media,
             expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
             names=[receiver.name for receiver in light.receivers],
             step=part.step,
@@ -74,7 +74,7 @@ def stray_light(
         stray = stray_apart(
             part.stl,
             rays=source.sample(count, seeds.of_verification(lens.seed)),
-            medium=lens.medium,
+            media=lens.media,
             screens=screens_of(spec),
             names=[receiver.name or receiver.kind for receiver in spec.all_receivers],
             base=base,

@@ -15,7 +15,7 @@ from pydantic import Field, JsonValue
 
 from lensforge.errors import InputError
 from lensforge.files import json_in, read_json_bytes, write_json
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.records import Count, Number, Record, Text
 from lensforge.records.html import section_html
 from lensforge.records.stored import CHECKSUM, require_checksum, validated, with_checksum, without_schema
@@ -51,13 +51,13 @@ class Lens:
 
     @property
     def refractive_index(self) -> float:
-        """Index of the body at the design wavelength; the surroundings are air, n = 1."""
+        """Index of the body at the design wavelength."""
         return self.spec.lens.refractive_index
 
     @property
-    def medium(self) -> Medium:
-        """The body at the design wavelength: refractive index and absorption."""
-        return self.spec.lens.medium
+    def media(self) -> Media:
+        """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
+        return self.spec.lens.media
 
     @property
     def basis(self) -> SrbfBasis:

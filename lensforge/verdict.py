@@ -17,7 +17,7 @@ from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
-from lensforge.optics.two_refractions import normal_transmittance
+from lensforge.optics.two_refractions import transmittance_of
 from lensforge.optimisation.design import Design
 from lensforge.records import Record, State, Text
 from lensforge.spec import Spec
@@ -98,7 +98,7 @@ def _light(lens: Lens, light: Light) -> Iterator[_Reason]:
     if lens.spec.limits:
         yield from _limits(light)
         return
-    transmittance = normal_transmittance(lens.refractive_index) ** 2
+    transmittance = transmittance_of(lens.media)
     for receiver in light.receivers:
         yield from _on_receiver(receiver, transmittance, f" on {receiver.name}" if len(light.receivers) > 1 else "")
 

@@ -4,6 +4,7 @@ import ast
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -40,10 +41,12 @@ def _name(path: Path) -> str:
     return ".".join(("lensforge", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
 
 
+@cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@cache
 def _imports(tree: ast.AST) -> list[str]:
     """Every module that is imported anywhere in the tree, inside functions too."""
     names = []
@@ -65,6 +68,7 @@ def _own(tree: ast.AST) -> list[str]:
     return [name for name in _imports(tree) if name.startswith("lensforge.")]
 
 
+@cache
 def _at_the_top(tree: ast.Module) -> list[str]:
     """Modules that are imported as the module loads."""
     return [name for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom) for name in _imports(node)]
@@ -90,7 +94,7 @@ def test_imports_run_one_way(path: Path) -> None:
         return  # it offers what the rooms have, and nothing imports from it
     layer = parts[0]
     assert layer in ORDER, f"{layer} has no place in the order yet"
-    for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in _own(_tree(path)):
         assert ORDER.index(_layer(name)) <= ORDER.index(layer), f"{layer} imports {name}"
 
 
@@ -179,10 +183,10 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 def test_verification_shares_nothing_with_the_design() -> None:
     allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "verification"}
     for path in (PACKAGE / "verification").rglob("*.py"):
-        for name in _own(ast.parse(path.read_text(encoding="utf-8"))):
+        for name in _own(_tree(path)):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
-            assert _layer(name) != "optics" or name == "lensforge.optics.medium"
+            assert _layer(name) != "optics" or name == "lensforge.optics.media"
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:

@@ -10,7 +10,7 @@ from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.lens import Lens
-from lensforge.optics.two_refractions import normal_transmittance
+from lensforge.optics.two_refractions import transmittance_of
 from lensforge.spec import AnyReceiver
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.target import IN_TARGET
@@ -51,12 +51,12 @@ def _possible(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") 
     from lensforge.sources.build import build_source
     from lensforge.targets.region import in_target
 
-    asked = [normal_transmittance(lens.refractive_index) ** 2 * own.wanted_in_target for own in light.receivers]
+    asked = [transmittance_of(lens.media) * own.wanted_in_target for own in light.receivers]
     lower = [own.possible.share_in_target < most for own, most in zip(light.receivers, asked, strict=True)]
     other = light.conditions is not None and light.conditions.source is not None
     if other or not any(lower) or isinstance(lens.spec.source, RayfileSource | RayfilesSource | RaySource):
         return
-    source = SourceLight.of(build_source(lens.spec.source, lens.spec.lens.dispersion), lens.refractive_index)
+    source = SourceLight.of(build_source(lens.spec.source, lens.spec.lens.dispersion), lens.media)
     for own, receiver, rests in zip(light.receivers, receivers, lower, strict=False):
         if rests and own.target_map.shape == receiver.grid.shape:
             physics = PossibleLight(source, receiver, lens.spec.constraints.max_radius_mm)

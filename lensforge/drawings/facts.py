@@ -18,6 +18,8 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Date": signature.date or "not stated",
         "Material": spec.lens.material,
         "Refractive index": f"{spec.lens.refractive_index:g}",
+        **({} if spec.lens.cavity_index == 1.0 else {"Index in the cavity": f"{spec.lens.cavity_index:g}"}),
+        **({} if spec.lens.outside_index == 1.0 else {"Index outside": f"{spec.lens.outside_index:g}"}),
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         **_mould_facts(lens, part),
         **_untrimmed_facts(part),

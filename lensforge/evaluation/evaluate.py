@@ -74,7 +74,7 @@ def evaluate_traced(
     started = time.perf_counter()
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
-    light, largest_mm = SourceLight.of(source, traced.scene.medium.refractive_index), spec.constraints.max_radius_mm
+    light, largest_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm
     images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
     found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
     lit = tuple(

@@ -33,7 +33,7 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
     inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
-    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.medium, rays)
+    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
     exact = Hits.of(receiver.land_in_torch(exits))
     return PresetError(
         rays=len(rays),

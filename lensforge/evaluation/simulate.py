@@ -45,7 +45,7 @@ class TracedLens:
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
         inner, outer = (torch.from_numpy(table) for table in tables.values())
-        return TracedLens(Scene(lens.medium, grid), inner, outer, errors)
+        return TracedLens(Scene(lens.media, grid), inner, outer, errors)
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""

@@ -78,7 +78,7 @@ def refined_dome(
             continue
         facets = _split(patch, facets, far)
         if len(facets.triangles) > MOST_TRIANGLES:
-            raise _not_within(chord_mm, f"with {MOST_TRIANGLES} triangles, the most that are made,")
+            raise _not_within(chord_mm, f"with {MOST_TRIANGLES} triangles, the most that are made")
     raise _not_within(chord_mm, f"after {_ROUNDS} rounds of splitting")
 
 

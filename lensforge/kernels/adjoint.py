@@ -76,9 +76,10 @@ def trace_adjoint(
     Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
     surface reflected totally: by sin^2.
     """
-    fresnel, table_origin, inverse_step = scene
+    fresnel, cavity_index, outside_index, table_origin, inverse_step = scene
     for k in range(len(emitted)):
         index = indices[min(k, len(indices) - 1)]
+        into, out_of = cavity_index / index, index / outside_index
         left = fates[k] == Fate.LEFT_LENS
         if not left and not (fates[k] == Fate.TOTAL_REFLECTION and lengths[k, 1] > 0.0):
             continue
@@ -95,19 +96,19 @@ def trace_adjoint(
         px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
         jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
         nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
-        bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, 1.0 / index)
-        through1, slope1 = transmittance(c1, sqrt(q1_squared), 1.0 / index) if fresnel else (1.0, 0.0)
+        bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, into)
+        through1, slope1 = transmittance(c1, sqrt(q1_squared), into) if fresnel else (1.0, 0.0)
         sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
         jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
         mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
-        cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, index)
+        cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, out_of)
         if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
             continue  # tangent, or at the critical angle, to the last bit: there is no derivative
         # and backward: behind the lens, outer surface, inner surface
-        by_c2 = -2.0 * index * index * c2 * gs
+        by_c2 = -2.0 * out_of * out_of * c2 * gs
         through2, slope2 = 1.0, 0.0
         if left and fresnel:
-            through2, slope2 = transmittance(c2, sqrt(q2_squared), index)
+            through2, slope2 = transmittance(c2, sqrt(q2_squared), out_of)
         arrived, by_t2 = emitted[k], 0.0  # the flux but for both surfaces; its sensitivity to the path in the body
         if len(absorptions) > 0:
             absorption = absorptions[min(k, len(absorptions) - 1)]
@@ -118,7 +119,7 @@ def trace_adjoint(
         along = ex * cx + ey * cy + ez * cz
         ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
         by_c1 = gw * arrived * through2 * slope1
-        fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, index, fx, fy, fz, by_c2)
+        fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, out_of, fx, fy, fz, by_c2)
         ex, ey, ez = ex + by_t2 * bx, ey + by_t2 * by, ez + by_t2 * bz
         ex, ey, ez = hit_adjoint(
             sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
@@ -126,7 +127,7 @@ def trace_adjoint(
         )  # fmt: skip
         fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
         ex, ey, ez = ex - by_t2 * bx, ey - by_t2 * by, ez - by_t2 * bz  # the path begins at the inner surface
-        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, 1.0 / index, fx, fy, fz, by_c1)
+        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, into, fx, fy, fz, by_c1)
         hit_adjoint(
             px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
             jet1, inner_gradient, table_origin, inverse_step,

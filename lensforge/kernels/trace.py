@@ -1,8 +1,8 @@
 """Tracing: rays through both surfaces and out of the lens, one loop over rays.
 
-``scene`` is ``(Fresnel losses?, table origin, 1/table step)``; ``indices`` holds the body's refractive index for each
-ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where the body is clear. The path
-lengths that were found are kept, so that the adjoint need not search again.
+``scene`` is ``(Fresnel losses?, index in the cavity, index outside, table origin, 1/table step)``; ``indices`` has the
+body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
+the body is clear. The path lengths that were found are kept, so that the adjoint need not search again.
 """
 
 from math import exp, sqrt
@@ -45,9 +45,10 @@ def trace(
     Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and stay so where a ray does not leave
     the lens, or does not reach the outer surface.
     """
-    fresnel, table_origin, inverse_step = scene
+    fresnel, cavity_index, outside_index, table_origin, inverse_step = scene
     for k in range(len(emitted)):
         index = indices[min(k, len(indices) - 1)]
+        into, out_of = cavity_index / index, index / outside_index
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
         lengths[k, 0] = 0.0
@@ -68,12 +69,12 @@ def trace(
             fates[k] = out if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
             continue
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
-        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, 1.0 / index)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, into)
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            flux[k] *= transmittance(c, sqrt(q_squared), 1.0 / index)[0]
+            flux[k] *= transmittance(c, sqrt(q_squared), into)[0]
         # the outer surface
         t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
@@ -90,12 +91,12 @@ def trace(
             absorbed[k] = flux[k] - arrived
             flux[k] = arrived
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
-        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, index)
+        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, out_of)
         sin2_exit[k] = 1.0 - q_squared
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            flux[k] *= transmittance(c, sqrt(q_squared), index)[0]
+            flux[k] *= transmittance(c, sqrt(q_squared), out_of)[0]
         exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
         exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz

@@ -32,7 +32,7 @@ class ChangedLens:
         details = [_WIDER * change.detail_rad for change in changes if change is not None]
         grid = grid_for(min(self.lens.detail_rad, *details), self.nodes_per_sigma)
         tables = {name: tabulate(grid, getattr(self.lens, name)) for name in ("inner", "outer")}
-        scene, found = Scene(self.lens.medium, grid), []
+        scene, found = Scene(self.lens.media, grid), []
         for change in changes:
             own = dict(tables)
             if change is not None:

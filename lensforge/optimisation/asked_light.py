@@ -107,7 +107,7 @@ def asked_light(spec: Spec, source: Source) -> tuple[tuple[AskedShare, ...], tup
 
     Raises :class:`InputError` for limits that contradict each other, or whose unit the source does not have.
     """
-    light, receivers = SourceLight.of(source, spec.lens.refractive_index), receivers_of(spec, spec.evaluate.pixels)
+    light, receivers = SourceLight.of(source, spec.lens.media), receivers_of(spec, spec.evaluate.pixels)
     physics = [PossibleLight(light, receiver, spec.constraints.max_radius_mm) for receiver in receivers]
     wanted = [target_light(section.targets, each) for section, each in zip(spec.all_receivers, receivers, strict=True)]
     targets = tuple(_of_target(pattern, each) for pattern, each in zip(wanted, physics, strict=True))

@@ -73,7 +73,7 @@ def _pixel_rad(receiver: AnyReceiver, pixels: int) -> float:
 def _width_of_ball(spec: Spec, ball_mm: float, pixel_rad: float) -> float:
     """Width (rad) of a function that, hollow as a ball of that radius, moves the light by one pixel.
 
-    Its slope is width over twice the ball's radius, and light turns by ``n - 1`` times that.
+    Its slope is width over twice the ball's radius, and light turns by ``n - 1`` times that in air.
     """
-    turn = spec.lens.refractive_index - 1.0
+    turn = spec.lens.media.largest_turning_power
     return 2.0 * ball_mm * pixel_rad / (turn * spec.constraints.max_radius_mm) if turn > 0.0 else 0.0

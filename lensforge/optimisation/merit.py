@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from lensforge.optics.two_refractions import normal_transmittance
+from lensforge.optics.two_refractions import transmittance_of
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
 from lensforge.optimisation.image_terms import Images, ImageTerms, nmse_loss
@@ -72,13 +72,13 @@ class MeritFunction:
         """
         receivers, sections = receivers_of(spec, spec.optimise.pixels), spec.all_receivers
         fresnel = spec.optimise.fresnel
-        limit = (normal_transmittance(spec.lens.refractive_index) ** 2 if fresnel else 1.0) * source.flux_w
+        limit = (transmittance_of(spec.lens.media) if fresnel else 1.0) * source.flux_w
         total = sum(section.share for section in sections)
         terms = tuple(
             ImageTerms.of(section.targets, receiver, limit, spec.lens.basis.symmetry, section.share / total)
             for section, receiver in zip(sections, receivers, strict=True)
         )
-        scene = Scene(spec.lens.medium, parametrisation.grid, fresnel)
+        scene = Scene(spec.lens.media, parametrisation.grid, fresnel)
         efficacy = summarise(source, spec.source).lumens_per_watt if spec.limits else None
         limits = limit_terms(spec, receivers, efficacy, source.flux_w)
         return MeritFunction(spec, parametrisation, LightPath(scene, receivers, device), terms, limits)

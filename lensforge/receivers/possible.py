@@ -1,12 +1,13 @@
 """Upper bounds of the light that any lens of a given size brings to a receiver: what physics allows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import best_transmittance
 from lensforge.receivers.posed import PosedReceiver
 from lensforge.sources.bundle import RayBundle, Source
@@ -42,29 +43,34 @@ class LargestShare:
 
 @dataclass(frozen=True)
 class SourceLight:
-    """A sample of a source's rays, its étendue, and the refractive indices of a lens for them."""
+    """A sample of a source's rays, the étendue that they take outside the lens, and the media that they pass."""
 
     rays: RayBundle
     curve: EtendueCurve
-    refractive_indices: Float[np.ndarray, " n"]
+    media: Media
 
     @staticmethod
-    def of(source: Source, refractive_index: float, count: int = _RAYS) -> "SourceLight":
-        """Sample ``source``; rays without an index of their own have ``refractive_index``."""
+    def of(source: Source, media: Media, count: int = _RAYS) -> "SourceLight":
+        """Sample ``source``; rays without an index of their own have that of ``media``."""
         count = min(count, source.ray_count or count)
         rays = source.sample(count, _SEED)
-        return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), refractive_index)
+        return SourceLight.of_rays(rays, EtendueCurve.of_source(source, rays, _SEED), media)
 
     @staticmethod
-    def of_rays(rays: RayBundle, curve: EtendueCurve, refractive_index: float) -> "SourceLight":
-        """The same of given ``rays``."""
-        own = rays.refractive_indices
-        return SourceLight(rays, curve, np.full(len(rays), refractive_index) if own is None else own)
+    def of_rays(rays: RayBundle, curve: EtendueCurve, media: Media) -> "SourceLight":
+        """The same of given ``rays``; ``curve``: of the étendue that they have in the cavity."""
+        outside = replace(curve, etendue_mm2_sr=media.etendue_factor * curve.etendue_mm2_sr)
+        return SourceLight(rays, outside, media)
+
+    def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Largest transmittance of two faces that turn each of the rays by at least so much."""
+        media = self.media
+        return best_transmittance(turns_rad, self.rays.indices(media), media.cavity_index, media.outside_index)
 
     @cached_property
     def transmittance(self) -> float:
         """Transmittance of two faces at normal incidence, for the light that they transmit best."""
-        return float(best_transmittance(np.zeros(1), self.refractive_indices.min())[0])
+        return float(self.best_transmittances(np.zeros(len(self.rays))).max())
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,7 @@ class PossibleLight:
         held = self.light.transmittance * self.light.curve.share_within(etendue)
         axis, half_rad = cone_around(self._corners, pixels)
         turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad()
-        passed = rays.flux @ best_transmittance(turns, self.light.refractive_indices)
+        passed = rays.flux @ self.light.best_transmittances(turns)
         return LargestShare(held, float(passed / rays.flux.sum()))
 
     def radius_for(self, pixels: Region, share: float) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.limit_result import LimitResult, LimitState
 from lensforge.evaluation.receiver_light import ReceiverLight
-from lensforge.optics.two_refractions import normal_transmittance
+from lensforge.optics.two_refractions import transmittance_of
 from lensforge.records import Metric
 from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.receiver_table import share_with_error
@@ -64,7 +64,7 @@ def _limit_row(limit: LimitResult) -> LimitRow:
 
 def asked_rows(results: Results) -> list[AskedRow]:
     """Rows of every receiver: the light in the target, that in the window, and the NMSE."""
-    transmitted = normal_transmittance(results.lens.refractive_index) ** 2
+    transmitted = transmittance_of(results.lens.media)
     return [
         row
         for shown in shown_receivers(results)

@@ -25,13 +25,13 @@ def trace_fan(lens: Lens, start_mm: Points, directions: Points, reach_mm: float)
     A ray ends where it meets z = 0, re-enters the cavity, or is totally reflected. One that starts below z = 0 must
     pass that plane inside the cavity; directions are upwards.
     """
-    scan = DenseScan(_STEPS, reach_mm=2.0 * reach_mm)
+    scan, media = DenseScan(_STEPS, reach_mm=2.0 * reach_mm), lens.media
     inner, outer = exact_surfaces(lens, (scan, scan))
     start, along = torch.from_numpy(start_mm), torch.from_numpy(directions)
     entry = start + torch.clamp(-start[:, 2:] / along[:, 2:], min=0.0) * along
     entry[inner.gap(entry) <= 0.0] = torch.nan
-    at_inner, inside = _crossed(inner, entry, along, 1.0 / lens.refractive_index)
-    at_outer, behind = _crossed(outer, at_inner, inside, lens.refractive_index)
+    at_inner, inside = _crossed(inner, entry, along, media.cavity_index / media.refractive_index)
+    at_outer, behind = _crossed(outer, at_inner, inside, media.refractive_index / media.outside_index)
     at_outer[_returns(inner, at_inner, at_outer)] = torch.nan
     path = torch.stack([start, at_inner, at_outer, _at_distance(at_outer, behind, reach_mm)], dim=1)
     return path.numpy()

@@ -9,6 +9,7 @@ from lensforge.spec import (
     CrossTarget,
     FlatTopTarget,
     ImageTarget,
+    LensSection,
     RectangleTarget,
     Spec,
     TableTarget,
@@ -24,8 +25,14 @@ _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 def task(spec: Spec) -> str:
     """Source, lens, and the targets of each receiver with its place."""
     lens = spec.lens
-    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}"
+    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}{_surroundings(lens)}"
     return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}"
+
+
+def _surroundings(lens: LensSection) -> str:
+    """Indices in the cavity and around the lens, where these are not air."""
+    around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
+    return "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
 
 
 def _on_receiver(receiver: AnyReceiver) -> str:

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,25 @@ class RayBundle:
         own = (None if each is None else each[rows] for each in (self.refractive_indices, self.absorption_per_mm))
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
 
-    def indices(self, medium: Medium) -> Float[np.ndarray, " n"]:
-        """Refractive index of the lens for each ray: its own where it has one, else that of ``medium``."""
+    def indices(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Refractive index of the lens for each ray: its own where it has one, else that of ``media``."""
         own = self.refractive_indices
-        return np.full(len(self), medium.refractive_index) if own is None else own
+        return np.full(len(self), media.refractive_index) if own is None else own
 
-    def absorptions(self, medium: Medium) -> Float[np.ndarray, " n"]:
-        """Absorption (1/mm) of the lens for each ray: its own where it has one, else that of ``medium``."""
+    def entry_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Index before over index behind the inner face, for each ray."""
+        ratios: Float[np.ndarray, " n"] = media.cavity_index / self.indices(media)
+        return ratios
+
+    def exit_ratios(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Index before over index behind the outer face, for each ray."""
+        ratios: Float[np.ndarray, " n"] = self.indices(media) / media.outside_index
+        return ratios
+
+    def absorptions(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Absorption (1/mm) of the lens for each ray: its own where it has one, else that of ``media``."""
         own = self.absorption_per_mm
-        return np.full(len(self), medium.absorption_per_mm) if own is None else own
+        return np.full(len(self), media.absorption_per_mm) if own is None else own
 
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":

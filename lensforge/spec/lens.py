@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 from lensforge.errors import InputError
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.optical_data import OpticalData, with_optical_data
 from lensforge.spec.section import FilePath, Label, Millimetres, Section
@@ -19,6 +19,7 @@ from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 LENS_FILE = "lens.json"  # in a result folder
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
+_Index = Annotated[float, Field(ge=1.0, le=4.0)]
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
 # chosen by its type, so that a wrong number is named, not both forms
 Levels = Annotated[
@@ -47,14 +48,18 @@ class LensSection(Section):
     table), which becomes ``optical_data`` as the spec is read; and one with ``abbe_number``, whose n_d is
     ``refractive_index``.
     ``absorption_per_mm`` (Beer and Lambert) dims every ray on its way through the body, if the material itself states
-    no absorption. ``density_g_per_cm3``, of the grade that is ordered, gives the part its mass.
+    no absorption. ``cavity_index``, ``outside_index``: of what fills the cavity, such as a gel that couples the LED to
+    the lens, and of what surrounds the lens, such as water, at all wavelengths. ``density_g_per_cm3``, of the grade
+    that is ordered, gives the part its mass.
     """
 
-    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)] = 1.4936
+    refractive_index: _Index = 1.4936
     material: Label = "PMMA at 564 nm"
     material_file: FilePath | None = None
     optical_data: OpticalData | None = None
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
+    cavity_index: _Index = 1.0
+    outside_index: _Index = 1.0
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
@@ -106,12 +111,14 @@ class LensSection(Section):
         return self
 
     @property
-    def medium(self) -> Medium:
-        """The body at the design wavelength: refractive index and absorption."""
+    def media(self) -> Media:
+        """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
         material = self.dispersion
         if material is None or material.absorption is None:
-            return Medium(self.refractive_index, self.absorption_per_mm)
-        return Medium(self.refractive_index, float(material.absorption.at(np.array([self.design_wavelength_nm]))[0]))
+            absorption = self.absorption_per_mm
+        else:
+            absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
+        return Media(self.refractive_index, absorption, self.cavity_index, self.outside_index)
 
     @property
     def _own_or_catalogued(self) -> Material | None:

@@ -57,8 +57,8 @@ def measure_sensitivity(
 
 def perturbed(nominal: TracedLens, error: Perturbation) -> TracedLens:
     """Tables and index of the lens with ``error``; an error of the source is left to the caller."""
-    medium = nominal.scene.medium
-    scene = replace(nominal.scene, medium=replace(medium, refractive_index=medium.refractive_index + error.index))
+    media = nominal.scene.media
+    scene = replace(nominal.scene, media=replace(media, refractive_index=media.refractive_index + error.index))
     inner, outer = (
         _table(nominal, error.surfaces[name]) if name in error.surfaces else table
         for name, table in (("inner", nominal.inner), ("outer", nominal.outer))

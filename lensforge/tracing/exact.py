@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from lensforge.lens import Lens
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
@@ -246,11 +246,11 @@ def exact_surfaces(
     return exact(lens.inner, scans[0]), exact(lens.outer, scans[1])
 
 
-def trace_exact(inner: TracedSurface, outer: TracedSurface, medium: Medium, rays: RayBundle) -> ExitRays:
+def trace_exact(inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle) -> ExitRays:
     """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
 
     Slow by design: a dense scan evaluates every basis function about 300 times for each ray. Rays with an index of
     their own keep it.
     """
     like = next((each.weights_mm for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
-    return trace_sequence(inner, outer, TensorRays.of(rays, medium, like.dtype, like.device))
+    return trace_sequence(inner, outer, TensorRays.of(rays, media, like.dtype, like.device))

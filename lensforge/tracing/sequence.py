@@ -14,7 +14,7 @@ from torch import Tensor
 
 from lensforge.kernels.fates import Fate
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.exit_rays import ExitRays
 
@@ -49,27 +49,29 @@ class TracedSurface(Protocol):
 
 @dataclass(frozen=True)
 class TensorRays:
-    """A :class:`RayBundle` as tensors of one precision on one device, with the body's index for each ray.
+    """A :class:`RayBundle` as tensors of one precision on one device.
 
-    ``absorptions`` (1/mm) likewise; None where the body is clear.
+    ``entry_ratios`` and ``exit_ratios``: index before over index behind either face, for each ray; ``absorptions``
+    (1/mm) of the body likewise, None where it is clear.
     """
 
     origins: Float[Tensor, "n 3"]
     directions: Float[Tensor, "n 3"]
     flux: Float[Tensor, " n"]
-    indices: Float[Tensor, " n"]
+    entry_ratios: Float[Tensor, " n"]
+    exit_ratios: Float[Tensor, " n"]
     absorptions: Float[Tensor, " n"] | None
 
     @staticmethod
-    def of(rays: RayBundle, medium: Medium, dtype: torch.dtype, device: torch.device) -> "TensorRays":
-        """The same numbers; ``medium`` holds for rays without their own."""
+    def of(rays: RayBundle, media: Media, dtype: torch.dtype, device: torch.device) -> "TensorRays":
+        """The same numbers; ``media`` holds for rays without their own."""
         origins, directions, flux = (
             torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.flux)
         )
-        indices = torch.as_tensor(rays.indices(medium)).to(flux)
-        clear = rays.absorption_per_mm is None and medium.absorption_per_mm == 0.0
-        absorptions = None if clear else torch.as_tensor(rays.absorptions(medium)).to(flux)
-        return TensorRays(origins, directions, flux, indices, absorptions)
+        into, out_of = (torch.as_tensor(each).to(flux) for each in (rays.entry_ratios(media), rays.exit_ratios(media)))
+        clear = rays.absorption_per_mm is None and media.absorption_per_mm == 0.0
+        absorptions = None if clear else torch.as_tensor(rays.absorptions(media)).to(flux)
+        return TensorRays(origins, directions, flux, into, out_of, absorptions)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
@@ -80,7 +82,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
     absorbed = None if rays.absorptions is None else torch.zeros_like(rays.flux)
-    for surface, ratios, is_outer in ((inner, 1.0 / rays.indices, False), (outer, rays.indices, True)):
+    for surface, ratios, is_outer in ((inner, rays.entry_ratios, False), (outer, rays.exit_ratios, True)):
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         through_plane = _through_plane(directions, is_outer)
         fates[alive] = _without_crossing(crossing, origins, directions, through_plane, is_outer)

@@ -11,7 +11,7 @@ from lensforge.kernels.adjoint import trace_adjoint
 from lensforge.kernels.bounds import SurfaceBounds, surface_bounds
 from lensforge.kernels.jit import CHUNKS, in_chunks
 from lensforge.kernels.trace import trace
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
@@ -19,18 +19,19 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 @dataclass(frozen=True)
 class Scene:
-    """The lens body between two tables: its medium, and the tables' grid.
+    """The lens body between two tables: the media, and the tables' grid.
 
     Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
     """
 
-    medium: Medium
+    media: Media
     grid: TableGrid
     fresnel: bool = True
 
-    def packed(self) -> tuple[bool, float, float]:
-        """The three numbers that the kernels take."""
-        return self.fresnel, self.grid.origin, 1.0 / self.grid.step
+    def packed(self) -> tuple[bool, float, float, float, float]:
+        """The numbers that the kernels take."""
+        media, grid = self.media, self.grid
+        return self.fresnel, media.cavity_index, media.outside_index, grid.origin, 1.0 / grid.step
 
     def body(self, rays: RayBundle) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " j"]]:
         """The body's refractive index for each ray where they differ, or one for all; its absorption (1/mm) likewise.
@@ -39,8 +40,8 @@ class Scene:
         """
         indices, absorptions = rays.refractive_indices, rays.absorption_per_mm
         if absorptions is None:
-            absorptions = np.full(int(self.medium.absorption_per_mm > 0.0), self.medium.absorption_per_mm)
-        return np.array([self.medium.refractive_index]) if indices is None else indices, absorptions
+            absorptions = np.full(int(self.media.absorption_per_mm > 0.0), self.media.absorption_per_mm)
+        return np.array([self.media.refractive_index]) if indices is None else indices, absorptions
 
 
 def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j"]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from lensforge.files import temporary_folder, write_json
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.records import BodySize, SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
@@ -60,7 +60,7 @@ def _arrays_of(prefix: str, rays: RayBundle) -> dict[str, Any]:
 
 def _cast_in_child(kind: type[_Result], stl: bytes, step: bytes, rays: RayBundle, given: dict[str, Any]) -> _Result:
     """Leave the work on the files in a folder to a child process, and read the record that it writes."""
-    given |= {"medium": asdict(given["medium"])}
+    given |= {"media": asdict(given["media"])}
     numbers, arrays, count = dict(given), _arrays_of(_RAYS, rays), len(rays)
     if (own := numbers.pop("own", None)) is not None:
         arrays |= _arrays_of(_OWN, own.rays)
@@ -98,7 +98,7 @@ def _cast(folder: Path) -> None:
     with np.load(folder / _ARRAYS, allow_pickle=False) as archive:
         arrays = dict(archive)
     rays, given = _bundle_in(arrays, _RAYS), job["given"]
-    given["medium"] = Medium(**given["medium"])
+    given["media"] = Media(**given["media"])
     screens, stl = [Screen(**screen) for screen in job["screens"]], (folder / _STL).read_bytes()
     if job["stage"] == Proof.stage:
         expected = [

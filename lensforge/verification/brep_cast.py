@@ -9,12 +9,12 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float, Int
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import BREP_RAYS
 from lensforge.verification.casting import Leg
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
-from lensforge.verification.misplaced import Cast, Ends
+from lensforge.verification.misplaced import Cast, Ends, Ratios
 from lensforge.verification.passage import (
     CastFate,
     LandedRays,
@@ -35,7 +35,7 @@ _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 def cast_brep(
     body: StepBody,
     rays: RayBundle,
-    medium: Medium,
+    media: Media,
     expected: Sequence[Expected],
     mesh: Passage,
     count: int = BREP_RAYS,
@@ -47,7 +47,7 @@ def cast_brep(
     start = perf_counter()
     rows = drawn(count, len(rays))
     some = rays.take(rows)
-    passage = send_through_step(body, some, medium)
+    passage = send_through_step(body, some, media)
     seconds, found = perf_counter() - start, []
     for each in expected:
         landed, by_mesh = LandedRays.of(passage, each.screen), LandedRays.of(mesh, each.screen)
@@ -59,10 +59,10 @@ def cast_brep(
     return found
 
 
-def send_through_step(body: StepBody, rays: RayBundle, medium: Medium) -> Passage:
+def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     """Trace every ray into the body and out of it, as through the mesh."""
     passage = Passage.of(rays)
-    leg, indices = outside_leg(rays), rays.indices(medium)
+    leg, into, out_of = outside_leg(rays), rays.entry_ratios(media), rays.exit_ratios(media)
     entry = body.first_hits(leg)
     against = np.where(np.sum(entry.normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
     passage.fates[:] = np.select(
@@ -72,15 +72,15 @@ def send_through_step(body: StepBody, rays: RayBundle, medium: Medium) -> Passag
     )
     rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
     entry = entry.take(rows)
-    entered = _cross(leg.take(rows), entry, 1.0 / indices[rows])
+    entered = _cross(leg.take(rows), entry, into[rows])
     passage.flux[rows] *= entered.transmittance
 
     exits = body.first_hits(entered.leg)
     passage.fates[rows] = _exit_fates(body, entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     lengths = np.linalg.norm(exits.points[reached] - entered.leg.origins[reached], axis=1)
-    absorb(passage, rows[reached], lengths, rays.absorptions(medium)[rows[reached]])
-    left = _cross(entered.leg.take(reached), exits.take(reached), indices[rows[reached]])
+    absorb(passage, rows[reached], lengths, rays.absorptions(media)[rows[reached]])
+    left = _cross(entered.leg.take(reached), exits.take(reached), out_of[rows[reached]])
     leave(passage, rows[reached], left)
     return passage
 
@@ -88,14 +88,14 @@ def send_through_step(body: StepBody, rays: RayBundle, medium: Medium) -> Passag
 def through_step(body: StepBody) -> Cast:
     """Rays through a STEP file, refracted at the first two faces that they meet, whatever these are."""
 
-    def cast(leg: Leg, indices: Float[np.ndarray, " n"]) -> Ends:
-        points, directions = np.full((2, len(indices), 3), np.nan)
+    def cast(leg: Leg, into: Ratios, out_of: Ratios) -> Ends:
+        points, directions = np.full((2, len(into), 3), np.nan)
         entry = body.first_hits(leg)
         rows = np.nonzero(entry.faces >= 0)[0]
-        entered = _cross(leg.take(rows), entry.take(rows), 1.0 / indices[rows])
+        entered = _cross(leg.take(rows), entry.take(rows), into[rows])
         exits = body.first_hits(entered.leg)
         met = np.nonzero(exits.faces >= 0)[0]
-        left = _cross(entered.leg.take(met), exits.take(met), indices[rows[met]])
+        left = _cross(entered.leg.take(met), exits.take(met), out_of[rows[met]])
         passes = left.transmittance > 0.0
         points[rows[met[passes]]] = left.leg.origins[passes]
         directions[rows[met[passes]]] = left.leg.directions[passes]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.records import BodySize
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
@@ -22,7 +22,8 @@ from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross
 
 Ends = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # exit points (mm) and directions, NaN where lost
-Cast = Callable[[Leg, Float[np.ndarray, " n"]], Ends]  # by rays and their indices, whatever faces they meet
+Ratios = Float[np.ndarray, " n"]  # index before over index behind a face
+Cast = Callable[[Leg, Ratios, Ratios], Ends]  # by rays and their ratios on the way in and out, whatever faces they meet
 
 RAYS = 128
 _SAME_RATIO = 5e-3  # of the sides of two boxes: those of coarse facets are shorter by less
@@ -96,14 +97,14 @@ class Motion:
 def through_mesh(part: PartMesh, grid: Grid) -> Cast:
     """Rays through a mesh, refracted at the first two facets that they meet, whatever these are."""
 
-    def cast(leg: Leg, indices: Float[np.ndarray, " n"]) -> Ends:
-        points, directions = np.full((2, len(indices), 3), np.nan)
+    def cast(leg: Leg, into: Ratios, out_of: Ratios) -> Ends:
+        points, directions = np.full((2, len(into), 3), np.nan)
         entry = grid.first_hits(leg)
         rows = np.nonzero(entry.found)[0]
-        entered = cross(part, leg.take(rows), entry.take(rows), 1.0 / indices[rows])
+        entered = cross(part, leg.take(rows), entry.take(rows), into[rows])
         exits = grid.first_hits(entered.leg)
         met = np.nonzero(exits.found)[0]
-        left = cross(part, entered.leg.take(met), exits.take(met), indices[rows[met]])
+        left = cross(part, entered.leg.take(met), exits.take(met), out_of[rows[met]])
         passes = left.transmittance > 0.0
         points[rows[met[passes]]] = left.leg.origins[passes]
         directions[rows[met[passes]]] = left.leg.directions[passes]
@@ -116,7 +117,7 @@ _AS_IT_LIES = Motion(1.0, np.eye(3), np.zeros(3))
 
 
 def recognised(
-    cast: Cast, found: BodySize, exported: BodySize | None, rays: RayBundle, medium: Medium, expected: Expected
+    cast: Cast, found: BodySize, exported: BodySize | None, rays: RayBundle, media: Media, expected: Expected
 ) -> str:
     """Words on a part that is the lens elsewhere, larger, turned, mirrored or inside out; empty where it is not.
 
@@ -127,11 +128,11 @@ def recognised(
     if len(rows) == 0:
         return ""
     some, landings = rays.take(rows), expected.take(rows)
-    indices = some.indices(medium)
+    ratios = some.entry_ratios(media), some.exit_ratios(media)
 
     def distance(motion: Motion) -> float:
         """Median distance (mm) between landings, after ``motion`` is undone; infinite where too many rays are lost."""
-        points, directions = motion.undo(cast(motion.apply(some), indices))
+        points, directions = motion.undo(cast(motion.apply(some), *ratios))
         screen = landings.screen
         gaps = screen.mm_per_unit * np.linalg.norm(screen.land(points, directions) - landings.landings, axis=1)
         seen = gaps[np.isfinite(gaps)]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.part_mesh import PartMesh
@@ -31,7 +31,7 @@ def installed() -> bool:
 
 
 def cast_mitsuba(
-    part: PartMesh, rays: RayBundle, medium: Medium, expected: Sequence[Expected], count: int = RAYS
+    part: PartMesh, rays: RayBundle, media: Media, expected: Sequence[Expected], count: int = RAYS
 ) -> list[tuple[MitsubaCast, Gaps]]:
     """Cast ``count`` of ``rays``, drawn at random, through ``part``; and quantiles of the landing gaps (mm).
 
@@ -40,7 +40,7 @@ def cast_mitsuba(
     start = perf_counter()
     rows = drawn(count, len(rays))
     some = rays.take(rows)
-    version, passage = send_through_mitsuba(part, some, medium)
+    version, passage = send_through_mitsuba(part, some, media)
     seconds, found = perf_counter() - start, []
     for each in expected:
         landed, design, screen = LandedRays.of(passage, each.screen), each.take(rows), each.screen
@@ -61,7 +61,7 @@ def cast_mitsuba(
     return found
 
 
-def send_through_mitsuba(part: PartMesh, rays: RayBundle, medium: Medium) -> tuple[str, Passage]:
+def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple[str, Passage]:
     """Trace every ray in and out, both hits above z = 0.
 
     Returns Mitsuba's version, too. A variant that the caller has set is restored. Raises :class:`InputError` where
@@ -78,15 +78,16 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, medium: Medium) -> tup
     try:
         scene, flags = _scene(mi, part), mi.RayFlags.All
         passage = Passage.of(rays)
-        table = zip(rays.origins.tolist(), rays.directions.tolist(), rays.indices(medium).tolist(), strict=True)
+        steps = np.column_stack([1.0 / rays.entry_ratios(media), rays.exit_ratios(media)])
+        table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
         lengths, through = np.zeros(len(rays)), np.ones((2, len(rays)))
-        for row, (origin, direction, index) in enumerate(table):
+        for row, (origin, direction, indices) in enumerate(table):
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, index, through[:, row])
+            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, indices, through[:, row])
             if end is not None:
                 passage.points[row], passage.directions[row] = end
         passage.flux[:] *= through[0]
-        absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(medium))
+        absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(media))
         passage.flux[:] *= through[1]
         return str(mi.__version__), passage
     finally:
@@ -95,11 +96,12 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, medium: Medium) -> tup
 
 
 def _cast(
-    mi: Any, scene: Any, flags: Any, ray: Any, index: float, through: Float[np.ndarray, "2"]
+    mi: Any, scene: Any, flags: Any, ray: Any, indices: list[float], through: Float[np.ndarray, "2"]
 ) -> tuple[CastFate, tuple[list[float], list[float]] | None, float]:
     """Fate of one ray; its exit point (mm) and direction, None if it is lost; its path (mm) from face to face, or 0.
 
-    ``through``: what each face transmits, filled in for those that it passes.
+    ``indices``: of the body against what lies before either face. ``through``: what each face transmits, filled in for
+    those that it passes.
     """
     length = 0.0
     for face, entering in enumerate((True, False)):
@@ -109,7 +111,7 @@ def _cast(
         if hit.p.z <= 0.0:
             return CastFate.OPENING if entering else CastFate.BASE, None, length
         local = hit.sh_frame.to_local(-ray.d)  # Mitsuba's directions of light point away from the surface
-        reflectance, cosine, _, ratio = mi.fresnel(local.z, index)
+        reflectance, cosine, _, ratio = mi.fresnel(local.z, indices[face])
         if (local.z > 0.0) != entering:
             return CastFate.STARTS_INSIDE if entering else CastFate.BACK_INTO_CAVITY, None, length
         if entering and hit.n.x * hit.p.x + hit.n.y * hit.p.y + hit.n.z * hit.p.z > 0.0:  # as ``faces_away``

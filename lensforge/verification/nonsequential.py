@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
@@ -62,11 +62,11 @@ class ActiveRays:
 
 @dataclass(frozen=True)
 class Body:
-    """The part as a refracting body: its medium for rays without one of their own, and the finish of the base."""
+    """The part as a refracting body: the media, for rays without an index of their own, and the finish of the base."""
 
     part: PartMesh
     grid: Grid
-    medium: Medium
+    media: Media
     base: Base = "polished"
 
 
@@ -136,7 +136,7 @@ def _emitted(body: Body, rays: RayBundle) -> ActiveRays:
     reached = np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions + leg.origins
     outside = hits.found & faces_away(reached, body.part.mesh.face_normals[hits.triangles])
     causes = np.where(inside | outside, Cause.BASE, Cause.SEQUENTIAL)
-    own = (rays.indices(body.medium), rays.absorptions(body.medium))
+    own = (rays.indices(body.media), rays.absorptions(body.media))
     return ActiveRays(leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, *own)
 
 
@@ -188,7 +188,9 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
     """The transmitted and the reflected rays behind a surface, one after the other."""
     points, normals = meet(body.part, light.leg, hits)
     directions = light.leg.directions
-    outward, into = refract(directions, normals, light.indices), refract(directions, normals, 1.0 / light.indices)
+    outside = _index_outside(body, points, hits)
+    outward = refract(directions, normals, light.indices / outside)
+    into = refract(directions, normals, outside / light.indices)
     bent = np.where(light.inside[:, None], outward[0], into[0])
     transmittance = np.where(light.inside, outward[1], into[1])
     mirrored = directions - 2.0 * np.sum(directions * normals, axis=1)[:, None] * normals
@@ -205,6 +207,12 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
         np.tile(light.indices, 2),
         np.tile(light.absorptions, 2),
     )
+
+
+def _index_outside(body: Body, points: Float[np.ndarray, "n 3"], hits: FacetHits) -> Float[np.ndarray, " n"]:
+    """Index on the other side of the facets that were hit: that of the cavity where they face the origin."""
+    away = faces_away(points, body.part.mesh.face_normals[hits.triangles])
+    return np.where(away, body.media.outside_index, body.media.cavity_index)
 
 
 def _causes(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from trimesh.triangles import points_to_barycentric
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
@@ -173,26 +173,26 @@ def outside_leg(rays: RayBundle) -> Leg:
     return Leg(rays.origins, rays.directions, np.zeros(len(rays)))
 
 
-def send_through(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium, threads: int = 1) -> Passage:
-    """Cast every ray into the part and out of it; air outside, n = 1."""
+def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, threads: int = 1) -> Passage:
+    """Cast every ray into the part and out of it."""
 
     def send(start: int) -> Passage:
-        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), medium)
+        return _send(part, grid, rays.take(slice(start, start + _CHUNK)), media)
 
     with ThreadPoolExecutor(threads) as pool:
         pieces = list(pool.map(send, range(0, len(rays), _CHUNK)))
     return Passage(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in Passage.__annotations__))
 
 
-def _send(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium) -> Passage:
+def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
     passage = Passage.of(rays)
-    leg, indices = outside_leg(rays), rays.indices(medium)
+    leg, into, out_of = outside_leg(rays), rays.entry_ratios(media), rays.exit_ratios(media)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
     passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
     rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
     entry = entry.take(rows)
-    entered = cross(part, leg.take(rows), entry, 1.0 / indices[rows])
+    entered = cross(part, leg.take(rows), entry, into[rows])
     passage.flux[rows] *= entered.transmittance
     passage.facets_um[rows, 0] = 1e3 * entered.heights
 
@@ -200,9 +200,9 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium) -> Passag
     passage.fates[rows] = _exit_fates(part, entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     rows = rows[reached]
-    left = cross(part, entered.leg.take(reached), exits.take(reached), indices[rows])
+    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of[rows])
     lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
-    absorb(passage, rows, lengths, rays.absorptions(medium)[rows])
+    absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
     leave(passage, rows, left)
     return passage

@@ -7,7 +7,7 @@ import trimesh
 from jaxtyping import Float
 from trimesh.ray.ray_triangle import RayMeshIntersector
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
@@ -18,14 +18,14 @@ _CANDIDATES = 2**20  # triangles tested together: bounds the memory, 2.8 GB wher
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
-def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, medium: Medium, count: int) -> PlainCast:
+def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int) -> PlainCast:
     """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, indices = outside_leg(rays).take(rows), rays.indices(medium)[rows]
+    outside, into = outside_leg(rays).take(rows), rays.entry_ratios(media)[rows]
     part.mesh.triangles_tree  # noqa: B018  built here, so that it is not timed as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]
-    inside = cross(part, outside.take(entered), entry.take(entered), 1.0 / indices[entered]).leg
+    inside = cross(part, outside.take(entered), entry.take(entered), into[entered]).leg
     start = perf_counter()
     wrong = _disagreements(part, grid, outside) + _disagreements(part, grid, inside)
     seconds = perf_counter() - start

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import balance_error, stray_criteria
 from lensforge.verification.casting import Grid
@@ -28,7 +28,7 @@ def trace_stray(
     stl: bytes,
     *,
     rays: RayBundle,
-    medium: Medium,
+    media: Media,
     screens: Sequence[Screen],
     names: Sequence[str] = ("light",),
     base: Base = "polished",
@@ -47,8 +47,8 @@ def trace_stray(
     limits = limits or Limits()
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
-    budget = follow(Body(part, grid, medium, base), rays, limits)
-    passage, emitted = send_through(part, grid, rays, medium), float(rays.flux.sum())
+    budget = follow(Body(part, grid, media, base), rays, limits)
+    passage, emitted = send_through(part, grid, rays, media), float(rays.flux.sum())
     found = StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(
@@ -56,7 +56,7 @@ def trace_stray(
         ),
         rays=len(rays),
         base=base,
-        absorption_per_mm=medium.absorption_per_mm,
+        absorption_per_mm=media.absorption_per_mm,
         cut_off=limits.cut_off,
         depth=limits.depth,
         criteria=(),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.records import BodySize, Extent
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import (
@@ -50,7 +50,7 @@ def verify_part(
     stl: bytes,
     *,
     rays: RayBundle,
-    medium: Medium,
+    media: Media,
     expected: Sequence[Expected],
     names: Sequence[str] = ("light",),
     plain_rays: int = 200,
@@ -82,13 +82,13 @@ def verify_part(
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
     casting = perf_counter()
-    passage = send_through(part, grid, rays, medium, threads)
+    passage = send_through(part, grid, rays, media, threads)
     cast_seconds = perf_counter() - casting
-    plain = cast_plain(part, grid, rays, medium, plain_rays)
+    plain = cast_plain(part, grid, rays, media, plain_rays)
     none: list[Any] = [None] * len(expected)
-    by_step = none if body is None else cast_brep(body, rays, medium, expected, passage, step_rays)
-    by_mitsuba = cast_mitsuba(part, rays, medium, expected, mitsuba_rays) if mitsuba_rays else none
-    by_own = none if own is None else _own_light(part, grid, own, medium, expected, threads)
+    by_step = none if body is None else cast_brep(body, rays, media, expected, passage, step_rays)
+    by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
+    by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
     received = tuple(
         _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
         for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
@@ -111,16 +111,16 @@ def verify_part(
         criteria=(),
         seconds=perf_counter() - started,
     )
-    faults = _faults(proof, (part, grid, body), (rays, medium, expected[0]))
+    faults = _faults(proof, (part, grid, body), (rays, media, expected[0]))
     proof = proof.model_copy(update={"faults": faults})
     return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
 
 
 def _own_light(
-    part: PartMesh, grid: Grid, own: OwnLight, medium: Medium, expected: Sequence[Expected], threads: int
+    part: PartMesh, grid: Grid, own: OwnLight, media: Media, expected: Sequence[Expected], threads: int
 ) -> list[OwnRays]:
     """Light of the rays that verification has drawn, on each receiver."""
-    passage = send_through(part, grid, own.rays, medium, threads)
+    passage = send_through(part, grid, own.rays, media, threads)
     pairs = zip(expected, own.designs, strict=True)
     return [judge_own_rays(own.rays, passage, each, design) for each, design in pairs]
 
@@ -136,7 +136,7 @@ def _sizes(part: PartMesh, body: StepBody | None, exported: BodySize, chord_mm: 
 
 
 def _faults(
-    proof: Proof, files: tuple[PartMesh, Grid, StepBody | None], light: tuple[RayBundle, Medium, Expected]
+    proof: Proof, files: tuple[PartMesh, Grid, StepBody | None], light: tuple[RayBundle, Media, Expected]
 ) -> Faults:
     """Faults of the files whose light on the first receiver is not the design's, where they can be recognised.
 

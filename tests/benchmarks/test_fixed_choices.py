@@ -35,6 +35,7 @@ def test_a_spline_of_degree_k_converges_with_the_power_k_plus_one_and_its_slope_
         assert level.errors["irradiance_nmse"].value > levels(study, "quintic")[-1].errors["irradiance_nmse"].value
 
 
+@pytest.mark.nightly("of a study that no command runs")
 def test_single_precision_costs_what_its_rounding_says(measured):
     study = precision_study(measured)
     single, double = levels(study, "tables")
@@ -46,6 +47,7 @@ def test_single_precision_costs_what_its_rounding_says(measured):
     assert 1e-6 < rounded.errors["hit_99_percent"].value < 100 * 100 * 2.0**-24
 
 
+@pytest.mark.nightly("of a study that no command runs")
 def test_the_newton_step_squares_what_the_search_leaves(measured):
     study = search_study(measured, (0, 2, 4, 6, 8, 40))
     assert study.order["exact tracer"]["hit"].value == pytest.approx(2.0, abs=0.3)

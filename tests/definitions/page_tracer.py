@@ -298,7 +298,7 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(t)]] = BACKWARD
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
-    d[live], flux[live] = refracted(inner, p[live], d[live], 1 / n[live])
+    d[live], flux[live] = refracted(inner, p[live], d[live], lens["spec"]["lens"]["cavity_index"] / n[live])
     fate[live[np.isnan(flux[live])]] = TOTAL  # a tangent
     live = live[fate[live] == LANDED]
     fate[live[np.linalg.norm(p[live], axis=1) >= outer.radius(unit(p[live]))]] = INTERSECT
@@ -310,7 +310,7 @@ def trace(lens, pair, p, d, nm=None):
     p[live] += t[:, None] * d[live]
     left = flux[live] * np.exp(-lens["spec"]["lens"]["absorption_per_mm"] * t)
     absorbed[live], flux[live] = flux[live] - left, left
-    d[live], passed = refracted(outer, p[live], d[live], n[live])
+    d[live], passed = refracted(outer, p[live], d[live], n[live] / lens["spec"]["lens"]["outside_index"])
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
     flux[live] *= passed

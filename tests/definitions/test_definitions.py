@@ -45,6 +45,7 @@ CHIPS = {
 }  # fmt: skip
 PMMA = {"material": "PMMA", "refractive_index": None}  # None: left out
 ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55, "absorption_per_mm": 0.02}
+ABBE |= {"cavity_index": 1.1, "outside_index": 1.05}
 
 
 @dataclass(frozen=True)

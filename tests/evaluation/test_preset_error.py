@@ -43,7 +43,7 @@ def _traced(lens, grid, **moved):
     tables = {
         name: torch.from_numpy(table * (1.0 + moved.get(name, 0.0))) for name, table in _tables(lens, grid).items()
     }
-    return TracedLens(Scene(lens.medium, grid), **tables, table_error_nm={"": 0.0})
+    return TracedLens(Scene(lens.media, grid), **tables, table_error_nm={"": 0.0})
 
 
 def _landed(lens, exits):
@@ -53,7 +53,7 @@ def _landed(lens, exits):
 
 def _near_tables(lens, grid, rays):
     inner, outer = (TableScan(grid, table) for table in _tables(lens, grid).values())
-    return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.medium, rays)
+    return trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
 
 
 def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, source):
@@ -63,7 +63,7 @@ def test_a_scan_of_the_table_finds_what_a_dense_scan_of_the_surface_finds(lens, 
         ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (lens.inner, lens.outer)
     ]
-    reference = trace_exact(*surfaces, lens.medium, rays)
+    reference = trace_exact(*surfaces, lens.media, rays)
     ours, theirs = _landed(lens, exits), _landed(lens, reference)
     assert np.array_equal(ours.arrived, theirs.arrived)
     assert ours.arrived.mean() > 0.6

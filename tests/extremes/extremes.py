@@ -13,7 +13,7 @@ from nightly import scaled
 from scenes import weight_matrix
 
 from lensforge.kernels.fates import Fate
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface
@@ -58,7 +58,7 @@ def sound(
     """Trace; every output and gradient is finite, every ray has one fate, and no flux comes out of nothing."""
     grid = TableGrid(nodes)
     tables = [quick_table_of(surface, grid).requires_grad_() for surface in (inner, outer)]
-    found = by_kernels(tables, Scene(Medium(index), grid), rays, distance)
+    found = by_kernels(tables, Scene(Media(index), grid), rays, distance)
     is_sound(found, rays, tables)
     return found
 

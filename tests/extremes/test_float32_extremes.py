@@ -8,7 +8,7 @@ from landed import Landed, in_torch
 from scenes import hemisphere_directions, random_surface, sphere
 
 from lensforge.kernels.fates import Fate
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, level_sigma
@@ -28,7 +28,7 @@ def _trace(inner: SrbfSurface, outer: SrbfSurface, rays: RayBundle, index: float
         )
         for s in (inner, outer)
     ]
-    arrivals = in_torch(trace_exact(*surfaces, Medium(index), rays), far)
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays), far)
     assert arrivals.hits.dtype == torch.float32
     is_sound(arrivals, RayBundle(rays.origins, rays.directions, rays.flux * (1.0 + 1e-6)), [
         parameter for s in surfaces for parameter in (s.weights_mm, s.offset_mm)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from landed import plane_at
 from scenes import hemisphere_directions, random_surface, sphere
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
@@ -33,7 +33,7 @@ def _phase_space(states: np.ndarray, tables: list, index: float, grid: TableGrid
     directions = np.column_stack([states[:, 2:], np.sqrt(1.0 - np.sum(states[:, 2:] ** 2, axis=1))])
     origins = np.column_stack([states[:, :2], np.zeros(len(states))])
     rays = RayBundle(origins, directions, np.ones(len(states)))
-    exits = trace_tables(*tables, Scene(Medium(index), grid), rays)
+    exits = trace_tables(*tables, Scene(Media(index), grid), rays)
     seen = plane_at(4.0).land(exits)
     state = np.column_stack([seen.hits.numpy(), exits.directions.numpy()[:, :2]])
     return np.where(seen.landed.numpy()[:, None], state, np.nan)

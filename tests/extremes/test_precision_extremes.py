@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from landed import by_kernels, in_torch
 from scenes import hemisphere_directions, random_surface, sphere, table_of
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces.spline import TableGrid
@@ -41,7 +41,7 @@ def test_any_lens_through_the_exact_tracer(dtype, seed, roughness, index, side, 
         for k, radius in ((0, 1.0), (1, ratio))
     ]
     rays = SquareEmitter(side * size).sample(32, seed)
-    arrivals = in_torch(trace_exact(*surfaces, Medium(index), rays), 20.0 * size)
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), rays), 20.0 * size)
     assert arrivals.hits.dtype == dtype
     is_sound(arrivals, rays, [p for s in surfaces for p in (s.weights_mm, s.offset_mm)])
 
@@ -52,7 +52,7 @@ def test_concentric_spheres_bend_nothing_in_either_precision(dtype, index, size,
     u = hemisphere_directions(100)
     u = u[u[:, 2] > 0.05]
     surfaces = [_exact(sphere(radius * size), dtype) for radius in (1.0, 2.0)]
-    arrivals = in_torch(trace_exact(*surfaces, Medium(index), bundle(np.zeros(3), u)), distance * size)
+    arrivals = in_torch(trace_exact(*surfaces, Media(index), bundle(np.zeros(3), u)), distance * size)
     assert arrivals.landed.all()
     precision = 400.0 * torch.finfo(dtype).eps
     assert np.allclose(arrivals.hits.detach(), u[:, :2] / u[:, 2:] * distance * size, rtol=precision)
@@ -75,7 +75,7 @@ def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
     horizon = [[1.0, 0.0, rise] for rise in (0.1, 1e-3, 1e-6, 1e-12)]
     rays = bundle(np.zeros(3), np.concatenate([basis.centres, [[0.0, 0.0, 1.0]], horizon]))
     rays.origins[-2:, 0] = 0.5
-    arrivals = in_torch(trace_exact(*surfaces, Medium(1.4936), rays), 10.0)
+    arrivals = in_torch(trace_exact(*surfaces, Media(1.4936), rays), 10.0)
     assert arrivals.hits.dtype == dtype
     outputs = (arrivals.hits, arrivals.carried, arrivals.sin2_exit)
     assert all(torch.isfinite(output).all() for output in outputs)
@@ -84,14 +84,15 @@ def test_the_exact_tracer_at_centres_axis_and_rim(dtype: torch.dtype) -> None:
     assert all(torch.isfinite(g).all() for g in torch.autograd.grad(mixed, parameters))
 
 
+@pytest.mark.nightly("a quarter of a minute")
 def test_tables_in_single_precision_are_traced_in_double() -> None:
     """The fused path computes in float64 only; a float32 table is just a rounded one."""
     grid = TableGrid(32)
     rays = SquareEmitter(0.6).sample(256, 0)
     tables = [table_of(random_surface(k, r, 0.01), grid) for k, r in ((1, 0.8), (2, 2.45))]
-    double = by_kernels(tables, Scene(Medium(1.5), grid), rays, 10.0)
+    double = by_kernels(tables, Scene(Media(1.5), grid), rays, 10.0)
     rounded = [table.float().requires_grad_() for table in tables]
-    single = by_kernels(rounded, Scene(Medium(1.5), grid), rays, 10.0)
+    single = by_kernels(rounded, Scene(Media(1.5), grid), rays, 10.0)
     assert single.hits.dtype == torch.float64
     assert (single.hits - double.hits).abs().max() < 1e-3
     is_sound(single, rays, rounded)

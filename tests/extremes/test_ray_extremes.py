@@ -11,7 +11,7 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.refraction import transmittance, transmitted_cosine_squared
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
@@ -90,7 +90,7 @@ def _says_why(refusal: InputError) -> None:
 def _borders(inner, outer, index: float, seed: int, depth: float) -> RayBundle:
     """Pairs of rays, one bit apart or two, that meet different fates: found by halving the way between them."""
     grid = TableGrid(32)
-    tables, scene = [table_of(s, grid) for s in (inner, outer)], Scene(Medium(index), grid)
+    tables, scene = [table_of(s, grid) for s in (inner, outer)], Scene(Media(index), grid)
     a = SquareEmitter(1.2).sample(400, seed)
     a.origins[:, 2] = -depth
     b = RayBundle(a.origins, a.directions[::-1].copy(), a.flux)
@@ -188,7 +188,7 @@ def test_rays_that_are_no_numbers_never_arrive() -> None:
     up = np.tile([0.0, 0.0, 1.0], (3, 1))
     rays = RayBundle(np.concatenate([0.0 * up, bad]), np.concatenate([bad, up]), np.ones(6))
     grid = TableGrid(24)
-    arrivals = trace_tables(*(table_of(sphere(r), grid) for r in (1.0, 2.0)), Scene(Medium(1.5), grid), rays)
+    arrivals = trace_tables(*(table_of(sphere(r), grid) for r in (1.0, 2.0)), Scene(Media(1.5), grid), rays)
     assert not arrivals.left_lens.any()
 
 

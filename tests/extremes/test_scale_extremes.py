@@ -19,7 +19,7 @@ from lensforge.evaluation import simulate
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.collect import Collected, collected
 from lensforge.optimisation.image_terms import nmse_loss, shortfall_loss, uniformity_loss
@@ -82,7 +82,7 @@ def test_a_scaled_lens_gives_scaled_hits_and_equal_gradients(size: float, seed: 
     for factor in (1.0, size):
         tables = [(quick_table_of(s, grid) * factor).requires_grad_() for s in surfaces]
         moved = RayBundle(rays.origins * factor, rays.directions, rays.flux)
-        arrivals = by_kernels(tables, Scene(Medium(1.4936), grid), moved, 100.0 * factor)
+        arrivals = by_kernels(tables, Scene(Media(1.4936), grid), moved, 100.0 * factor)
         by_table = torch.autograd.grad((arrivals.hits * torch.tensor([0.3, -0.7])).sum(), tables)
         results.append((arrivals.fates, arrivals.hits / factor, arrivals.carried, arrivals.sin2_exit, *by_table))
     assert torch.equal(results[0][0], results[1][0])
@@ -279,6 +279,7 @@ def test_no_ray_is_refused() -> None:
         SquareEmitter(1.0).sample(0, 0)
 
 
+@pytest.mark.nightly("a quarter of a minute")
 @pytest.mark.parametrize("rays", first_by_day(1, [1, 2**24]))
 def test_four_million_pixels(rays: int) -> None:
     spec = _point_spec(evaluate={"pixels": 2048, "rays": rays})

@@ -89,6 +89,7 @@ def test_too_few_nodes_fail_the_form_criteria_without_raising():
     assert part.watertight, "a wrong form is no hole: each criterion must see its own fault"
 
 
+@pytest.mark.nightly("half a minute")
 def test_rings_and_tolerance_are_knobs():
     lens = make_lens(0.8, 2.45)
     assert build_part(lens, rings=20).triangulation.rings == 20

@@ -151,6 +151,7 @@ for cut in (False, True):
 """
 
 
+@pytest.mark.nightly("a quarter of a minute")
 def test_the_part_is_shown_off_screen_whole_and_cut(part, tmp_path):
     from matplotlib.image import imread
 

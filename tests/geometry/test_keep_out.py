@@ -112,6 +112,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
     assert "lower base.height_mm" in missed(part_with(path, diameter_mm=6.0, height_mm=2.0))[0]
 
 
+@pytest.mark.nightly("half a minute")
 def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     """Base of 2 mm with a bore as wide as the cavity: a board of 2.4 mm at z from -1.9 to -1.4 needs 2.4 sqrt(2)."""
     path = step_file(tmp_path / "board.step", box((2.4, 2.4, 0.5), (0.0, 0.0, -1.65)))

@@ -112,6 +112,7 @@ def test_other_cad_programs_find_the_volume_the_centroid_and_the_box(base):
     assert part.shape.BoundingBox().zmin == pytest.approx(-base.height_mm, abs=1e-3)
 
 
+@pytest.mark.nightly("a quarter of a minute")
 def test_the_kernel_s_own_boolean_agrees_in_the_crossing_case():
     import cadquery as cq
 

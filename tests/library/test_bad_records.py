@@ -24,7 +24,7 @@ Where = tuple[str | int, ...]
 STEMS = {**{kind.stage: kind for kind in STAGES}, **EXTRAS, "sweep": lf.Sweep, "rays": lf.RayFileSummary}
 FILES = ("lens", *(stem for stem in STEMS if stem not in ("compare_outer", "correct_outer")), "run")
 # A spec may leave out what has a default, a lens of another program its hash; tables have as many rows as there are.
-BY_DAY = 40  # fields of each record and change, always the same ones; nightly all, up to 250 of a record
+BY_DAY = 20  # fields of each record and change, always the same ones; nightly all, up to 250 of a record
 FREE = {
     ("lens", "spec"),
     ("lens", "content_sha256"),

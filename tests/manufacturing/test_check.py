@@ -254,6 +254,7 @@ def test_what_the_verdict_asks_for_is_enough(rough):
     assert set(base) == {"height_mm", "relief_step_mm", "relief_setback_mm"}
 
 
+@pytest.mark.nightly("half a minute")
 def test_an_insert_is_checked_larger_by_the_shrinkage_its_walls_are_those_of_the_lens():
     surfaces = random_surface(INNER_MM, 0.02, 3), random_surface(OUTER_MM, 0.02, 4)
     insert = replace(lens(*surfaces), spec=lens(*surfaces).spec.replace({"manufacture.make": "insert"}))

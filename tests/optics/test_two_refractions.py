@@ -7,11 +7,13 @@ import pytest
 import torch
 
 from lensforge.optics.dielectric import fresnel_transmittance
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import (
     best_transmittance,
     face_transmittance,
     largest_deviation_rad,
     normal_transmittance,
+    transmittance_of,
 )
 
 INDICES = [1.0, 1.2, 1.4936, 2.0, 3.5]
@@ -56,3 +58,19 @@ def test_no_light_turns_further_and_an_index_of_one_turns_none() -> None:
         each[0] == best_transmittance(np.array([0.3]), 1.3)[0]
         and each[1] == best_transmittance(np.array([0.3]), 1.6)[0]
     )
+
+
+@pytest.mark.parametrize(("cavity", "outside"), [(1.0, 1.333), (1.41, 1.0), (1.53, 1.333), (1.6, 1.0)])
+def test_two_faces_that_differ_have_a_bound_that_no_split_passes_and_some_nearly_reaches(cavity, outside):
+    index = 1.4936
+    first, second = (max(index / each, each / index) for each in (cavity, outside))
+    turns, parts = np.linspace(0.0, 0.9, 31), np.linspace(0.0, 1.0, 4001)
+    brute = np.array([
+        (face_transmittance(parts * turn, first) * face_transmittance((1.0 - parts) * turn, second)).max()
+        for turn in turns
+    ])  # fmt: skip
+    bound = best_transmittance(turns, index, cavity, outside)
+    assert (bound >= brute - 1e-12).all()
+    seen = brute > 0.5
+    assert (bound[seen] < 1.02 * brute[seen]).all()
+    assert bound[0] == pytest.approx(transmittance_of(Media(index, 0.0, cavity, outside)), rel=1e-12)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from lensforge.optics.two_refractions import normal_transmittance
+from lensforge.optics.media import Media
+from lensforge.optics.two_refractions import normal_transmittance, transmittance_of
 from lensforge.receivers.cylinder import Cylinder
 from lensforge.receivers.far_field import FarField, chart_radius
 from lensforge.receivers.pixels import PixelGrid
@@ -24,13 +25,13 @@ def straight_up(index: float, indices: np.ndarray | None = None) -> SourceLight:
     """The rays of the square, all of them along the axis."""
     up = np.zeros_like(RAYS.directions) + np.array([0.0, 0.0, 1.0])
     rays = RayBundle(RAYS.origins, up, RAYS.flux, indices)
-    return SourceLight.of_rays(rays, EtendueCurve.of(rays), index)
+    return SourceLight.of_rays(rays, EtendueCurve.of(rays), Media(index))
 
 
 def possible(receiver: PosedReceiver, radius_mm: float, light: float | SourceLight) -> PossibleLight:
     """Bounds of some light; of the square's for a refractive index."""
     return PossibleLight(
-        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, light), receiver, radius_mm
+        light if isinstance(light, SourceLight) else SourceLight.of(SQUARE, Media(light)), receiver, radius_mm
     )
 
 
@@ -55,6 +56,15 @@ def test_a_small_far_target_holds_its_share_of_a_lambertian_source() -> None:
     assert found.by_etendue == pytest.approx(normal_transmittance(1.5) ** 2 * 15.0**2 * 1e-4 / 4.0, rel=1e-3)
     assert found.by_etendue < found.by_refraction < normal_transmittance(1.5) ** 2 and found.value == found.by_etendue
     assert "étendue" in str(found)
+
+
+def test_light_in_a_gel_takes_more_room_outside() -> None:
+    """The square of the index times the étendue is conserved: less light fits into the same part of a receiver."""
+    receiver, gel = plane(10.0, 8, 1000.0), Media(1.5, cavity_index=1.41)
+    lights = (SourceLight.of(SQUARE, each) for each in (Media(1.5), gel))
+    air, wet = (PossibleLight(light, receiver, 15.0).in_region(whole(receiver)) for light in lights)
+    lost = transmittance_of(gel) / transmittance_of(Media(1.5))
+    assert wet.by_etendue == pytest.approx(air.by_etendue * lost / 1.41**2, rel=1e-9)
 
 
 def test_only_the_chosen_pixels_count_and_none_hold_nothing() -> None:
@@ -125,7 +135,7 @@ def test_irradiance_is_at_most_luminance_times_the_projected_solid_angle_of_the_
 
 
 def test_a_point_source_is_bounded_by_refraction_alone() -> None:
-    physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), 1.5))
+    physics = possible(plane(1.0, 8, 1000.0), 15.0, SourceLight.of(SquareEmitter(0.0), Media(1.5)))
     assert physics.in_region(whole(physics.receiver)).by_etendue == pytest.approx(normal_transmittance(1.5) ** 2)
     assert physics.radius_for(whole(physics.receiver), 0.5) == 0.0 and not physics.light.curve.estimated
 

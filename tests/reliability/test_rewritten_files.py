@@ -87,6 +87,7 @@ def deeper(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return mesh
 
 
+@pytest.mark.nightly("a minute: exports of other bodies")
 @pytest.mark.parametrize(
     ("step", "stl", "says"),
     first_by_day(

@@ -8,7 +8,7 @@ import torch
 from scenes import small_spec, sphere, table_of
 
 from lensforge.materials.catalogue import MATERIALS
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose
@@ -52,13 +52,13 @@ def exact(rays, index):
         ExactSurface(s.basis, torch.from_numpy(s.weights_mm), torch.tensor(s.offset_mm, dtype=torch.float64))
         for s in (sphere(INNER), sphere(OUTER))
     )
-    return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, Medium(index), rays)))
+    return Hits.of(RECEIVER.land_in_torch(trace_exact(*surfaces, Media(index), rays)))
 
 
 def fused(rays, index):
     grid = TableGrid(32)
     exit_rays = trace_tables(
-        table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(Medium(index), grid), rays
+        table_of(sphere(INNER), grid), table_of(sphere(OUTER), grid), Scene(Media(index), grid), rays
     )
     return Hits.of(RECEIVER.land(exit_rays))
 

@@ -8,7 +8,7 @@ from scenes import small_spec, sphere, table_of
 
 import lensforge as lf
 from lensforge.kernels.fates import Fate
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.build import build_source, summarise
 from lensforge.sources.placement import PlacedSource
 from lensforge.sources.square import SquareEmitter
@@ -17,7 +17,7 @@ from lensforge.tracing.tables import Scene
 
 GRID = TableGrid(65)
 SPHERES = tuple(table_of(sphere(radius), GRID) for radius in (3.0, 6.0))
-SCENE = Scene(Medium(1.5), GRID)
+SCENE = Scene(Media(1.5), GRID)
 BEAM = lf.CosineIntensity(power=1e4)
 
 

@@ -28,7 +28,7 @@ def lens():
 
 @pytest.fixture(scope="module")
 def traced(lens):
-    scene = Scene(lens.medium, GRID)
+    scene = Scene(lens.media, GRID)
     return TracedLens(scene, table_of(lens.inner, GRID), table_of(lens.outer, GRID), {})
 
 

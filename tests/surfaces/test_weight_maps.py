@@ -68,6 +68,7 @@ def test_gradients_by_weights_and_offsets() -> None:
     )
 
 
+@pytest.mark.nightly("a quarter of a minute")
 def test_maps_that_would_not_fit_are_refused() -> None:
     basis = SrbfBasis((10_000,), 30.0)
     with pytest.raises(InputError, match="would take"):

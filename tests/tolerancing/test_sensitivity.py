@@ -45,7 +45,7 @@ def test_source_and_receiver_shift_together_leave_the_picture_in_place():
 def test_the_index_is_that_of_the_lens_plus_its_error():
     nominal = TracedLens.of(small_lens(), 2.5)
     error = perturbations(small_lens(), Amounts(index=2e-3), 0)[-1]
-    assert perturbed(nominal, error).scene.refractive_index == pytest.approx(1.4936 - 2e-3, abs=1e-15)
+    assert perturbed(nominal, error).scene.media.refractive_index == pytest.approx(1.4936 - 2e-3, abs=1e-15)
 
 
 def test_the_table_names_every_error_and_nothing_changes_without_one():

@@ -12,7 +12,7 @@ from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
@@ -28,7 +28,7 @@ N, Z, GRID = 1.4936, 1000.0, TableGrid(64)
 SURFACES = random_surface(3, 0.8, 0.03), random_surface(8, 2.45, 0.05)
 TABLES = [table_of(each, GRID) for each in SURFACES]
 RAYS = SquareEmitter(0.9).sample(512, 1)
-DIM, CLEAR = Scene(Medium(N, 0.21), GRID), Scene(Medium(N), GRID)
+DIM, CLEAR = Scene(Media(N, 0.21), GRID), Scene(Media(N), GRID)
 
 
 def coloured(rays: RayBundle) -> RayBundle:
@@ -50,7 +50,7 @@ def paths(rays: RayBundle) -> torch.Tensor:
 def test_light_from_the_centre_of_two_spheres_loses_what_the_law_says() -> None:
     directions = hemisphere_directions(500)
     rays = RayBundle(np.zeros((500, 3)), directions, np.full(500, 0.002))
-    exits = trace_tables(table_of(sphere(2.0), GRID), table_of(sphere(5.0), GRID), Scene(Medium(N, 0.1), GRID), rays)
+    exits = trace_tables(table_of(sphere(2.0), GRID), table_of(sphere(5.0), GRID), Scene(Media(N, 0.1), GRID), rays)
     once, left = normal_transmittance(N), np.exp(-0.3)
     np.testing.assert_allclose(exits.flux.numpy(), 0.002 * once**2 * left, rtol=1e-9)
     assert exits.absorbed is not None
@@ -63,7 +63,7 @@ def test_each_ray_loses_by_its_own_path_and_nothing_else_changes(rays: RayBundle
     out, length = clear.left_lens, paths(RAYS)
     assert torch.equal(dim.fates, clear.fates) and torch.equal(dim.points, clear.points)
     assert out.sum() > 400
-    left = torch.exp(-torch.from_numpy(rays.absorptions(DIM.medium)) * length)
+    left = torch.exp(-torch.from_numpy(rays.absorptions(DIM.media)) * length)
     assert torch.allclose(dim.flux[out], (clear.flux * left)[out], rtol=1e-13, atol=0.0)
     # what reached the outer surface was absorbed, or is still there, whatever became of it
     assert clear.absorbed is None and dim.absorbed is not None
@@ -78,7 +78,7 @@ def test_each_ray_loses_by_its_own_path_and_nothing_else_changes(rays: RayBundle
 def test_the_tracer_in_torch_and_its_gradients_are_those_of_the_kernels(rays: RayBundle, device: str) -> None:
     tables = [each.clone().requires_grad_() for each in TABLES]
     inner, outer = (TableSurface(each) for each in tables_on(torch.device(device), *tables, DIM))
-    every = TensorRays.of(rays, DIM.medium, torch.float64, torch.device(device))
+    every = TensorRays.of(rays, DIM.media, torch.float64, torch.device(device))
     found, kernels = trace_sequence(inner, outer, every), by_kernels(tables, DIM, rays, Z)
     assert found.absorbed is not None and kernels.exits.absorbed is not None
     assert torch.allclose(found.flux.cpu(), kernels.carried, rtol=1e-10, atol=0.0)
@@ -112,7 +112,7 @@ def test_the_exact_tracer_dims_as_the_tables_do() -> None:
     spec = small_spec(lens__absorption_per_mm=0.05)
     lens = Lens(*(random_surface(k, 3.0 * k, 0.01, (9, 25)) for k in (1, 2)), spec, 0, "draft")
     rays = SquareEmitter(1.0).sample(64, 1)
-    exact = trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.medium, rays)
+    exact = trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays)
     table = TracedLens.of(lens, 8.0).trace(rays)
     assert exact.absorbed is not None and table.absorbed is not None
     assert torch.allclose(exact.flux, table.flux, rtol=1e-6) and torch.allclose(

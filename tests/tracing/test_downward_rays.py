@@ -11,7 +11,7 @@ from scenes import random_surface, sphere, table_of
 from lensforge.kernels.bounds import surface_bounds
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, tabulate
@@ -28,7 +28,7 @@ CPU = torch.device("cpu")
 
 def _on_device(tables: list[torch.Tensor], scene: Scene, rays: RayBundle) -> ExitRays:
     first, second = (TableSurface(table) for table in tables_on(CPU, *tables, scene))
-    return trace_sequence(first, second, TensorRays.of(rays, Medium(INDEX), torch.float64, CPU))
+    return trace_sequence(first, second, TensorRays.of(rays, Media(INDEX), torch.float64, CPU))
 
 
 def _exact(surface, scan) -> ExactSurface:
@@ -40,11 +40,11 @@ def _by_tracer(tracer: str, surfaces, rays: RayBundle, nodes: int) -> ExitRays:
     grid = TableGrid(nodes)
     tables = [table_of(each, grid) for each in surfaces]
     if tracer == "kernels":
-        return trace_tables(*tables, Scene(Medium(INDEX), grid), rays)
+        return trace_tables(*tables, Scene(Media(INDEX), grid), rays)
     if tracer == "device":
-        return _on_device(tables, Scene(Medium(INDEX), grid), rays)
+        return _on_device(tables, Scene(Media(INDEX), grid), rays)
     scans = [DenseScan(96, 44) if tracer == "exact" else TableScan(grid, table.numpy()) for table in tables]
-    return trace_exact(*map(_exact, surfaces, scans), Medium(INDEX), rays)
+    return trace_exact(*map(_exact, surfaces, scans), Media(INDEX), rays)
 
 
 TRACERS = ["kernels", "device", "exact", "table scan"]
@@ -165,7 +165,7 @@ def test_gradients_agree_with_finite_differences() -> None:
     """Of the kernels' adjoint, and with those of the device path; all light goes down, and half of it lands."""
     surfaces = random_surface(3, 0.8, 0.02), random_surface(4, 2.45, 0.01)
     grid, rays = TableGrid(64), downward_rays(400, 5, 0.7, floor=0.6)
-    scene, tables = Scene(Medium(INDEX), grid), [table_of(each, grid).requires_grad_() for each in surfaces]
+    scene, tables = Scene(Media(INDEX), grid), [table_of(each, grid).requires_grad_() for each in surfaces]
     rng = np.random.default_rng(0)
     by_hits, by_flux, by_sin2 = (torch.from_numpy(rng.normal(size=s)) for s in ((400, 2), 400, 400))
 

@@ -14,7 +14,7 @@ from lensforge.errors import InputError
 from lensforge.kernels.bounds import surface_bounds
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import FOUND, LOST
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optimisation.light_path import TableSurface
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
@@ -26,7 +26,7 @@ from lensforge.tracing.sequence import TensorRays, trace_sequence
 from lensforge.tracing.tables import Scene
 
 GRID = TableGrid(64)
-SCENE, DISTANCE = Scene(Medium(1.4936), GRID), 100.0
+SCENE, DISTANCE = Scene(Media(1.4936), GRID), 100.0
 pytestmark = pytest.mark.parametrize("device", DEVICES)
 
 
@@ -38,7 +38,7 @@ def _tables(seed: int, roughness: float, *radii: float) -> list[torch.Tensor]:
 
 def _on_device(device: str, inner: torch.Tensor, outer: torch.Tensor, scene: Scene, rays: RayBundle) -> ExitRays:
     first, second = (TableSurface(table) for table in tables_on(torch.device(device), inner, outer, scene))
-    every = TensorRays.of(rays, scene.medium, torch.float64, torch.device(device))
+    every = TensorRays.of(rays, scene.media, torch.float64, torch.device(device))
     return trace_sequence(first, second, every, scene.fresnel)
 
 
@@ -102,7 +102,7 @@ def test_every_fate_is_that_of_the_kernels(device: str) -> None:
     rays = RayBundle(origins, directions, rng.random(count))
     seen: set[int | str] = set()
     for seed, roughness, radii in ((1, 0.06, (0.8, 1.6)), (3, 0.15, (1.0, 1.3)), (5, 0.0, (1.0, 0.5))):
-        kernels, found = _both(device, _tables(seed, roughness, *radii), rays, replace(SCENE, medium=Medium(1.6)))
+        kernels, found = _both(device, _tables(seed, roughness, *radii), rays, replace(SCENE, media=Media(1.6)))
         _agree(kernels, found)
         assert torch.equal(found.missed_receiver, kernels.missed_receiver)
         seen |= set(kernels.fates.tolist()) | ({"missed_receiver"} if kernels.missed_receiver.any() else set())

@@ -11,7 +11,7 @@ from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
 from lensforge.optics.dielectric import fresnel_transmittance, refract
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid
@@ -95,7 +95,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
     if tracer == "fused":
         tables = [table_of(s, GRID) for s in LENS]
         surfaces: tuple[Surface, Surface] = tuple(Tabulated(table.numpy()) for table in tables)
-        kept, hits, out, carried = _forth(trace_tables(*tables, Scene(Medium(N), GRID), rays))
+        kept, hits, out, carried = _forth(trace_tables(*tables, Scene(Media(N), GRID), rays))
     else:
         exact = [
             ExactSurface(
@@ -104,7 +104,7 @@ def test_a_ray_sent_back_arrives_where_it_started(tracer: str) -> None:
             for s in LENS
         ]
         surfaces = LENS
-        kept, hits, out, carried = _forth(trace_exact(*exact, Medium(N), rays))
+        kept, hits, out, carried = _forth(trace_exact(*exact, Media(N), rays))
     assert kept.sum() > 100
     points, directions, share = _back(surfaces, hits, -out)
     assert np.abs(points - rays.origins[kept]).max() < 1e-12

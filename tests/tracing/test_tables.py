@@ -8,7 +8,7 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of, weig
 
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
@@ -28,7 +28,7 @@ def _exact(surface) -> ExactSurface:
 
 def _fused(surfaces, rays: RayBundle, nodes: int, index: float = N, distance: float = Z) -> Landed:
     grid = TableGrid(nodes)
-    return by_kernels([table_of(s, grid) for s in surfaces], Scene(Medium(index), grid), rays, distance)
+    return by_kernels([table_of(s, grid) for s in surfaces], Scene(Media(index), grid), rays, distance)
 
 
 def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
@@ -44,7 +44,7 @@ def _mixed(found: Landed, seed: int = 0) -> torch.Tensor:
 def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
     surfaces = random_surface(1, 0.8, 0.01, symmetry=symmetry), random_surface(2, 2.45, 0.008, symmetry=symmetry)
     rays = SquareEmitter(0.8).sample(128, 0)
-    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), Medium(N), rays), Z)
+    exact = in_torch(trace_exact(*(_exact(s) for s in surfaces), Media(N), rays), Z)
     errors = []
     for nodes in (61, 121):
         fused = _fused(surfaces, rays, nodes)
@@ -60,7 +60,7 @@ def test_table_and_exact_tracer_converge_to_each_other(symmetry: str) -> None:
 def test_the_flux_of_lost_rays_is_a_constant() -> None:
     grid = TableGrid(64)
     tables = [table_of(random_surface(3, *shape), grid).requires_grad_() for shape in ((0.8, 0.1), (2.45, 0.1))]
-    found = by_kernels(tables, Scene(Medium(N), grid), SquareEmitter(0.9).sample(4096, 1), Z)
+    found = by_kernels(tables, Scene(Media(N), grid), SquareEmitter(0.9).sample(4096, 1), Z)
     lost = ~found.landed
     assert found.missed_receiver.any() and (found.fates == Fate.TOTAL_REFLECTION).any()
     for gradient in torch.autograd.grad(found.flux[lost].sum() + found.hits[lost].sum(), tables):
@@ -72,7 +72,7 @@ def test_exit_rays_are_those_of_a_lens_and_of_no_receiver() -> None:
     outer = random_surface(3, 2.45, 0.1)
     grid = TableGrid(160)
     tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.1), outer)]
-    exits = trace_tables(*tables, Scene(Medium(N), grid), SquareEmitter(0.9).sample(4096, 1))
+    exits = trace_tables(*tables, Scene(Media(N), grid), SquareEmitter(0.9).sample(4096, 1))
     left = exits.left_lens
     points, directions = exits.points[left].numpy(), exits.directions[left].numpy()
     assert 0.5 < left.double().mean() < 1.0 and (directions[:, 2] < 0.0).any()
@@ -88,7 +88,7 @@ def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() 
     tables = [table_of(s, grid) for s in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
     rng, none = np.random.default_rng(2), np.zeros(200)
     by_points, by_directions = rng.normal(size=(2, 200, 3))
-    before = TracedBundle.of(*tables, Scene(Medium(N), grid), rays)
+    before = TracedBundle.of(*tables, Scene(Media(N), grid), rays)
     start, along = before.exits.points.numpy(), before.exits.directions.numpy()
 
     def value(traced: TracedBundle) -> float:
@@ -106,7 +106,7 @@ def test_sensitivities_to_a_point_and_to_a_direction_are_those_of_differences() 
             value(
                 TracedBundle.of(
                     *(t + s * 1e-7 * direction * (i == which) for i, t in enumerate(tables)),
-                    Scene(Medium(N), grid),
+                    Scene(Media(N), grid),
                     rays,
                 )
             )
@@ -119,7 +119,7 @@ def test_gradients_agree_with_finite_differences_of_the_fused_tracer() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     rays = SquareEmitter(0.9).sample(256, 1)
     grid = TableGrid(64)
-    scene = Scene(Medium(N), grid)
+    scene = Scene(Media(N), grid)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
     before = by_kernels(tables, scene, rays, Z)
     gradients = torch.autograd.grad(_mixed(before), tables)
@@ -140,11 +140,11 @@ def test_gradients_reach_weights_and_offsets_as_in_the_exact_tracer() -> None:
     rays = SquareEmitter(0.6).sample(256, 2)
     exact = [_exact(s) for s in surfaces]
     parameters = [p for e in exact for p in (e.weights_mm, e.offset_mm)]
-    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, Medium(N), rays), Z)), parameters)
+    expected = torch.autograd.grad(_mixed(in_torch(trace_exact(*exact, Media(N), rays), Z)), parameters)
     grid = TableGrid(161)
     matrix = torch.from_numpy(weight_matrix(grid, surfaces[0].basis))
     tables = [(matrix @ e.weights_mm + e.offset_mm).reshape(grid.side, -1) for e in exact]
-    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(Medium(N), grid), rays, Z)), parameters)
+    found = torch.autograd.grad(_mixed(by_kernels(tables, Scene(Media(N), grid), rays, Z)), parameters)
     for a, b in zip(found, expected, strict=True):
         assert ((a - b).norm() / b.norm()).item() < 3e-3
 
@@ -155,7 +155,7 @@ def test_totally_reflected_rays_still_pull_on_the_surface() -> None:
     rays = SquareEmitter(0.9).sample(2048, 3)
     grid = TableGrid(64)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    scene = Scene(Medium(N), grid)
+    scene = Scene(Media(N), grid)
     before = by_kernels(tables, scene, rays, Z)
     reflected = (before.fates == Fate.TOTAL_REFLECTION) & (before.sin2_exit > 1.0)
     assert reflected.sum() > 20
@@ -196,10 +196,10 @@ def test_a_scaled_scene_gives_scaled_hits() -> None:
     surfaces = random_surface(1, 0.8, 0.01), random_surface(2, 2.45, 0.01)
     grid = TableGrid(48)
     tables = [table_of(s, grid) for s in surfaces]
-    unit = by_kernels(tables, Scene(Medium(N), grid), rays, Z)
+    unit = by_kernels(tables, Scene(Media(N), grid), rays, Z)
     for scale in (2.0**-10, 2.0**13):
         scaled_rays = RayBundle(rays.origins * scale, rays.directions, rays.flux)
-        scaled = by_kernels([t * scale for t in tables], Scene(Medium(N), grid), scaled_rays, Z * scale)
+        scaled = by_kernels([t * scale for t in tables], Scene(Media(N), grid), scaled_rays, Z * scale)
         assert torch.equal(scaled.fates, unit.fates)
         assert torch.allclose(scaled.hits, unit.hits * scale, rtol=1e-11, atol=1e-11 * scale)
 
@@ -228,7 +228,7 @@ def test_the_same_rays_give_the_same_bits_on_any_number_of_threads() -> None:
     for count in (1, 3):
         torch.set_num_threads(count)
         tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-        found = by_kernels(tables, Scene(Medium(N), grid), rays, Z)
+        found = by_kernels(tables, Scene(Media(N), grid), rays, Z)
         results.append((found.hits, *torch.autograd.grad(_mixed(found), tables)))
     torch.set_num_threads(threads)
     assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
@@ -238,14 +238,14 @@ def test_a_surface_through_the_origin_is_refused_in_one_line() -> None:
     grid = TableGrid(48)
     bad = table_of(sphere(1.0), grid) - 1.5
     with pytest.raises(InputError, match=r"inner surface: its radius falls to -0\.5"):
-        trace_tables(bad, table_of(sphere(2.0), grid), Scene(Medium(N), grid), SquareEmitter(0.1).sample(8, 0))
+        trace_tables(bad, table_of(sphere(2.0), grid), Scene(Media(N), grid), SquareEmitter(0.1).sample(8, 0))
 
 
 def test_without_fresnel_rays_keep_their_flux_and_their_way() -> None:
     surfaces = random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02)
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(2048, 1)
     tables = [table_of(s, grid).requires_grad_() for s in surfaces]
-    full, bare = (by_kernels(tables, Scene(Medium(N), grid, fresnel), rays, Z) for fresnel in (True, False))
+    full, bare = (by_kernels(tables, Scene(Media(N), grid, fresnel), rays, Z) for fresnel in (True, False))
     assert torch.equal(full.hits, bare.hits) and torch.equal(full.fates, bare.fates)
     assert torch.equal(bare.carried, torch.from_numpy(rays.flux))
     assert (full.flux[full.landed] < bare.flux[full.landed]).all()
@@ -257,8 +257,8 @@ def test_each_ray_sees_its_own_refractive_index() -> None:
     grid, rays = TableGrid(64), SquareEmitter(0.9).sample(300, 1)
     indices = np.where(np.arange(300) % 2 == 0, 1.48, 1.52)
     tables = [table_of(s, grid) for s in surfaces]
-    mixed = by_kernels(tables, Scene(Medium(N), grid), RayBundle(rays.origins, rays.directions, rays.flux, indices), Z)
+    mixed = by_kernels(tables, Scene(Media(N), grid), RayBundle(rays.origins, rays.directions, rays.flux, indices), Z)
     for index in (1.48, 1.52):
-        alone = by_kernels(tables, Scene(Medium(index), grid), rays, Z)
+        alone = by_kernels(tables, Scene(Media(index), grid), rays, Z)
         assert torch.equal(mixed.hits[indices == index], alone.hits[indices == index])
         assert torch.equal(mixed.carried[indices == index], alone.carried[indices == index])

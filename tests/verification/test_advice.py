@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.verification.advice import Evidence, form_of_mesh
 from lensforge.verification.comparison import Expected, compare
 from lensforge.verification.passage import CastFate, LandedRays
@@ -32,7 +32,7 @@ def failed(part, rays=RAYS, hits=HITS, flux=FLUX, fates=FATES):
     result = verify_part(
         part.export(file_type="stl"),
         rays=rays,
-        medium=Medium(INDEX),
+        media=Media(INDEX),
         expected=[Expected(SCREEN, SCREEN.irradiance(hits, flux), hits, flux, fates)],
         plain_rays=1,
     )

@@ -7,7 +7,7 @@ import pytest
 from lens_meshes import lambertian, lens_mesh, oracle, sphere
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import brep_criteria
 from lensforge.verification.brep_cast import cast_brep, send_through_step
@@ -55,9 +55,9 @@ def lens_step(tmp_path_factory):
 
 def cast_of(step_bytes):
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
-    mesh = send_through(part, Grid(part.mesh), RAYS, Medium(INDEX))
+    mesh = send_through(part, Grid(part.mesh), RAYS, Media(INDEX))
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
-    (found,) = cast_brep(StepBody(step_bytes), RAYS, Medium(INDEX), [expected], mesh)
+    (found,) = cast_brep(StepBody(step_bytes), RAYS, Media(INDEX), [expected], mesh)
     return found
 
 
@@ -73,7 +73,7 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(lens_step, own):
     dim = replace(RAYS, absorption_per_mm=own)
     by_mesh, by_step = partial(send_through, part, Grid(part.mesh)), partial(send_through_step, body)
     for send, precision in ((by_mesh, 1e-5), (by_step, 1e-9)):
-        clear, found = send(RAYS, Medium(INDEX)), send(dim, Medium(INDEX, 0.05))
+        clear, found = send(RAYS, Media(INDEX)), send(dim, Media(INDEX, 0.05))
         left = clear.fates == CastFate.LANDED
         lost = -np.expm1(-(0.05 if own is None else own) * np.linalg.norm(clear.points - entered, axis=1))
         np.testing.assert_allclose(found.flux[left], (clear.flux * (1.0 - lost))[left], rtol=precision)
@@ -84,8 +84,23 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says(lens_step, own):
         )
 
 
+def test_gel_and_water_bend_the_rays_as_their_indices_say(lens_step):
+    """Gel of the lens's own index: rays go straight on to the outer face, and are refracted there alone."""
+    part, body = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0))), StepBody(lens_step)
+    media = Media(INDEX, cavity_index=INDEX, outside_index=1.333)
+    ends = RAYS.origins + OUTER.far_hit(RAYS.origins, RAYS.directions)[:, None] * RAYS.directions
+    directions, once = refract(RAYS.directions, OUTER.normal(ends), INDEX / 1.333)
+    by_mesh, by_step = send_through(part, Grid(part.mesh), RAYS, media), send_through_step(body, RAYS, media)
+    for found, precision in ((by_mesh, 1e-5), (by_step, 1e-9)):
+        left = found.fates == CastFate.LANDED
+        assert left.sum() > 250
+        np.testing.assert_allclose(found.points[left], ends[left], atol=20.0 * precision)
+        np.testing.assert_allclose(found.directions[left], directions[left], atol=5.0 * precision)
+        np.testing.assert_allclose(found.flux[left], (RAYS.flux * once)[left], rtol=precision)
+
+
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):
-    passage = LandedRays.of(send_through_step(StepBody(lens_step), RAYS, Medium(INDEX)), SCREEN)
+    passage = LandedRays.of(send_through_step(StepBody(lens_step), RAYS, Media(INDEX)), SCREEN)
     landed = passage.fates == CastFate.LANDED
     np.testing.assert_array_equal(landed, np.isfinite(HITS[:, 0]))
     assert landed.sum() > 250
@@ -111,7 +126,7 @@ def test_faces_that_another_program_has_split_are_one_smooth_face(tmp_path, lens
     assert len(set(split.smooth_faces.tolist())) == len(set(whole.smooth_faces.tolist()))
     np.testing.assert_allclose(split.size().volume_mm3, whole.size().volume_mm3, rtol=1e-7)
     np.testing.assert_allclose(split.size().bounds_mm, whole.size().bounds_mm, rtol=0.0, atol=1e-5)
-    found, wanted = (send_through_step(body, RAYS, Medium(INDEX)) for body in (split, whole))
+    found, wanted = (send_through_step(body, RAYS, Media(INDEX)) for body in (split, whole))
     np.testing.assert_array_equal(found.fates, wanted.fates)
 
 
@@ -132,7 +147,7 @@ def test_rays_that_cannot_pass_say_why(lens_step):
     start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [40.0, 0.0, 0.5], [0.0, 0.0, 20.0], [0.3, 5.3, 0.3]])
     towards = np.array([[0.999, 0.0, -0.0447], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.1, 0.0, -1.0], [1.0, 0.0, -0.1]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), Medium(INDEX))
+    passage = send_through_step(StepBody(lens_step), RayBundle(start, towards, np.ones(5)), Media(INDEX))
     fates = [CastFate.OPENING, CastFate.STARTS_INSIDE, CastFate.NO_HIT, CastFate.STARTS_OUTSIDE, CastFate.BASE]
     assert passage.fates.tolist() == fates
 
@@ -141,7 +156,7 @@ def test_verify_reports_the_step_beside_the_mesh(lens_step):
     result = verify_part(
         lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl"),
         rays=RAYS,
-        medium=Medium(INDEX),
+        media=Media(INDEX),
         expected=[Expected(SCREEN, SCREEN.irradiance(HITS, WEIGHTS), HITS, WEIGHTS)],
         plain_rays=1,
         step=lens_step,

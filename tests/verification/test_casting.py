@@ -87,7 +87,7 @@ def test_no_ray_slips_between_triangles():
 
 def test_nothing_of_the_design_stage_is_imported():
     allowed = {"errors", "files", "untrusted", "records", "criteria", "figures", "verification"}
-    allowed |= {"sources.bundle", "optics.medium"}  # what the rays and the body are, in numbers
+    allowed |= {"sources.bundle", "optics.media"}  # what the rays and the body are, in numbers
     for path in Path(verification.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []

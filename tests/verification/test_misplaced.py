@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.verification.body import mesh_size
 from lensforge.verification.comparison import Expected
 from lensforge.verification.misplaced import candidates
@@ -31,7 +31,7 @@ def remedies(part):
     result = verify_part(
         part.export(file_type="stl"),
         rays=RAYS,
-        medium=Medium(INDEX),
+        media=Media(INDEX),
         expected=[EXPECTED],
         plain_rays=1,
         exported=mesh_size(mesh()),

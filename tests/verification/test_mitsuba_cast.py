@@ -5,7 +5,7 @@ import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification import mitsuba_cast
 from lensforge.verification.acceptance import mitsuba_criteria
@@ -36,7 +36,7 @@ def converged():
 
 
 def deviation(rings):
-    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, Medium(INDEX))[1], SCREEN)
+    passage = LandedRays.of(send_through_mitsuba(part(rings), RAYS, Media(INDEX))[1], SCREEN)
     landed = (passage.fates == CastFate.LANDED) & np.isfinite(HITS[:, 0])
     assert np.mean(landed == np.isfinite(HITS[:, 0])) > 0.995
     np.testing.assert_allclose(passage.flux[landed], FLUX[landed], rtol=0.02)
@@ -52,7 +52,7 @@ def test_mitsuba_lands_rays_where_the_closed_form_does():
 
 def test_rays_lose_by_their_paths_in_the_body_what_the_law_says():
     some, lens = RAYS.take(slice(500)), part()
-    (_, clear), (_, dim) = (send_through_mitsuba(lens, some, Medium(INDEX, each)) for each in (0.0, 0.05))
+    (_, clear), (_, dim) = (send_through_mitsuba(lens, some, Media(INDEX, each)) for each in (0.0, 0.05))
     left = clear.fates == CastFate.LANDED
     entered = some.origins + INNER.far_hit(some.origins, some.directions)[:, None] * some.directions
     lengths = np.linalg.norm(clear.points - entered, axis=1)
@@ -63,14 +63,14 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says():
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():
     expected = [Expected(SCREEN, converged(), HITS, FLUX)]
-    ((right, _),) = cast_mitsuba(part(), RAYS, Medium(INDEX), expected, 3000)
+    ((right, _),) = cast_mitsuba(part(), RAYS, Media(INDEX), expected, 3000)
     assert right.rays == 3000
     assert right.version == mitsuba.__version__
     assert all(criterion.passed for criterion in mitsuba_criteria(right, DISTANCE))
     # 3000 rays drawn at random: their picture is off by what the noise of so many makes, not more and not less.
     assert 0.8 < right.nmse_vs_design / right.noise_floor_nmse < 1.2
     other = part(outer=Quadric(OUTER.centre, (14.7, 13, 14)))
-    ((wider, _),) = cast_mitsuba(other, RAYS, Medium(INDEX), expected)
+    ((wider, _),) = cast_mitsuba(other, RAYS, Media(INDEX), expected)
     failed = {criterion.name for criterion in mitsuba_criteria(wider, DISTANCE) if not criterion.passed}
     assert "mitsuba_deviation_rms" in failed
 
@@ -79,8 +79,8 @@ def test_rays_with_an_index_each_are_bent_by_it():
     both = [RayBundle(RAYS.origins, RAYS.directions, RAYS.flux, np.full(4000, index)) for index in (1.4, 1.6)]
     some = np.arange(50)
     for rays, index in zip(both, (1.4, 1.6), strict=True):
-        _, own = send_through_mitsuba(part(), rays.take(some), Medium(INDEX))
-        _, given = send_through_mitsuba(part(), RAYS.take(some), Medium(index))
+        _, own = send_through_mitsuba(part(), rays.take(some), Media(INDEX))
+        _, given = send_through_mitsuba(part(), RAYS.take(some), Media(index))
         np.testing.assert_array_equal(own.points, given.points)
         np.testing.assert_array_equal(own.directions, given.directions)
 
@@ -91,7 +91,7 @@ def test_rays_that_cannot_pass_say_why():
     directions = np.array(towards, dtype=float)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     _, passage = send_through_mitsuba(
-        part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), Medium(INDEX)
+        part(), RayBundle(np.array(start, dtype=float), directions, np.ones(7)), Media(INDEX)
     )
     assert [CastFate(fate).name for fate in passage.fates] == [
         "OPENING", "STARTS_INSIDE", "NO_HIT", "STARTS_OUTSIDE", "BASE", "LANDED", "OPENING",
@@ -102,7 +102,7 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
     stl = lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)).export(file_type="stl")
     mitsuba.set_variant("scalar_spectral")
     expected = Expected(SCREEN, converged(), HITS, FLUX)
-    given = {"rays": RAYS, "medium": Medium(INDEX), "expected": [expected], "plain_rays": 1}
+    given = {"rays": RAYS, "media": Media(INDEX), "expected": [expected], "plain_rays": 1}
     result = verify_part(stl, **given, mitsuba_rays=500)
     assert mitsuba.variant() == "scalar_spectral"
     assert result.mitsuba.rays == 500
@@ -115,4 +115,4 @@ def test_verify_asks_mitsuba_and_leaves_the_variant_of_its_caller():
 def test_a_mitsuba_that_does_not_load_is_one_line(monkeypatch):
     monkeypatch.setattr(mitsuba_cast, "VARIANT", "no_such_variant")
     with pytest.raises(InputError, match="mitsuba: does not load"):
-        send_through_mitsuba(part(8), RAYS, Medium(INDEX))
+        send_through_mitsuba(part(8), RAYS, Media(INDEX))

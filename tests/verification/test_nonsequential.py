@@ -3,7 +3,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
 from lensforge.verification.nonsequential import Body, Cause, Limits, follow
@@ -26,7 +26,7 @@ GRID = Grid(LENS.mesh)
 
 def body(mesh, **changes):
     part = part_mesh_of(mesh)
-    return Body(part, Grid(part.mesh), Medium(INDEX, **changes))
+    return Body(part, Grid(part.mesh), Media(INDEX, **changes))
 
 
 def window(thickness, **changes):
@@ -73,6 +73,16 @@ def test_a_plane_window_transmits_as_the_series_of_its_echoes(absorption):
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
 
 
+def test_a_window_between_two_media_transmits_as_the_series_of_its_echoes():
+    """The face towards the origin is wet with the one, the face away from it with the other."""
+    gel, water = 1.41, 1.333
+    first, second = (((INDEX - each) / (INDEX + each)) ** 2 for each in (gel, water))
+    budget = follow(window(2.0, cavity_index=gel, outside_index=water), beam(), EVERYTHING)
+    assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - first) * (1 - second), rel=1e-12)
+    assert landed(budget) == pytest.approx((1 - first) * (1 - second) / (1 - first * second), rel=1e-12)
+    assert total(budget) == pytest.approx(1.0, abs=1e-12)
+
+
 def test_echoes_in_a_slanted_window_land_side_by_side():
     thickness, slant = 2.0, 0.3
     bent = np.arcsin(np.sin(slant) / INDEX)
@@ -101,7 +111,7 @@ def test_a_source_inside_of_a_ball_shell_gets_out_by_the_closed_form(absorption)
 @pytest.mark.parametrize("absorption", [0.0, 0.01])
 def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
     rays = lambertian(2000, 2.0, seed=4)
-    budget = follow(Body(LENS, GRID, Medium(INDEX, absorption), base), rays, Limits())
+    budget = follow(Body(LENS, GRID, Media(INDEX, absorption), base), rays, Limits())
     assert total(budget) == pytest.approx(1.0, abs=1e-9)
     assert (budget.base > 0.0) == (base == "black")
     assert (budget.absorbed > 0.0) == (absorption > 0.0)
@@ -110,8 +120,8 @@ def test_all_flux_of_a_lens_is_accounted_for(base, absorption):
 
 def test_the_sequential_share_is_what_the_sequential_cast_lands():
     rays = lambertian(3000, 2.0, seed=5)
-    passage = send_through(LENS, GRID, rays, Medium(INDEX))
-    budget = follow(Body(LENS, GRID, Medium(INDEX)), rays, Limits())
+    passage = send_through(LENS, GRID, rays, Media(INDEX))
+    budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits())
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(
         passage.flux[passage.fates == CastFate.LANDED].sum(), rel=1e-9
     )
@@ -123,7 +133,7 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
     rays = lambertian(1000, 2.0, seed=6)
     shares = []
     for cut_off in (1e-2, 1e-4, 1e-6):
-        budget = follow(Body(LENS, GRID, Medium(INDEX)), rays, Limits(cut_off))
+        budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits(cut_off))
         shares.append((budget.cut_off, landed(budget)))
     (coarse, few), (fine, more), (finest, most) = shares
     assert finest < 0.1 * fine < 0.01 * coarse
@@ -132,7 +142,7 @@ def test_what_the_cut_off_leaves_out_falls_with_it():
 
 def test_light_that_starts_in_the_material_is_no_sequential_light():
     rays = RayBundle(np.array([[0.0, 0.0, 9.0]]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    budget = follow(Body(LENS, GRID, Medium(INDEX)), rays, Limits())
+    budget = follow(Body(LENS, GRID, Media(INDEX)), rays, Limits())
     assert landed(budget, Cause.SEQUENTIAL) == 0.0
     assert landed(budget) == pytest.approx(1.0, abs=0.06)
 
@@ -150,7 +160,7 @@ def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     rays = lambertian(12, 2.0, seed=5)
     for index in (1.45, 1.55):
         given = RayBundle(rays.origins, rays.directions, rays.flux, np.full(12, index))
-        alone = follow(Body(LENS, GRID, Medium(index)), rays, EVERYTHING)
-        own = follow(Body(LENS, GRID, Medium(INDEX)), given, EVERYTHING)
+        alone = follow(Body(LENS, GRID, Media(index)), rays, EVERYTHING)
+        own = follow(Body(LENS, GRID, Media(INDEX)), given, EVERYTHING)
         for name in ("points", "directions", "flux"):
             np.testing.assert_array_equal(getattr(own.escaped(), name), getattr(alone.escaped(), name))

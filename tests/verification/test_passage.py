@@ -3,7 +3,7 @@ import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle, snell, sphere
 
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
 from lensforge.verification.part_mesh import part_mesh_of
@@ -17,7 +17,7 @@ OUTER = Quadric((-0.4, 0.3, -0.5), (13.7, 13.0, 14.0))
 
 def send(mesh, rays, index=INDEX, distance=150.0):
     part = part_mesh_of(mesh)
-    return LandedRays.of(send_through(part, Grid(part.mesh), rays, Medium(index)), Screen.square(distance, 300.0, 8))
+    return LandedRays.of(send_through(part, Grid(part.mesh), rays, Media(index)), Screen.square(distance, 300.0, 8))
 
 
 def one_ray(origin, direction):
@@ -176,9 +176,9 @@ def test_rays_with_an_index_each_go_as_if_the_lens_had_it():
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 24, (16.0, 2.0)))
     rays, grid = lambertian(400, 2.0, seed=5), Grid(part.mesh)
     own = np.where(np.arange(400) % 2, 1.45, 1.55)
-    mixed = send_through(part, grid, RayBundle(rays.origins, rays.directions, rays.flux, own), Medium(INDEX))
+    mixed = send_through(part, grid, RayBundle(rays.origins, rays.directions, rays.flux, own), Media(INDEX))
     for index in (1.45, 1.55):
-        alone, rows = send_through(part, grid, rays, Medium(index)), np.nonzero(own == index)[0]
+        alone, rows = send_through(part, grid, rays, Media(index)), np.nonzero(own == index)[0]
         np.testing.assert_array_equal(mixed.points[rows], alone.points[rows])
         np.testing.assert_array_equal(mixed.directions[rows], alone.directions[rows])
         np.testing.assert_array_equal(mixed.flux[rows], alone.flux[rows])

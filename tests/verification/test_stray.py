@@ -5,7 +5,7 @@ import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.verification.nonsequential import Limits
 from lensforge.verification.screen import Screen
 from lensforge.verification.stray import trace_stray
@@ -22,7 +22,7 @@ STL = lens_mesh(INNER.radius, OUTER.radius, 30, (16.0, 2.0)).export(file_type="s
 def run(trace=trace_stray, **changes):
     given = {
         "rays": RAYS,
-        "medium": Medium(INDEX),
+        "media": Media(INDEX),
         "screens": [SCREEN],
     }
     return trace(STL, **{**given, **changes})
@@ -54,7 +54,7 @@ def test_the_sequential_share_is_the_closed_form_of_the_lens():
 
 def test_absorption_dims_by_beer_and_lambert():
     """To first order in the coefficient, direct light loses the coefficient times its mean path of about 7.5 mm."""
-    clear, dim, dimmer = (run(medium=Medium(INDEX, alpha)).flux for alpha in (0.0, 1e-4, 2e-4))
+    clear, dim, dimmer = (run(media=Media(INDEX, alpha)).flux for alpha in (0.0, 1e-4, 2e-4))
     losses = [clear.detected_direct - other.detected_direct for other in (dim, dimmer)]
     assert losses[1] == pytest.approx(2.0 * losses[0], rel=2e-3)
     assert 6.0 < losses[0] / (1e-4 * clear.detected_direct) < 9.0
@@ -87,6 +87,6 @@ def test_bytes_that_are_no_mesh_are_input_error():
         trace_stray(
             b"no mesh",
             rays=RAYS,
-            medium=Medium(INDEX),
+            media=Media(INDEX),
             screens=[SCREEN],
         )

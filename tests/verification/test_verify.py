@@ -6,7 +6,7 @@ import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.optics.medium import Medium
+from lensforge.optics.media import Media
 from lensforge.verification.comparison import Expected
 from lensforge.verification.proof import Proof
 from lensforge.verification.screen import Screen
@@ -58,7 +58,7 @@ def verify(design_irradiance):
     right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
 
     def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, **changes):
-        given = {"rays": RAYS, "medium": Medium(index), "plain_rays": plain_rays, "inputs": inputs}
+        given = {"rays": RAYS, "media": Media(index), "plain_rays": plain_rays, "inputs": inputs}
         return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
 
     return run

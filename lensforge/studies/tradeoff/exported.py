@@ -135,7 +135,7 @@ def casting_study(
         for series, kind in ((CURVED, PartMesh), (FLAT, FlatPart)):
             seen = kind(part.mesh, part.faces, part.corners, part.fit)
             with Meter() as meter:
-                landed = LandedRays.of(send_through(seen, grid, reference.rays, lens.medium), screen)
+                landed = LandedRays.of(send_through(seen, grid, reference.rays, lens.media), screen)
             lost = np.isnan(landed.landings[:, 0])
             errors = reference.light_errors(
                 np.where(lost[:, None], 0.0, landed.landings), np.where(lost, 0.0, landed.flux)

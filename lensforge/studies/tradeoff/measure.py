@@ -106,7 +106,7 @@ def measure(lens: Lens, source: Source, effort: Effort, announce: Callable[[str]
     announce("tables")
     found = tables.table_study(lens, source, effort.nodes_per_sigma)
     by_nodes, grid, finest, few = found.study, found.grid, found.tables, found.reference.thinned(_THINNED)
-    scene = Scene(lens.medium, grid)
+    scene = Scene(lens.media, grid)
     traced = TracedLens(scene, torch.from_numpy(finest["inner"]), torch.from_numpy(finest["outer"]), {})
     announce("rays")
     by_rays, runs = rays.ray_study(traced, lens.spec, source, effort.rays)

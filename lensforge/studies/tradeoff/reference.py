@@ -101,7 +101,7 @@ def landed_exactly(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle,
     """
     inner, outer = (TableScan(grid, tables[name], newton_steps) for name in SURFACES)
     receiver = design_receiver(lens)
-    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.medium, rays)
+    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
     return Hits.of(receiver.land_in_torch(exits))
 
 

@@ -77,7 +77,7 @@ def table_study(lens: Lens, source: Source, settings: Sequence[float] = SETTINGS
 def through_tables(lens: Lens, grid: TableGrid, tables: Tables, rays: RayBundle) -> Hits:
     """Hits and flux of ``rays`` on the first receiver by the fused tracer."""
     inner, outer = (torch.from_numpy(tables[name]) for name in SURFACES)
-    return Hits.of(design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.medium, grid), rays)))
+    return Hits.of(design_receiver(lens).land(trace_tables(inner, outer, Scene(lens.media, grid), rays)))
 
 
 def table_normals(
