@@ -15,7 +15,7 @@ from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask, mean_share
-from lensforge.evaluation.simulate import ABSORBED, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
+from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
@@ -186,6 +186,7 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
         total_reflection=float(share[Fate.TOTAL_REFLECTION]),
         not_converged=float(share[Fate.NOT_CONVERGED]),
         absorbed=float(share[ABSORBED]),
+        cover_glass=float(share[IN_GLASS]),
         reflected=1.0 - float(share.sum()),
     )
     return flux, missed

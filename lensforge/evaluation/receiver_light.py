@@ -16,8 +16,8 @@ class Flux(Record):
     """The flux budget: shares of the emitted flux by fate; they add up to 1.
 
     ``detected``: in the window. ``outside``: on the receiver's surface outside the window. ``missed``: never reached
-    that surface. ``absorbed``: by the body from face to face. ``reflected``: at either face, which a sequential design
-    does not follow.
+    that surface. ``absorbed``: by the body from face to face. ``cover_glass``: reflected and absorbed by it.
+    ``reflected``: at either face, which a sequential design does not follow.
     """
 
     detected: Share
@@ -26,6 +26,7 @@ class Flux(Record):
     total_reflection: Share
     not_converged: Share
     absorbed: Share = 0.0
+    cover_glass: Share = 0.0
     reflected: Share
 
 

@@ -23,7 +23,8 @@ from lensforge.tracing.tables import Scene, trace_tables
 REPLICATES = 16
 MISSED_RECEIVER = len(Fate)  # after the fates: left the lens, but never reaches the receiver
 ABSORBED = len(Fate) + 1  # in the body, of rays of any fate
-CAUSES = len(Fate) + 2
+IN_GLASS = len(Fate) + 2  # reflected or absorbed by the cover glass
+CAUSES = len(Fate) + 3
 _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 
@@ -57,7 +58,7 @@ class ReceivedFlux:
     """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), and in the window (r,).
 
     The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER`` and ``ABSORBED``.
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``.
     """
 
     images: Float[np.ndarray, "r h w"]
@@ -106,6 +107,8 @@ def flux_by_fate(rays: ExitRays, missed_receiver: Bool[torch.Tensor, " n"]) -> F
     found = np.bincount(fates, rays.flux.numpy(), minlength=CAUSES)
     if rays.absorbed is not None:
         found[ABSORBED] = rays.absorbed.numpy().sum()
+    if rays.lost_in_glass is not None:
+        found[IN_GLASS] = rays.lost_in_glass.numpy().sum()
     return found
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from lensforge.accuracy import Preset
 from lensforge.errors import InputError
-from lensforge.evaluation.simulate import ABSORBED, MISSED_RECEIVER, TracedLens
+from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
 from lensforge.far_field.exit_light import ExitLight, trace_exit_light
 from lensforge.far_field.files import photometric_files, read_back
 from lensforge.far_field.lumens import SourceLumens
@@ -167,6 +167,5 @@ def _remarks(light: ExitLight, per_watt: float) -> Iterator[str]:
 
 def _lost(by_fate_w: Float[np.ndarray, " f"]) -> LostFlux:
     lost = {fate.name.lower(): float(by_fate_w[fate]) for fate in Fate if fate != Fate.LEFT_LENS}
-    return LostFlux.model_validate(
-        lost | {"missed_receiver": float(by_fate_w[MISSED_RECEIVER]), "absorbed": float(by_fate_w[ABSORBED])}
-    )
+    others = {"missed_receiver": MISSED_RECEIVER, "absorbed": ABSORBED, "cover_glass": IN_GLASS}
+    return LostFlux.model_validate(lost | {name: float(by_fate_w[place]) for name, place in others.items()})

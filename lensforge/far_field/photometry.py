@@ -65,6 +65,7 @@ class LostFlux(Record):
     surfaces_intersect: NotNegative
     missed_receiver: NotNegative
     absorbed: NotNegative = 0.0
+    cover_glass: NotNegative = 0.0
 
 
 class Photometry(SimulatedResult):

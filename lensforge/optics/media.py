@@ -1,6 +1,19 @@
-"""The media that a ray passes: what fills the cavity, the body of the lens, and what surrounds it."""
+"""The media that a ray passes: what fills the cavity, the body of the lens, what surrounds it, and a cover glass."""
 
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CoverGlass:
+    """A plane-parallel plate across the axis, as wide as the light, its near face at z = ``distance_mm``.
+
+    What surrounds the lens lies on both sides of it. ``absorption_per_mm``: by the law of Beer and Lambert.
+    """
+
+    refractive_index: float
+    thickness_mm: float
+    distance_mm: float
+    absorption_per_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -14,6 +27,7 @@ class Media:
     absorption_per_mm: float = 0.0
     cavity_index: float = 1.0
     outside_index: float = 1.0
+    cover_glass: CoverGlass | None = None
 
     @property
     def largest_turning_power(self) -> float:

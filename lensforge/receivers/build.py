@@ -1,7 +1,9 @@
 """Receivers of a spec, as those that rays land on."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from lensforge.errors import InputError
 from lensforge.receivers.cylinder import Cylinder
 from lensforge.receivers.far_field import FarField, chart_radius
 from lensforge.receivers.pixels import PixelGrid, Window
@@ -19,7 +21,23 @@ def receivers_of(spec: Spec, pixels: int) -> tuple[PosedReceiver, ...]:
     side = spec.evaluate.window_mm
     if side is not None and spec.target is not None:
         built = [replace(built[0], window=Window(side, side))]
+    _require_behind_glass(spec, built)
     return tuple(built)
+
+
+def _require_behind_glass(spec: Spec, receivers: Sequence[PosedReceiver]) -> None:
+    """Refuse receivers that lie in part before the far face of the cover glass: light meets them first."""
+    glass = spec.lens.cover_glass
+    if glass is None:
+        return
+    end_mm = glass.distance_mm + glass.thickness_mm
+    for receiver in receivers:
+        low_mm = float(receiver.corners()[..., 2].min())
+        if receiver.kind != "far_field" and low_mm < end_mm:
+            raise InputError(
+                f"lens.cover_glass ends at z = {end_mm:g} mm, and a receiver reaches down to z = {low_mm:.4g} mm; "
+                "put all of it behind the glass"
+            )
 
 
 def build_receiver(section: AnyReceiver, pixels: int) -> PosedReceiver:

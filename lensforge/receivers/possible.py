@@ -88,6 +88,12 @@ class PossibleLight:
     receiver: PosedReceiver
     max_radius_mm: float
 
+    @property
+    def _ball_mm(self) -> float:
+        """Radius of the ball from which light seems to come: nearer by the thickness of a cover glass at most."""
+        glass = self.light.media.cover_glass
+        return self.max_radius_mm + (0.0 if glass is None else glass.thickness_mm)
+
     @cached_property
     def _corners(self) -> Float[np.ndarray, "m n 3"]:
         return self.receiver.corners()
@@ -99,7 +105,7 @@ class PossibleLight:
     @cached_property
     def on_pixels(self) -> Image:
         """Largest share of the source's flux on each pixel, by étendue: the brightness theorem."""
-        etendue = etendue_from_ball(self.max_radius_mm, 1.0) * self._solid_angles_sr
+        etendue = etendue_from_ball(self._ball_mm, 1.0) * self._solid_angles_sr
         caps: Image = self.light.transmittance * self.light.curve.shares_within(etendue)
         return caps
 
@@ -107,7 +113,7 @@ class PossibleLight:
         """Largest share in ``pixels`` [row y, column x]: of a source without extent by refraction alone."""
         if not pixels.any():
             return LargestShare(0.0, 0.0)
-        rays, etendue = self.light.rays, self._etendue_mm2_sr(pixels, self.max_radius_mm)
+        rays, etendue = self.light.rays, self._etendue_mm2_sr(pixels, self._ball_mm)
         held = self.light.transmittance * self.light.curve.share_within(etendue)
         axis, half_rad = cone_around(self._corners, pixels)
         turns = np.arccos(np.clip(rays.directions @ axis, -1.0, 1.0)) - half_rad - self._parallax_rad()
@@ -152,7 +158,7 @@ class PossibleLight:
         if self.receiver.kind == "plane":  # between the corners it may be nearer
             pose = self.receiver.pose
             nearest_mm = abs(float(pose.axes[2] @ pose.centre_mm))
-        return float(np.arcsin(min(1.0, self.max_radius_mm / nearest_mm)))
+        return float(np.arcsin(min(1.0, self._ball_mm / nearest_mm)))
 
 
 def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], total: float) -> Float[np.ndarray, "*n"]:

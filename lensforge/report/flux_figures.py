@@ -19,6 +19,7 @@ _WORDS = {
     "not_converged": "not converged",
     "absorbed": "absorbed in the lens",
     "reflected": "reflected at the surfaces",
+    "cover_glass": "lost in the cover glass",
     "outside": "landed outside the window",
 }
 

@@ -21,6 +21,7 @@ _ENDS = {
     "outside_stray": "stray, outside the window",
     "backward": "back to the board",
     "absorbed": "absorbed in the lens",
+    "cover_glass": "lost in the cover glass",
     "base": "absorbed by the base",
     "too_dim": "below the flux cut-off",
     "leaked": "leaked at the mesh's edges",

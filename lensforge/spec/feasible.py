@@ -29,9 +29,20 @@ def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture:
     inner = smallest_inner_mm(lens, limits)
     _require_fixed_inside(lens, limits, inner)
     _require_fixed_below(lens, limits)
+    _require_below_glass(lens, limits)
     if lens.fixed_outer is None:
         _require_room_for_draft(limits, inner)
     _require_room_for_ball(lens, limits, manufacture, inner)
+
+
+def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
+    """A cover glass against the largest height that the lens may have."""
+    highest = limits.max_radius_mm if limits.max_height_mm is None else min(limits.max_height_mm, limits.max_radius_mm)
+    if lens.cover_glass is not None and lens.cover_glass.distance_mm < highest:
+        raise ValueError(
+            f"lens.cover_glass.distance_mm = {lens.cover_glass.distance_mm:g}: the lens may be {highest:g} mm high "
+            "(constraints.max_radius_mm, max_height_mm); move the glass away"
+        )
 
 
 def smallest_inner_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridian:

@@ -10,6 +10,7 @@ from lensforge.errors import InputError
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
 from lensforge.optics.media import Media
+from lensforge.spec.cover_glass import CoverGlassSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.optical_data import OpticalData, with_optical_data
 from lensforge.spec.section import FilePath, Label, Millimetres, Section
@@ -60,6 +61,7 @@ class LensSection(Section):
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     cavity_index: _Index = 1.0
     outside_index: _Index = 1.0
+    cover_glass: CoverGlassSection | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
@@ -110,6 +112,16 @@ class LensSection(Section):
         object.__setattr__(self, "refractive_index", index)
         return self
 
+    @model_validator(mode="after")
+    def _glass_is_denser(self) -> "LensSection":
+        glass = self.cover_glass
+        if glass is not None and glass.refractive_index < self.outside_index:
+            raise ValueError(
+                f"cover_glass.refractive_index = {glass.refractive_index:g}: must be outside_index = "
+                f"{self.outside_index:g} at least, or it would reflect oblique light totally"
+            )
+        return self
+
     @property
     def media(self) -> Media:
         """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
@@ -118,7 +130,8 @@ class LensSection(Section):
             absorption = self.absorption_per_mm
         else:
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
-        return Media(self.refractive_index, absorption, self.cavity_index, self.outside_index)
+        glass = None if self.cover_glass is None else self.cover_glass.glass
+        return Media(self.refractive_index, absorption, self.cavity_index, self.outside_index, glass)
 
     @property
     def _own_or_catalogued(self) -> Material | None:

@@ -16,6 +16,7 @@ from lensforge.kernels.fates import Fate
 from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
+from lensforge.tracing.cover_glass import behind_glass
 from lensforge.tracing.exit_rays import ExitRays
 
 
@@ -52,7 +53,7 @@ class TensorRays:
     """A :class:`RayBundle` as tensors of one precision on one device.
 
     ``entry_ratios`` and ``exit_ratios``: index before over index behind either face, for each ray; ``absorptions``
-    (1/mm) of the body likewise, None where it is clear.
+    (1/mm) of the body likewise, None where it is clear. ``media``: for the cover glass.
     """
 
     origins: Float[Tensor, "n 3"]
@@ -61,6 +62,7 @@ class TensorRays:
     entry_ratios: Float[Tensor, " n"]
     exit_ratios: Float[Tensor, " n"]
     absorptions: Float[Tensor, " n"] | None
+    media: Media
 
     @staticmethod
     def of(rays: RayBundle, media: Media, dtype: torch.dtype, device: torch.device) -> "TensorRays":
@@ -71,13 +73,14 @@ class TensorRays:
         into, out_of = (torch.as_tensor(each).to(flux) for each in (rays.entry_ratios(media), rays.exit_ratios(media)))
         clear = rays.absorption_per_mm is None and media.absorption_per_mm == 0.0
         absorptions = None if clear else torch.as_tensor(rays.absorptions(media)).to(flux)
-        return TensorRays(origins, directions, flux, into, out_of, absorptions)
+        return TensorRays(origins, directions, flux, into, out_of, absorptions, media)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
     """Trace ``rays`` out of the lens; differentiable in what the surfaces are differentiable in.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally. Exit rays are those behind
+    the cover glass, where there is one.
     """
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
@@ -107,7 +110,7 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         if fresnel:
             flux = flux.index_put((alive,), flux[alive] * fresnel_transmittance(cosine, ratio))
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
-    return ExitRays(points, directions, flux, sin2_exit, fates, absorbed)
+    return behind_glass(ExitRays(points, directions, flux, sin2_exit, fates, absorbed), rays.media, fresnel)
 
 
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:

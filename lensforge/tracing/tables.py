@@ -14,6 +14,7 @@ from lensforge.kernels.trace import trace
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.cover_glass import before_glass, behind_glass
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 
 
@@ -50,13 +51,17 @@ def _part(values: Float[np.ndarray, " k"], part: slice) -> Float[np.ndarray, " j
 
 @dataclass(frozen=True)
 class TracedBundle:
-    """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to both surfaces (mm)."""
+    """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to both surfaces (mm).
+
+    ``at_lens``: the rays as they leave the lens; ``exits``: behind the cover glass, the same where there is none.
+    """
 
     inner: Float[np.ndarray, "side side"]
     outer: Float[np.ndarray, "side side"]
     scene: Scene
     rays: RayBundle
     lengths: Float[np.ndarray, "n 2"]
+    at_lens: ExitRays
     exits: ExitRays
 
     @staticmethod
@@ -81,7 +86,7 @@ class TracedBundle:
         exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
         if len(absorptions):
             exits = replace(exits, absorbed=torch.from_numpy(absorbed))
-        return TracedBundle(*tables, scene, rays, lengths, exits)
+        return TracedBundle(*tables, scene, rays, lengths, exits, behind_glass(exits, scene.media, scene.fresnel))
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
@@ -91,6 +96,7 @@ class TracedBundle:
         The flux that a lost ray carried counts as a constant.
         """
         rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
+        by, by_flux = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
         def work(chunk: int, part: slice) -> None:

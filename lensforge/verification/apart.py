@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from lensforge.files import temporary_folder, write_json
-from lensforge.optics.media import Media
+from lensforge.optics.media import CoverGlass, Media
 from lensforge.records import BodySize, SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
@@ -98,7 +98,8 @@ def _cast(folder: Path) -> None:
     with np.load(folder / _ARRAYS, allow_pickle=False) as archive:
         arrays = dict(archive)
     rays, given = _bundle_in(arrays, _RAYS), job["given"]
-    given["media"] = Media(**given["media"])
+    glass = given["media"].pop("cover_glass")
+    given["media"] = Media(**given["media"], cover_glass=None if glass is None else CoverGlass(**glass))
     screens, stl = [Screen(**screen) for screen in job["screens"]], (folder / _STL).read_bytes()
     if job["stage"] == Proof.stage:
         expected = [

@@ -21,12 +21,13 @@ from lensforge.verification.passage import (
     Passage,
     RefractedRays,
     absorb,
+    behind_glass,
     faces_away,
     leave,
     outside_leg,
-    refract,
 )
 from lensforge.verification.proof import BrepCast, Gaps
+from lensforge.verification.refraction import refract
 from lensforge.verification.step_body import BrepHits, StepBody
 
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
@@ -82,7 +83,7 @@ def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     absorb(passage, rows[reached], lengths, rays.absorptions(media)[rows[reached]])
     left = _cross(entered.leg.take(reached), exits.take(reached), out_of[rows[reached]])
     leave(passage, rows[reached], left)
-    return passage
+    return behind_glass(passage, media)
 
 
 def through_step(body: StepBody) -> Cast:

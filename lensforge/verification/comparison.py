@@ -138,7 +138,8 @@ def flux_budget(rays: RayBundle, landed: LandedRays, screen: Screen) -> tuple[Pa
         missed=sum(missed.model_dump().values()),
         total_reflection=by_fate[CastFate.TOTAL_REFLECTION],
         absorbed=share(rays, landed.absorbed),
-        reflected=share(rays, rays.flux - landed.flux - landed.absorbed),
+        cover_glass=share(rays, landed.in_glass),
+        reflected=share(rays, rays.flux - landed.flux - landed.absorbed - landed.in_glass),
     )
     return flux, missed
 

@@ -11,6 +11,7 @@ class PartFlux(Record):
     missed: Share
     total_reflection: Share
     absorbed: Share = 0.0
+    cover_glass: Share = 0.0
     reflected: Share
 
 

@@ -20,6 +20,7 @@ from lensforge.verification.casting import Grid, Leg
 from lensforge.verification.comparison import Expected
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross
+from lensforge.verification.refraction import through_glass
 
 Ends = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # exit points (mm) and directions, NaN where lost
 Ratios = Float[np.ndarray, " n"]  # index before over index behind a face
@@ -132,7 +133,7 @@ def recognised(
 
     def distance(motion: Motion) -> float:
         """Median distance (mm) between landings, after ``motion`` is undone; infinite where too many rays are lost."""
-        points, directions = motion.undo(cast(motion.apply(some), *ratios))
+        points, directions, _ = through_glass(*motion.undo(cast(motion.apply(some), *ratios)), media)
         screen = landings.screen
         gaps = screen.mm_per_unit * np.linalg.norm(screen.land(points, directions) - landings.landings, axis=1)
         seen = gaps[np.isfinite(gaps)]

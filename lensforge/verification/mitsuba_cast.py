@@ -17,7 +17,7 @@ from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles, share
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import CastFate, LandedRays, Passage, absorb
+from lensforge.verification.passage import CastFate, LandedRays, Passage, absorb, behind_glass
 from lensforge.verification.proof import Gaps, MitsubaCast
 from lensforge.verification.screen import nmse, squared_norm
 
@@ -89,7 +89,7 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         passage.flux[:] *= through[0]
         absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(media))
         passage.flux[:] *= through[1]
-        return str(mi.__version__), passage
+        return str(mi.__version__), behind_glass(passage, media)
     finally:
         if before is not None:
             mi.set_variant(before)

@@ -15,7 +15,8 @@ from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.passage import at_base, faces_away, meet, refract
+from lensforge.verification.passage import at_base, faces_away, meet
+from lensforge.verification.refraction import refract
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]

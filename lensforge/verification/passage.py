@@ -1,10 +1,10 @@
-"""Sequential trace of the part, once in and once out; Snell and Fresnel written independently of the design's.
+"""Sequential trace of the part, once in and once out.
 
 A ray refracts at the first triangle that it meets, whatever face this belongs to. Reflected light is not followed.
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -15,6 +15,7 @@ from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.part_mesh import PartMesh
+from lensforge.verification.refraction import refract, through_glass
 from lensforge.verification.screen import Screen
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -40,7 +41,7 @@ class CastFate(IntEnum):
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
-    ``absorbed``: flux (W) that the body took of it from face to face.
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it.
     ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
     """
 
@@ -48,6 +49,7 @@ class Passage:
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     absorbed: Float[np.ndarray, " n"]
+    in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
 
@@ -59,18 +61,33 @@ class Passage:
             directions=np.full((len(rays), 3), np.nan),
             flux=rays.flux.copy(),
             absorbed=np.zeros(len(rays)),
+            in_glass=np.zeros(len(rays)),
             fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
             facets_um=np.zeros((len(rays), 2)),
         )
 
 
+def behind_glass(passage: Passage, media: Media) -> Passage:
+    """Take the rays that left the lens through the faces of the cover glass, one after the other."""
+    glass = media.cover_glass
+    if glass is None:
+        return passage
+    points, directions, through = through_glass(passage.points, passage.directions, media)
+    left = passage.flux * through
+    return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
+
+
 @dataclass(frozen=True)
 class LandedRays:
-    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray and absorbed, fate."""
+    """Rays of a passage on a screen: places on its chart (NaN if lost), flux (W) left in the ray, fate.
+
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it.
+    """
 
     landings: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
     absorbed: Float[np.ndarray, " n"]
+    in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
 
     @staticmethod
@@ -80,7 +97,7 @@ class LandedRays:
         left = np.nonzero(passage.fates == CastFate.LANDED)[0]
         landings[left] = screen.land(passage.points[left], passage.directions[left])
         fates[left[np.isnan(landings[left, 0])]] = CastFate.MISSED_RECEIVER
-        return LandedRays(landings, passage.flux, passage.absorbed, fates)
+        return LandedRays(landings, passage.flux, passage.absorbed, passage.in_glass, fates)
 
     @property
     def fate_names(self) -> Shaped[np.ndarray, " n"]:
@@ -96,30 +113,6 @@ class RefractedRays:
     leg: Leg
     transmittance: Float[np.ndarray, " n"]
     heights: Float[np.ndarray, " n"]
-
-
-def refract(
-    directions: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "n 3"],
-    index_ratio: Float[np.ndarray, " n"] | float,
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Unit directions by Snell's law, and unpolarised Fresnel transmittance, 0 where totally reflected.
-
-    ``normals`` may point to either side; ``index_ratio`` is n before / n behind, of each ray or of all. Born and Wolf,
-    section 1.5.
-    """
-    index_ratio = np.broadcast_to(index_ratio, len(directions))
-    along = np.sum(directions * normals, axis=1)
-    before = np.abs(along)
-    squared = 1.0 - index_ratio**2 * (1.0 - before**2)
-    passes = squared > 0.0
-    behind = np.sqrt(np.where(passes, squared, 1.0))
-    facing = np.where(along < 0.0, -1.0, 1.0)[:, None] * normals
-    bent = index_ratio[:, None] * directions + (behind - index_ratio * before)[:, None] * facing
-    r_s = (index_ratio * before - behind) / (index_ratio * before + behind)
-    r_p = (before - index_ratio * behind) / (before + index_ratio * behind)
-    transmittance = np.where(passes, 1.0 - 0.5 * (r_s**2 + r_p**2), 0.0)
-    return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
 
 
 def cross(part: PartMesh, leg: Leg, hits: FacetHits, index_ratio: Float[np.ndarray, " n"]) -> RefractedRays:
@@ -205,7 +198,7 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
     absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
     leave(passage, rows, left)
-    return passage
+    return behind_glass(passage, media)
 
 
 def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:

@@ -20,6 +20,7 @@ from lensforge.verification.casting import Grid
 from lensforge.verification.nonsequential import Base, Body, Cause, FluxBudget, Limits, follow
 from lensforge.verification.part_mesh import read_part_mesh
 from lensforge.verification.passage import LandedRays, Passage, send_through
+from lensforge.verification.refraction import through_glass
 from lensforge.verification.screen import Screen, nmse
 from lensforge.verification.stray_result import ReceiverStray, StrayByCause, StrayFlux, StrayLight, StraySpread
 
@@ -52,7 +53,8 @@ def trace_stray(
     found = StrayLight(
         inputs=dict(inputs or {}),
         receivers=tuple(
-            _on_receiver(name, screen, budget, passage, emitted) for name, screen in zip(names, screens, strict=True)
+            _on_receiver(name, screen, budget, passage, emitted, media)
+            for name, screen in zip(names, screens, strict=True)
         ),
         rays=len(rays),
         base=base,
@@ -65,9 +67,11 @@ def trace_stray(
     return found.model_copy(update={"criteria": stray_criteria(found)})
 
 
-def _on_receiver(name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float) -> ReceiverStray:
+def _on_receiver(
+    name: str, screen: Screen, budget: FluxBudget, passage: Passage, emitted: float, media: Media
+) -> ReceiverStray:
     """Stray light on one receiver, of ``emitted`` (W)."""
-    sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen)
+    sequential, landed = LandedRays.of(passage, screen), _ReceivedLight.of(budget, screen, media)
     images, flux = _images(landed, sequential, screen), _flux(budget, landed, emitted)
     misplaced, nmse_vs_sequential = _against_sequential(images, screen, emitted)
     return ReceiverStray(
@@ -91,23 +95,28 @@ def _on_receiver(name: str, screen: Screen, budget: FluxBudget, passage: Passage
 
 @dataclass(frozen=True)
 class _ReceivedLight:
-    """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W)."""
+    """Light on the receiver's surface: places on its chart, flux (W), causes, in the window; and what missed it (W).
+
+    ``glass_w``: what the cover glass reflected and absorbed of the light that came to it.
+    """
 
     points: Float[np.ndarray, "n 2"]
     flux: Float[np.ndarray, " n"]
     causes: Int[np.ndarray, " n"]
     in_window: Bool[np.ndarray, " n"]
     missed_w: float
+    glass_w: float
 
     @staticmethod
-    def of(budget: FluxBudget, screen: Screen) -> "_ReceivedLight":
+    def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
         """Land the light that has left the part."""
         escaped = budget.escaped()
-        places = screen.land(escaped.points, escaped.directions)
+        points, directions, through = through_glass(escaped.points, escaped.directions, media)
+        places, left = screen.land(points, directions), escaped.flux * through
         reached = ~np.isnan(places[:, 0])
-        missed_w = float(escaped.flux[~reached].sum())
-        places, flux, causes = places[reached], escaped.flux[reached], escaped.causes[reached]
-        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w)
+        missed_w, glass_w = float(left[~reached].sum()), float((escaped.flux - left).sum())
+        places, flux, causes = places[reached], left[reached], escaped.causes[reached]
+        return _ReceivedLight(places, flux, causes, screen.in_window(places), missed_w, glass_w)
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -143,6 +152,7 @@ def _flux(budget: FluxBudget, landed: _ReceivedLight, emitted: float) -> StrayFl
         outside_stray=float(flux[~inside & stray].sum()) / emitted,
         backward=landed.missed_w / emitted,
         absorbed=budget.absorbed / emitted,
+        cover_glass=landed.glass_w / emitted,
         base=budget.base / emitted,
         too_dim=budget.cut_off / emitted,
         leaked=budget.leaked / emitted,

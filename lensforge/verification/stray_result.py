@@ -36,6 +36,7 @@ class StrayFlux(Record):
     outside_stray: Share
     backward: Share
     absorbed: Share
+    cover_glass: Share = 0.0
     base: Share
     too_dim: Share
     leaked: Share

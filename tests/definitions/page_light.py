@@ -141,12 +141,13 @@ def share_in_target(image, t):
     return image[t > 0.1 * t.max()].sum()
 
 
-def budget(lens, fate, place, flux, absorbed):
+def budget(lens, fate, place, flux, absorbed, in_glass):
     """Shares of the emitted flux; rays have equal flux."""
     window = lens["spec"]["evaluate"]["window_mm"] or lens["spec"]["target"]["receiver_mm"]
     within = (fate == LANDED) & (abs(place) <= window / 2).all(axis=1)
     shares = {name: flux[fate == i].sum() / len(fate) for i, name in enumerate(FATES)}
     shares |= {"detected": flux[within].sum() / len(fate), "absorbed": absorbed.sum() / len(fate)}
+    shares["cover_glass"] = in_glass.sum() / len(fate)
     shares["outside"] = shares.pop("landed") - shares["detected"]
     return shares | {"reflected": 1 - sum(shares.values())}
 
@@ -155,10 +156,12 @@ def light(lens, pair, rays, folder="."):
     """Figures of the replicates, each a tuple (positions, directions, wavelengths) of rays in the lens's frame."""
     t, bins, budgets = target_image(lens, folder), [], []
     for p, d, nm in rays:
-        fate, place, flux, absorbed = trace(lens, pair, p, d, nm)
+        fate, place, flux, absorbed, in_glass = trace(lens, pair, p, d, nm)
         landed = fate == LANDED
         bins.append(hard_bins(lens, place[landed], flux[landed]) / len(p))
-        budgets.append(budget(lens, fate, place, flux, absorbed) | {"share_in_target": share_in_target(bins[-1], t)})
+        budgets.append(
+            budget(lens, fate, place, flux, absorbed, in_glass) | {"share_in_target": share_in_target(bins[-1], t)}
+        )
     images = [filtered(lens, image) for image in bins]
     figures = {name: np.array([b[name] for b in budgets]) for name in budgets[0]}
     return {"target": t, "bins": bins, "images": images, "figures": figures}

@@ -280,8 +280,23 @@ def refracted(surface, p, d, ratio):
     return ratio[:, None] * d + (q - ratio * c)[:, None] * n, 1 - (r_s**2 + r_p**2) / 2
 
 
+def behind_glass(section, p, d):
+    """Where rays leave the plate, walked through it, and the share that it lets through; at the far face."""
+    glass = section.get("cover_glass")
+    if glass is None:
+        return p, np.ones(len(p))
+    ratio = section["outside_index"] / glass["refractive_index"]
+    p = p + ((glass["distance_mm"] - p[:, 2]) / d[:, 2])[:, None] * d
+    inside = np.column_stack([ratio * d[:, :2], np.sqrt(1 - ratio**2 * (1 - d[:, 2] ** 2))])
+    path = glass["thickness_mm"] / inside[:, 2]
+    c, q = d[:, 2], inside[:, 2]
+    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
+    t = 1 - (r_s**2 + r_p**2) / 2
+    return p + path[:, None] * inside, t**2 * np.exp(-glass["absorption_per_mm"] * path)
+
+
 def trace(lens, pair, p, d, nm=None):
-    """Fate (index in FATES), place on the receiver's plane (mm), flux at the end and absorbed, of rays of flux 1."""
+    """Fate (index in FATES), place on the receiver's plane (mm); flux at the end, absorbed, and in the glass, of 1."""
     inner, outer = pair
     n, d = refractive_index(lens, nm, len(p)), unit(d)
     fate, flux, place = np.full(len(p), LANDED), np.ones(len(p)), np.full((len(p), 2), np.nan)
@@ -317,6 +332,9 @@ def trace(lens, pair, p, d, nm=None):
     up = d[live, 2] > 1e-12
     fate[live[~up]] = MISSED
     live = live[up]
+    in_glass = np.zeros(len(p))
+    p[live], left = behind_glass(lens["spec"]["lens"], p[live], d[live])
+    in_glass[live], flux[live] = flux[live] * (1 - left), flux[live] * left
     to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
     place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]
-    return fate, place, flux, absorbed
+    return fate, place, flux, absorbed, in_glass

@@ -45,7 +45,8 @@ CHIPS = {
 }  # fmt: skip
 PMMA = {"material": "PMMA", "refractive_index": None}  # None: left out
 ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55, "absorption_per_mm": 0.02}
-ABBE |= {"cavity_index": 1.1, "outside_index": 1.05}
+GLASS = {"refractive_index": 1.5, "thickness_mm": 6.0, "distance_mm": 20.0, "absorption_per_mm": 0.01}
+ABBE |= {"cavity_index": 1.1, "outside_index": 1.05, "cover_glass": GLASS}
 
 
 @dataclass(frozen=True)
@@ -152,8 +153,8 @@ def test_radius_and_normal(folder: Path, name: str) -> None:
 
 
 SAME_RAYS = {
-    "above the plane": ("pi", ABOVE, {}),
     "from a cup, dispersive": ("fixed_outer", IN_CUP, ABBE),
+    "above the plane": ("pi", ABOVE, {}),
 }
 
 
@@ -170,7 +171,10 @@ def test_same_rays(folder: Path, case: str) -> None:
     assert light.rays == count
     for cause, share in library_shares(light).items():
         assert share == pytest.approx(mine["figures"][cause][0], abs=5e-6), cause
-    fates = {"above the plane": ("backward", "base"), "from a cup, dispersive": ("outside_cavity", "absorbed")}
+    fates = {
+        "from a cup, dispersive": ("outside_cavity", "absorbed", "cover_glass"),
+        "above the plane": ("backward", "base"),
+    }
     for fate in fates[case]:
         assert mine["figures"][fate][0] > 0.005
     assert (d[:, 2] < 0).mean() > 0.25 or case != "above the plane"

@@ -42,5 +42,9 @@ def test_its_light_is_what_it_was() -> None:
     with np.load(OLD / "evaluate.npz") as images:
         assert np.allclose(light.map, images["irradiance"], rtol=1e-12, atol=0.0)
     flux = {name: share for name, share in was["flux"].items() if name != "absorbed_fresnel"}
-    flux |= {"reflected": was["flux"]["absorbed_fresnel"], "absorbed": 0.0}  # as they are called now
+    flux |= {
+        "reflected": was["flux"]["absorbed_fresnel"],
+        "absorbed": 0.0,
+        "cover_glass": 0.0,
+    }  # as they are called now
     assert light.flux.model_dump() == pytest.approx(flux, abs=1e-15)

@@ -115,7 +115,7 @@ def test_a_base_in_the_way_costs_as_much_as_the_check_says(base: dict[str, float
 @pytest.mark.parametrize("path", CUT, ids=lambda path: path.stem)
 def test_every_shipped_lens_that_claims_to_be_cut_is_cut(path: Path, tmp_path: Path) -> None:
     spec = lf.load_spec(path)
-    run = lf.run(spec, accuracy="draft", out=tmp_path / path.stem)
+    run = lf.run(spec, tmp_path / path.stem, accuracy="draft")
     assert run.verdict.cutting == "pass", run.verdict.reasons.cutting
     assert run.lens is not None and run.part is not None
     assert tried(run.lens, run.part.mesh) == {"inner": 1.0, "outer": 1.0}

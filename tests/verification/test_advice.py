@@ -126,7 +126,7 @@ def test_every_pair_of_fates_has_its_advice(design, fate):
     rays = lambertian(2, 0.0)
     for landed in (False, True):
         fates = np.full(2, CastFate.LANDED if landed else fate, dtype=np.int64)
-        passage = LandedRays(there if landed else nowhere, ones, 0.0 * ones, fates)
+        passage = LandedRays(there if landed else nowhere, ones, 0.0 * ones, 0.0 * ones, fates)
         screen = Screen.square(DISTANCE, 10.0, 2)
         expected = Expected(screen, np.ones((2, 2)), nowhere if landed else there, ones, np.full(2, design))
         agreement = compare(rays, passage, expected)

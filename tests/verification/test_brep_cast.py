@@ -14,7 +14,8 @@ from lensforge.verification.brep_cast import cast_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, flux_budget
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate, LandedRays, refract, send_through
+from lensforge.verification.passage import CastFate, LandedRays, send_through
+from lensforge.verification.refraction import refract
 from lensforge.verification.screen import Screen
 from lensforge.verification.step_body import StepBody
 from lensforge.verification.verify import verify_part

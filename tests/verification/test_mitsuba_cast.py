@@ -12,7 +12,8 @@ from lensforge.verification.acceptance import mitsuba_criteria
 from lensforge.verification.comparison import Expected
 from lensforge.verification.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate, LandedRays, refract
+from lensforge.verification.passage import CastFate, LandedRays
+from lensforge.verification.refraction import refract
 from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
 

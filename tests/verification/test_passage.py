@@ -7,7 +7,8 @@ from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate, LandedRays, refract, send_through
+from lensforge.verification.passage import CastFate, LandedRays, send_through
+from lensforge.verification.refraction import refract
 from lensforge.verification.screen import Screen
 
 INDEX = 1.4936

@@ -1,0 +1,26 @@
+"""The ``[lens.cover_glass]`` of a spec: a plane-parallel plate between the lens and the receivers."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from lensforge.optics.media import CoverGlass
+from lensforge.spec.section import Millimetres, Section
+
+
+class CoverGlassSection(Section):
+    """A plate across the axis, as wide as the light, in what surrounds the lens.
+
+    ``distance_mm``: height of its near face above z = 0, beyond the whole lens. Of ``absorption_per_mm`` light loses
+    exp(-absorption times path) (Beer and Lambert). What its faces reflect goes back and is followed no further.
+    """
+
+    refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
+    thickness_mm: Millimetres
+    distance_mm: Millimetres
+    absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+
+    @property
+    def glass(self) -> CoverGlass:
+        """The plate as rays meet it."""
+        return CoverGlass(self.refractive_index, self.thickness_mm, self.distance_mm, self.absorption_per_mm)
