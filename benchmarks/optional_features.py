@@ -31,6 +31,7 @@ from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
+from lensforge.optics.media import CoverGlass, Media
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
@@ -92,6 +93,11 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
     yield Feature("Fresnel losses", "trace", partial(dark.trace, bundle), trace, ())
     coloured = replace(bundle, refractive_indices=np.full(rays, lens.refractive_index))
     yield Feature("an index for each ray", "trace", trace, partial(traced.trace, coloured), ("spectrum", "materials"))
+    for name, media, modules in _media(lens):
+        changed = replace(traced, scene=replace(traced.scene, media=media))
+        yield Feature(name, "trace", trace, partial(changed.trace, bundle), modules)
+        steps = (_step(lens, lens.spec.lens.symmetry, source, bundle, each) for each in (None, media))
+        yield Feature(name, "gradient step", *steps, modules)
     measured = RaySetEmitter(bundle, 1.0)
     few = rays // 4
     yield Feature("ray file", "sample", partial(source.sample, few, 1), partial(measured.sample, few, 1), ("ray_set",))
@@ -99,10 +105,20 @@ def light_features(lens: Lens, rays: int) -> Iterator[Feature]:
     yield Feature("symmetry", "gradient step", plain, mirrored, ("symmetry",))
 
 
-def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle) -> Work:
+def _media(lens: Lens) -> Iterator[tuple[str, Media, tuple[str, ...]]]:
+    """What a lens may be made of, filled with and covered by, and the modules that only it uses."""
+    air = lens.media
+    yield "absorption", replace(air, absorption_per_mm=0.01), ()
+    yield "gel in the cavity", replace(air, cavity_index=1.41), ()
+    yield "cover glass", replace(air, cover_glass=CoverGlass(1.52, 3.0, 20.0)), ()
+
+
+def _step(lens: Lens, symmetry: str, source: Source, rays: RayBundle, media: Media | None = None) -> Work:
     spec = lens.spec.model_copy(update={"lens": lens.spec.lens.model_copy(update={"symmetry": symmetry})})
     parametrisation = Parametrisation.of(spec, PRESETS[lens.accuracy].nodes_per_sigma)
     merit = MeritFunction.of(spec, source, parametrisation)
+    if media is not None:
+        merit = replace(merit, light=replace(merit.light, scene=replace(merit.light.scene, media=media)))
     constraints = AugmentedLagrangian.of(spec, parametrisation.grid)
     weights = torch.zeros(parametrisation.basis.size, 2, dtype=torch.float64, requires_grad=True)
     offsets = torch.ones(2, dtype=torch.float64, requires_grad=True)

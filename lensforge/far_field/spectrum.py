@@ -1,6 +1,7 @@
 """Spectrum of the light that leaves the lens: that of its source, because the surfaces lose all colours alike.
 
-Their Fresnel losses differ by 0.1 % over the visible range in PMMA, and the rays know no absorption in the bulk.
+Their Fresnel losses differ by 0.1 % over the visible range in PMMA. A body whose absorption differs by wavelength takes
+its share of the flux of each ray at that ray's wavelength; that it changes the colour of the rest is left out.
 """
 
 from collections.abc import Sequence

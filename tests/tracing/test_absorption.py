@@ -37,7 +37,9 @@ def coloured(rays: RayBundle) -> RayBundle:
 
 
 def _on_cpu(found: ExitRays) -> ExitRays:
-    return ExitRays(*(getattr(found, each.name).cpu() for each in fields(found)))
+    """The same rays on the CPU; what the scene has not is None, and stays so."""
+    tensors = (getattr(found, each.name) for each in fields(found))
+    return ExitRays(*(None if each is None else each.cpu() for each in tensors))
 
 
 def paths(rays: RayBundle) -> torch.Tensor:
