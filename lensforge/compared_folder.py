@@ -6,6 +6,7 @@ from typing import Literal
 from lensforge.corrected_part import correct
 from lensforge.files import replacing
 from lensforge.folder_lock import in_locked_folder
+from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import load_lens
 from lensforge.measured_part import compare
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
@@ -13,7 +14,6 @@ from lensforge.measurement.correction_result import Correction
 from lensforge.measurement.figures import photo_png, surface_png
 from lensforge.results import stem_of
 from lensforge.run_folder import open_run, write_result
-from lensforge.spec.lens import LENS_FILE
 
 
 @in_locked_folder

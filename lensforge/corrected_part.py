@@ -8,8 +8,8 @@ from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import Registration, Side
 from lensforge.measurement.correction_result import Correction
-from lensforge.measurement.point_cloud import read_cloud
 from lensforge.other_conditions import rays_of
+from lensforge.point_cloud import read_cloud
 
 
 def correct(

@@ -8,20 +8,20 @@ import json
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, JsonValue
+from pydantic import JsonValue
 
 from lensforge.errors import InputError
 from lensforge.files import json_in, read_json_bytes, write_json
 from lensforge.optics.media import Media
-from lensforge.records import Count, Number, Record, Text
+from lensforge.records import Count, Record, Text
 from lensforge.records.html import section_html
 from lensforge.records.stored import CHECKSUM, require_checksum, validated, with_checksum, without_schema
 from lensforge.spec import Accuracy, AnyReceiver, Spec, parse_spec
-from lensforge.surfaces.conic import Asphere
-from lensforge.surfaces.srbf import MOST_FUNCTIONS, SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.records import SurfaceRecord, surface_record
+from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import NAMES, contains
 from lensforge.version import __version__
@@ -29,10 +29,8 @@ from lensforge.version import __version__
 SCHEMA = "lensforge-lens-2"
 EARLIER_FORMAT = "lensforge-lens-1"  # stated as "format"; the surfaces are written in the same way
 _REMEDY = "run `lensforge design` again"
+_WORDS = {"Asphere": "asphere", "Biconic": "biconic", "Toroid": "toroid", "XYPolynomial": "polynomial in x and y"}
 _DIRECTIONS, _LARGEST = 200, 10.0  # a lens may miss its largest radius, but not by far; tables of it would not end
-
-Length = Annotated[Number, Field(ge=1e-6, le=1e9)]  # mm; the ranges of the spec, strict as in all records
-Place = Annotated[Number, Field(ge=-1e9, le=1e9)]  # mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +69,8 @@ class Lens:
 
     @property
     def symmetry(self) -> str:
-        """Largest mirror group of both surfaces, a name of ``surfaces.symmetry``; a fixed surface has them all."""
-        own = [each.basis.symmetry for each in (self.inner, self.outer) if isinstance(each, SrbfSurface)]
+        """Largest mirror group of both surfaces, a name of ``surfaces.symmetry``."""
+        own = (self.inner.symmetry, self.outer.symmetry)
         return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
 
     def to_json(self) -> dict[str, JsonValue]:
@@ -133,7 +131,7 @@ def _describe(surface: Surface) -> str:
     if isinstance(surface, SrbfSurface):
         basis = surface.basis
         return f"{basis.size} functions in {len(basis.levels)} levels, symmetry {basis.symmetry}"
-    return f"fixed {type(surface).__name__.lower()}"
+    return f"fixed, {_WORDS.get(type(surface).__name__, 'given')}"
 
 
 def load_lens(path: Path | str) -> Lens:
@@ -188,39 +186,6 @@ class LensUnits(Record):
     angle: Literal["rad"]
 
 
-class SrbfRecord(Record):
-    """A sum of spherical radial basis functions: those of ``levels``, each with its weight, on a sphere."""
-
-    kind: Literal["srbf"] = "srbf"
-    levels: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...], Field(min_length=1)]
-    sigma_c: Annotated[Number, Field(ge=1e-6, le=1e6)]
-    symmetry: Literal["none", "mirror_x", "mirror_y", "rectangle", "square"]
-    offset_mm: Length
-    weights_mm: Annotated[tuple[Place, ...], Field(max_length=MOST_FUNCTIONS)]
-
-    def surface(self) -> SrbfSurface:
-        """The surface. Raises :class:`InputError` where there are more or fewer weights than functions."""
-        basis = SrbfBasis(self.levels, self.sigma_c, self.symmetry)
-        return SrbfSurface(basis, np.array(self.weights_mm, dtype=np.float64), self.offset_mm)
-
-
-class AsphereRecord(Record):
-    """A fixed surface: a sphere or an even asphere."""
-
-    kind: Literal["asphere"]
-    vertex_mm: Length
-    radius_mm: Place
-    conic: Annotated[Number, Field(ge=-1e3, le=1e3)]
-    coefficients: Annotated[tuple[Place, ...], Field(max_length=10)]
-
-    def surface(self) -> Asphere:
-        """The surface. Raises :class:`InputError` where it is not star-shaped about the origin."""
-        return Asphere(self.vertex_mm, self.radius_mm, self.conic, self.coefficients)
-
-
-SurfaceRecord: TypeAlias = Annotated[SrbfRecord | AsphereRecord, Field(discriminator="kind")]
-
-
 class LensRecord(Record):
     """``lens.json`` without the name of its schema; the spec is validated by :func:`parse_spec`."""
 
@@ -233,28 +198,3 @@ class LensRecord(Record):
     inner: SurfaceRecord
     outer: SurfaceRecord
     spec: dict[str, object]
-
-
-def surface_record(surface: Surface) -> SrbfRecord | AsphereRecord:
-    """``surface`` as a record of ``lens.json``."""
-    match surface:
-        case SrbfSurface():
-            basis = surface.basis
-            return SrbfRecord.model_validate(
-                {
-                    "levels": basis.levels,
-                    "sigma_c": basis.sigma_c,
-                    "symmetry": basis.symmetry,
-                    "offset_mm": surface.offset_mm,
-                    "weights_mm": surface.weights_mm.tolist(),
-                }
-            )
-        case Asphere():
-            return AsphereRecord(
-                kind="asphere",
-                vertex_mm=surface.vertex_mm,
-                radius_mm=surface.radius_mm,
-                conic=surface.conic,
-                coefficients=surface.coefficients,
-            )
-    raise TypeError(f"{type(surface).__name__} cannot be written to a lens file")

@@ -9,8 +9,8 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import PhotoComparison, Registration, Side, SurfaceComparison
-from lensforge.measurement.point_cloud import read_cloud
 from lensforge.other_conditions import rays_of, unless_own
+from lensforge.point_cloud import read_cloud
 
 if TYPE_CHECKING:
     import numpy as np

@@ -15,6 +15,7 @@ from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.folder_lock import in_locked_folder, locked
 from lensforge.geometry.part import Part
+from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.checkpoint import CHECKPOINT, delete_checkpoint, is_checkpoint
@@ -27,7 +28,6 @@ from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, 
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.spec.lens import LENS_FILE
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight

@@ -11,6 +11,7 @@ from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
+from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
@@ -19,7 +20,6 @@ from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.optimisation.design import Design
 from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
-from lensforge.spec.lens import LENS_FILE
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof

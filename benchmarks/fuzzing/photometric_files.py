@@ -103,8 +103,8 @@ def _clouds() -> list[bytes]:
 
 
 def _read_cloud(folder: Path) -> object:
-    from lensforge.measurement.point_cloud import read_cloud
     from lensforge.measurement.registration import over_surface
+    from lensforge.point_cloud import read_cloud
 
     cloud = read_cloud(folder / _CLOUD)
     require_finite(cloud)

@@ -34,9 +34,7 @@ from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
 from lensforge.sources.photometric.orientation import turned_over
-from lensforge.surfaces.conic import Asphere
-from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
-from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.symmetry import NAMES, contains
 
 _SLACK = 1.001  # the sphere on which exit rays start, in radii of the lens
@@ -113,18 +111,8 @@ def measure_photometry(
 
 def _symmetry(lens: Lens, source: Source) -> str:
     """Largest mirror group that both surfaces and the source have: the light has it, too."""
-    own = (source.symmetry, _symmetry_of(lens.inner), _symmetry_of(lens.outer))
-    return next(name for name in reversed(NAMES) if all(contains(each, name) for each in own))
-
-
-def _symmetry_of(surface: Surface) -> str:
-    match surface:
-        case SrbfSurface():
-            return surface.basis.symmetry
-        case Asphere():
-            return NAMES[-1]
-        case _:
-            return NAMES[0]
+    both = source.symmetry, lens.symmetry
+    return next(name for name in reversed(NAMES) if all(contains(each, name) for each in both))
 
 
 def _turned_over(values: Float[np.ndarray, "c g"]) -> Float[np.ndarray, "d g"]:

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.cad_files.step_reading import parse_apart
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.geometry.base_profile import INNER, OUTER, RIM
 from lensforge.geometry.manifold import manifold_of
 from lensforge.geometry.mesh import BodyMesh
 from lensforge.geometry.solid import Solid, uniquely_named
-from lensforge.geometry.step_reading import parse_apart
 from lensforge.untrusted.archives import MOST_STEP_MIB
 
 BASE = "BASE"

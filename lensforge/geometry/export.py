@@ -4,6 +4,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+from lensforge.cad_files.step_settings import Schema
 from lensforge.criteria import Criterion
 from lensforge.geometry.acceptance import mass_g, mesh_volume_limit, part_criteria
 from lensforge.geometry.base_profile import INNER, OUTER
@@ -44,7 +45,6 @@ from lensforge.geometry.step import (
     surfaces_bytes,
 )
 from lensforge.geometry.step_header import StepHeader
-from lensforge.geometry.step_settings import Schema
 from lensforge.geometry.untrimmed_criteria import untrimmed_criteria
 from lensforge.geometry.watertight import Closure, check_closed
 from lensforge.lens import Lens

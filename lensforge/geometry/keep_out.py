@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from lensforge.cad_files.step_reading import parse_apart
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.geometry.custom_base import tessellated
 from lensforge.geometry.keep_out_error import FACET_MM
 from lensforge.geometry.solid import Solid
-from lensforge.geometry.step_reading import parse_apart
 from lensforge.untrusted.archives import MOST_STEP_MIB
 
 _CHORD_MM = 0.5 * FACET_MM

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from lensforge.cad_files.step_settings import Schema
 from lensforge.geometry.custom_base import CustomBase, join_base
 from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.geometry.part import Signature
@@ -10,7 +11,6 @@ from lensforge.geometry.plan import Plan
 from lensforge.geometry.solid import Solid, build_solid
 from lensforge.geometry.step import step_bytes
 from lensforge.geometry.step_header import StepHeader
-from lensforge.geometry.step_settings import Schema
 from lensforge.geometry.step_tolerances import form_tolerances
 from lensforge.spec import Spec
 

@@ -6,13 +6,13 @@ The same shapes, tolerances and header give the same bytes, so that a hash ident
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lensforge.cad_files.step_reading import Product, parse_apart, products_in
+from lensforge.cad_files.step_settings import KERNEL_SCHEMA, Schema, configure, new_document
 from lensforge.errors import InputError
 from lensforge.files import file_bytes, temporary_file
 from lensforge.geometry.form_tolerance import FormTolerance
 from lensforge.geometry.solid import Solid
 from lensforge.geometry.step_header import StepHeader, sign
-from lensforge.geometry.step_reading import Product, parse_apart, products_in
-from lensforge.geometry.step_settings import KERNEL_SCHEMA, Schema, configure, new_document
 from lensforge.geometry.step_tolerances import attach, require_written
 from lensforge.untrusted.own_content import made_here, remembered
 

@@ -7,11 +7,11 @@ given metres, and every file is read back before it is handed out.
 
 from typing import Any
 
+from lensforge.cad_files.step_settings import configure, new_document
 from lensforge.errors import InputError
 from lensforge.files import temporary_file
 from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.form_tolerance import FormTolerance
-from lensforge.geometry.step_settings import configure, new_document
 
 _DATUM = "A"
 _IN_PLANE_MM = 1e-9

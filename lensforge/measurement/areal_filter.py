@@ -25,7 +25,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from lensforge.measurement.chart_spline import RadialChange
+from lensforge.measurement.radial_change import RadialChange
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart, to_sphere
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface

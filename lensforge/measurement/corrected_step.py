@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from lensforge.cad_files.step_settings import Schema
 from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.custom_base import read_custom_base
 from lensforge.geometry.cutter_room import base_with_room
@@ -10,7 +11,6 @@ from lensforge.geometry.part import SplineNodes
 from lensforge.geometry.plan import make_plan
 from lensforge.geometry.signed_step import signed_step, solid_on_base
 from lensforge.geometry.step import parse_step
-from lensforge.geometry.step_settings import Schema
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import Side
 from lensforge.surfaces.surface import Surface

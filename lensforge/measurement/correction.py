@@ -10,13 +10,13 @@ from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.manufacturing.face_check import SAMPLE_NODES, bounded
 from lensforge.measurement.changed_lens import ChangedLens
-from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.comparison import Side
 from lensforge.measurement.corrected_step import corrected_step
 from lensforge.measurement.correction_result import Correction, CutterLimit, correction_criteria
 from lensforge.measurement.cutter_limit import CutFace, limited_by_cutter
 from lensforge.measurement.face_pixels import FacePixels
 from lensforge.measurement.first_cut import FirstCut, Request
+from lensforge.measurement.radial_change import ChangedSurface
 from lensforge.measurement.surface import pose_of
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Extent

@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from lensforge.cad_files.step_settings import Schema
 from lensforge.criteria import Criterion, at_least, at_most
 from lensforge.evaluation.light import LightMetrics
 from lensforge.figures.chart import Chart
 from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD, ROUND_TRIP_LIMIT
 from lensforge.geometry.part import FileStamp, SplineNodes
-from lensforge.geometry.step_settings import Schema
 from lensforge.measurement.comparison import Pose, Registration, Side, surface_criteria
 from lensforge.records import (
     Array,

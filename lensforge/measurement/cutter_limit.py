@@ -10,8 +10,8 @@ from lensforge.geometry.curvature import principal_curvatures
 from lensforge.geometry.patch import fit_patch
 from lensforge.manufacturing.face import OpticalFace
 from lensforge.measurement.areal_filter import FilteredPoints
-from lensforge.measurement.chart_spline import ChangedSurface, RadialChange
 from lensforge.measurement.correction_result import KEPT
+from lensforge.measurement.radial_change import ChangedSurface, RadialChange
 from lensforge.surfaces.chart import HALF_WIDTH, to_sphere
 from lensforge.surfaces.surface import Surface
 

@@ -12,7 +12,7 @@ from lensforge.errors import InputError
 from lensforge.geometry.patch import Patch
 from lensforge.measurement.comparison import Registration
 from lensforge.measurement.motion_error import motion_errors
-from lensforge.measurement.point_cloud import LEAST_POINTS
+from lensforge.point_cloud import LEAST_POINTS
 from lensforge.surfaces.chart import HALF_WIDTH, to_chart
 
 _REACH = HALF_WIDTH**2  # squared chart radius up to which the patch is defined: a little below the rim

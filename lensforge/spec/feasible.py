@@ -31,7 +31,8 @@ def require_feasible(lens: LensSection, limits: ConstraintsSection, manufacture:
     _require_fixed_below(lens, limits)
     _require_below_glass(lens, limits)
     if lens.fixed_outer is None:
-        _require_room_for_draft(limits, inner)
+        fixed = lens.fixed_inner
+        _require_room_for_draft(limits, inner if fixed is None else fixed.shape.largest_mm(_POLAR))
     _require_room_for_ball(lens, limits, manufacture, inner)
 
 
@@ -46,9 +47,12 @@ def _require_below_glass(lens: LensSection, limits: ConstraintsSection) -> None:
 
 
 def smallest_inner_mm(lens: LensSection, limits: ConstraintsSection) -> _Meridian:
-    """Distance (mm) of the smallest inner surface from the origin, from the axis to the horizon; a fixed one's own."""
+    """Distance (mm) of the smallest inner surface from the origin, from the axis to the horizon.
+
+    That of a fixed one is its own, the least all around.
+    """
     if lens.fixed_inner is not None:
-        return lens.fixed_inner.on_meridian_mm(_POLAR)
+        return lens.fixed_inner.shape.least_mm(_POLAR)
     height, radius = limits.cavity_height_mm, limits.cavity_radius_mm
     sine, cosine = np.sin(_POLAR), np.cos(_POLAR)
     paraboloid: _Meridian = 2.0 * height / (cosine + np.sqrt(cosine**2 + (2.0 * height / radius * sine) ** 2))
@@ -66,25 +70,26 @@ def _require_fixed_inside(lens: LensSection, limits: ConstraintsSection, inner: 
     fixed_inner, fixed_outer = lens.fixed_inner, lens.fixed_outer
     wall, largest, tolerance = limits.min_thickness_mm, limits.max_radius_mm, limits.tolerance_mm
     if fixed_inner is not None:
-        inside = fixed_inner.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
+        inside = fixed_inner.shape.clearance_mm(limits.cavity_height_mm, limits.cavity_radius_mm)
         if inside < 0.0:
             raise ValueError(
                 f"lens.fixed_inner cuts {-inside:.3g} mm into the paraboloid of constraints.cavity_height_mm = "
                 f"{limits.cavity_height_mm:g} and cavity_radius_mm = {limits.cavity_radius_mm:g}"
             )
-        if fixed_inner.largest_mm + wall > largest:
+        reached = float(fixed_inner.shape.radii_mm.max())
+        if reached + wall > largest:
             raise ValueError(
-                f"lens.fixed_inner reaches {fixed_inner.largest_mm:.6g} mm from the origin; with "
+                f"lens.fixed_inner reaches {reached:.6g} mm from the origin; with "
                 f"constraints.min_thickness_mm = {wall:g} the lens needs a constraints.max_radius_mm of at least "
-                f"{rounded_up(fixed_inner.largest_mm + wall)}, it is {largest:g}"
+                f"{rounded_up(reached + wall)}, it is {largest:g}"
             )
     if fixed_outer is not None:
-        if fixed_outer.largest_mm > largest:
+        reached = float(fixed_outer.shape.radii_mm.max())
+        if reached > largest:
             raise ValueError(
-                f"lens.fixed_outer reaches {fixed_outer.largest_mm:.6g} mm from the origin, "
-                f"constraints.max_radius_mm = {largest:g}"
+                f"lens.fixed_outer reaches {reached:.6g} mm from the origin, constraints.max_radius_mm = {largest:g}"
             )
-        room = fixed_outer.on_meridian_mm(_POLAR) - wall - inner
+        room = fixed_outer.shape.least_mm(_POLAR) - wall - inner
         worst = int(room.argmin())
         if room[worst] < -tolerance:
             raise ValueError(
@@ -105,7 +110,7 @@ def _require_fixed_below(lens: LensSection, limits: ConstraintsSection) -> None:
     ):
         if surface is None:
             continue
-        height = float(((surface.on_meridian_mm(_POLAR) + wall) * np.cos(_POLAR)).max())
+        height = float(((surface.shape.largest_mm(_POLAR) + wall) * np.cos(_POLAR)).max())
         if height > limits.max_height_mm:
             under = f" under a wall of constraints.min_thickness_mm = {wall:g}" if wall else ""
             raise ValueError(
@@ -149,7 +154,7 @@ def _require_room_for_ball(
     height = float(inner[0]) + (0.0 if part else wall)
     outer = f"constraints.max_radius_mm = {limits.max_radius_mm:g}", limits.max_radius_mm
     if lens.fixed_outer is not None:
-        outer = "lens.fixed_outer", float(lens.fixed_outer.on_meridian_mm(_POLAR)[-1])
+        outer = "lens.fixed_outer", float(lens.fixed_outer.shape.least_mm(_POLAR)[-1])
     draft = getattr(limits, f"{surface}_draft_deg") or 0.0
     needed, room = least_rim_mm(height, ball, draft), outer[1] - (wall if part else 0.0)
     if needed > room:
@@ -183,14 +188,14 @@ def _require_shapes_of_fixed(lens: LensSection, limits: ConstraintsSection, manu
         draft, ball = getattr(limits, f"{surface}_draft_deg"), getattr(limits, f"{surface}_concave_radius_mm")
         if fixed is None:
             continue
-        found_deg = fixed.least_draft_deg(_POLAR)
+        found_deg = fixed.shape.least_draft_deg
         if draft is not None and sin(radians(found_deg)) < sin(radians(draft)) - _SHAPE_TOLERANCE:
             raise ValueError(
                 f"constraints.{surface}_draft_deg = {draft:g}: lens.fixed_{surface} has a draft of {found_deg:.3g} deg "
                 "at least, and the search does not change it; lower the limit or choose another surface"
             )
         inside = (surface == "inner") == (manufacture.make == "part")  # of a convex body: where the air is
-        least, most = fixed.curvatures_per_mm(_POLAR)
+        least, most = fixed.shape.curvatures_per_mm
         concave = most if inside else -least
         if ball is not None and concave * ball > 1.0 + _SHAPE_TOLERANCE:
             raise ValueError(
@@ -203,8 +208,9 @@ def require_base_around_cavity(lens: LensSection, limits: ConstraintsSection, ba
     """Raise :class:`InputError` where the smallest cavity opens wider than the base: for a part, not for its light."""
     if base.kind in ("none", "step"):
         return
-    opening_mm = float(smallest_inner_mm(lens, limits)[-1])
-    cause = "the cavity of constraints.cavity_radius_mm" if lens.fixed_inner is None else "lens.fixed_inner"
+    fixed = lens.fixed_inner
+    opening_mm = float((smallest_inner_mm(lens, limits) if fixed is None else fixed.shape.largest_mm(_POLAR))[-1])
+    cause = "the cavity of constraints.cavity_radius_mm" if fixed is None else "lens.fixed_inner"
     field, width = ("side_mm", base.side_mm) if base.kind == "square" else ("diameter_mm", base.diameter_mm)
     for name, given, across in (
         (field, width, 2.0),

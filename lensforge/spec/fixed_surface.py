@@ -1,72 +1,35 @@
 """The ``[lens.fixed_inner]`` or ``[lens.fixed_outer]`` of a spec: a surface that the search does not change."""
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Literal
 
-import numpy as np
-from jaxtyping import Float
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from lensforge.errors import InputError
-from lensforge.spec.section import Coordinate, Millimetres, Section
-from lensforge.surfaces.conic import Asphere
+from lensforge.spec.fixed_base import FixedFace
+from lensforge.spec.given_surface import FixedCadFace, FixedLensFace, FixedPoints, GivenSurface
+from lensforge.spec.section import Coordinate, Millimetres
+from lensforge.surfaces.conic import Asphere, Biconic, Toroid
+from lensforge.surfaces.polynomial import XYPolynomial, zernike_terms
+from lensforge.surfaces.surface import Surface
 
-_MERIDIAN = np.linspace(0.0, 0.5 * np.pi, 2001)  # angles (rad) from the axis to the horizon
+_Conic = Annotated[float, Field(ge=-1e3, le=1e3)]
+_Series = Annotated[tuple[Coordinate, ...], Field(max_length=10)]
+_Power = Annotated[int, Field(ge=0, le=30)]
+_MOST_ZERNIKE = 231  # Noll's number: all of radial order 20
 
 
-def _directions(polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-    return np.stack([np.sin(polar_rad), np.zeros_like(polar_rad), np.cos(polar_rad)], axis=1)
+@lru_cache(maxsize=16)  # a spec asks for its surfaces many times; a profile takes 0.1 s
+def _made(kind: Callable[..., Surface], *fields: object) -> Surface:
+    return kind(*fields)
 
 
-class _Fixed(Section):
-    @property
-    def surface(self) -> Asphere:
-        """Surface about the axis. Raises :class:`InputError` where it is not star-shaped about the origin."""
-        raise NotImplementedError
-
-    @property
-    def apex_mm(self) -> float:
-        """Height of its vertex on the axis."""
-        return self.surface.vertex_mm
-
-    def on_meridian_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Distance (mm) from the origin at angles from the axis; the surface is the same all around."""
-        return self.surface.radius(_directions(polar_rad))
-
-    @property
-    def largest_mm(self) -> float:
-        """Largest distance from the origin, z = 0 and above."""
-        return float(self.on_meridian_mm(_MERIDIAN).max())
-
-    def clearance_mm(self, height_mm: float, radius_mm: float) -> float:
-        """Least height above the paraboloid of that height and radius, Eq. (12); below 0 where it cuts in."""
-        points = self.on_meridian_mm(_MERIDIAN)[:, None] * _directions(_MERIDIAN)
-        return float((height_mm / radius_mm**2 * points[:, 0] ** 2 + points[:, 2] - height_mm).min())
-
-    def least_draft_deg(self, polar_rad: Float[np.ndarray, " k"]) -> float:
-        """Least draft (deg) along the axis: 90 degrees less the angle from the axis to the normal."""
-        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
-        rise = radius * np.cos(polar_rad) + slope * np.sin(polar_rad)
-        return float(np.rad2deg(np.arcsin(rise / np.hypot(radius, slope))).min())
-
-    def curvatures_per_mm(self, polar_rad: Float[np.ndarray, " k"]) -> tuple[float, float]:
-        """Least and largest principal curvature (1/mm), along and across the meridian; positive where it bulges."""
-        radius, slope = self.on_meridian_mm(polar_rad), self._slope_mm(polar_rad)
-        length = np.hypot(radius, slope)
-        along = (radius**2 + 2.0 * slope**2 - radius * np.gradient(slope, polar_rad, edge_order=2)) / length**3
-        off_axis = np.maximum(np.sin(polar_rad), 1e-9)
-        across = (radius * np.sin(polar_rad) - slope * np.cos(polar_rad)) / (radius * off_axis * length)
-        both = np.concatenate([along, across[1:]])  # on the axis the two are equal
-        return float(both.min()), float(both.max())
-
-    def _slope_mm(self, polar_rad: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Derivative of the radius by the polar angle (mm/rad)."""
-        down = np.stack([np.cos(polar_rad), np.zeros_like(polar_rad), -np.sin(polar_rad)], axis=1)
-        slope: Float[np.ndarray, " k"] = np.sum(self.surface.gradient(_directions(polar_rad)) * down, axis=1)
-        return slope
+class _ByFormula(FixedFace):
+    """A surface that a formula gives; it must be star-shaped about the origin."""
 
     @model_validator(mode="after")
-    def _is_star_shaped(self) -> "_Fixed":
+    def _is_star_shaped(self) -> "_ByFormula":
         try:
             _ = self.surface
         except InputError as error:
@@ -74,7 +37,7 @@ class _Fixed(Section):
         return self
 
 
-class FixedSphere(_Fixed):
+class FixedSphere(_ByFormula):
     """Sphere with its centre on the axis; the origin, where the source is, must lie inside."""
 
     kind: Literal["sphere"] = "sphere"
@@ -82,12 +45,12 @@ class FixedSphere(_Fixed):
     centre_z_mm: Coordinate = 0.0
 
     @property
-    def surface(self) -> Asphere:
+    def surface(self) -> Surface:
         """Surface about the axis."""
-        return _asphere(self.centre_z_mm + self.radius_mm, -self.radius_mm, 0.0, ())
+        return _made(Asphere, self.centre_z_mm + self.radius_mm, -self.radius_mm)
 
 
-class FixedAsphere(_Fixed):
+class FixedAsphere(_ByFormula):
     """Even asphere by the sag of ISO 10110-12: ``radius_mm`` at the vertex, below 0 for a dome over the source.
 
     ``coefficients``: A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...
@@ -96,16 +59,114 @@ class FixedAsphere(_Fixed):
     kind: Literal["asphere"] = "asphere"
     vertex_z_mm: Millimetres
     radius_mm: Coordinate
-    conic_constant: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
-    coefficients: Annotated[tuple[Coordinate, ...], Field(max_length=10)] = ()
+    conic_constant: _Conic = 0.0
+    coefficients: _Series = ()
 
     @property
-    def surface(self) -> Asphere:
+    def surface(self) -> Surface:
         """Surface about the axis."""
-        return _asphere(self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
+        return _made(Asphere, self.vertex_z_mm, self.radius_mm, self.conic_constant, self.coefficients)
 
 
-_asphere = lru_cache(maxsize=16)(Asphere)  # a spec asks for its surfaces many times; their profile takes 0.1 s
+class FixedBiconic(_ByFormula):
+    """Biconic (ISO 10110-12): radii and conic constants in the x-z and in the y-z plane; below 0 for a dome."""
+
+    kind: Literal["biconic"] = "biconic"
+    vertex_z_mm: Millimetres
+    radius_x_mm: Coordinate
+    radius_y_mm: Coordinate
+    conic_x: _Conic = 0.0
+    conic_y: _Conic = 0.0
+
+    @property
+    def surface(self) -> Surface:
+        """Surface with its vertex on the axis."""
+        radii, conics = (self.radius_x_mm, self.radius_y_mm), (self.conic_x, self.conic_y)
+        return _made(Biconic, self.vertex_z_mm, *radii, *conics)
 
 
-FixedSurface = Annotated[FixedSphere | FixedAsphere, Field(discriminator="kind")]
+class FixedToroid(_ByFormula):
+    """Toroid (ISO 10110-12): an even asphere in y, turned about a line along y ``rotation_radius_mm`` from the vertex.
+
+    ``radius_mm``, ``conic_constant`` and ``coefficients`` (A_4, A_6, ...) are those of the profile in the y-z plane;
+    both radii are below 0 for a dome.
+    """
+
+    kind: Literal["toroid"] = "toroid"
+    vertex_z_mm: Millimetres
+    radius_mm: Coordinate
+    rotation_radius_mm: Coordinate
+    conic_constant: _Conic = 0.0
+    coefficients: _Series = ()
+
+    @property
+    def surface(self) -> Surface:
+        """Surface with its vertex on the axis."""
+        profile = self.radius_mm, self.rotation_radius_mm, self.conic_constant
+        return _made(Toroid, self.vertex_z_mm, *profile, self.coefficients)
+
+
+class FixedXYPolynomial(_ByFormula):
+    """Conic with a polynomial added to its sag (ISO 10110-19): ``terms`` [i, j, c] of c (mm) (x/N)^i (y/N)^j.
+
+    N is ``normalisation_mm``; with 1, c is in mm^(1-i-j).
+    """
+
+    kind: Literal["xy_polynomial"] = "xy_polynomial"
+    vertex_z_mm: Millimetres
+    radius_mm: Coordinate
+    conic_constant: _Conic = 0.0
+    normalisation_mm: Millimetres = 1.0
+    terms: Annotated[tuple[tuple[_Power, _Power, Coordinate], ...], Field(max_length=500)] = ()
+
+    @property
+    def surface(self) -> Surface:
+        """Surface with the vertex of its conic on the axis."""
+        conic = self.radius_mm, self.conic_constant
+        return _made(XYPolynomial, self.vertex_z_mm, *conic, self.terms, self.normalisation_mm)
+
+
+class FixedZernike(_ByFormula):
+    """Conic with Zernike polynomials added to its sag: ``coefficients_mm`` by Noll's number (1 is piston, 4 defocus).
+
+    Normalised as Noll's (J. Opt. Soc. Am. 66, 207, 1976): each has an rms of 1 over the disc of
+    ``normalisation_radius_mm``, beyond which the polynomials go on.
+    """
+
+    kind: Literal["zernike"] = "zernike"
+    vertex_z_mm: Millimetres
+    radius_mm: Coordinate
+    conic_constant: _Conic = 0.0
+    normalisation_radius_mm: Millimetres
+    coefficients_mm: dict[Annotated[int, Field(ge=1, le=_MOST_ZERNIKE)], Coordinate] = Field(default_factory=dict)
+
+    @property
+    def surface(self) -> Surface:
+        """Surface with the vertex of its conic on the axis."""
+        terms = zernike_terms(self.coefficients_mm)
+        conic = self.radius_mm, self.conic_constant
+        return _made(XYPolynomial, self.vertex_z_mm, *conic, terms, self.normalisation_radius_mm)
+
+
+def _resolved(face: FixedFace) -> FixedFace:
+    """The face itself in place of the file that holds it: a spec needs that file no more."""
+    try:
+        return face.resolved()
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+FixedSurface = Annotated[
+    FixedSphere
+    | FixedAsphere
+    | FixedBiconic
+    | FixedToroid
+    | FixedXYPolynomial
+    | FixedZernike
+    | FixedLensFace
+    | FixedCadFace
+    | FixedPoints
+    | GivenSurface,
+    Field(discriminator="kind"),
+    AfterValidator(_resolved),
+]

@@ -1,12 +1,12 @@
 """The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lensforge.errors import InputError
+from lensforge.given_faces.lens_face import lens_file
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
 from lensforge.optics.media import Media
@@ -14,10 +14,9 @@ from lensforge.spec.cover_glass import CoverGlassSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.optical_data import OpticalData, with_optical_data
 from lensforge.spec.section import FilePath, Label, Millimetres, Section
-from lensforge.surfaces.conic import Asphere
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
+from lensforge.surfaces.surface import Surface
 
-LENS_FILE = "lens.json"  # in a result folder
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
@@ -28,11 +27,6 @@ Levels = Annotated[
     Discriminator(lambda value: "word" if isinstance(value, str) else "numbers"),
 ]
 Symmetry = Literal["auto", "none", "mirror_x", "mirror_y", "rectangle", "square"]
-
-
-def _lens_file(path: Path) -> Path:
-    """The file of the lens in a result folder, or ``path`` itself."""
-    return path / LENS_FILE if path.is_dir() else path
 
 
 class LensSection(Section):
@@ -72,7 +66,7 @@ class LensSection(Section):
     fixed_inner: FixedSurface | None = None
     fixed_outer: FixedSurface | None = None
     symmetry: Symmetry = "auto"
-    start: Annotated[FilePath, AfterValidator(_lens_file)] | None = None
+    start: Annotated[FilePath, AfterValidator(lens_file)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -183,7 +177,7 @@ class LensSection(Section):
         return inner, outer
 
     @property
-    def fixed(self) -> tuple[Asphere | None, Asphere | None]:
+    def fixed(self) -> tuple[Surface | None, Surface | None]:
         """The inner and the outer surface where they are fixed."""
         inner, outer = self.fixed_inner, self.fixed_outer
         return None if inner is None else inner.surface, None if outer is None else outer.surface

@@ -21,6 +21,7 @@ _UNIONS = (
     "spectrum",
     "fixed_inner",
     "fixed_outer",
+    "face",
     "levels",
 )
 _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer

@@ -20,6 +20,11 @@ class ScaledSurface(Surface):
         """Sigma (rad) of its narrowest feature, that of the surface."""
         return self.surface.detail_rad
 
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group, as of the surface."""
+        return self.surface.symmetry
+
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm), the distance from the origin."""
         return self.factor * self.surface.radius(directions)

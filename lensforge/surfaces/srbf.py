@@ -135,6 +135,11 @@ class SrbfSurface(Surface):
         used = self.basis.sigmas[self.weights_mm != 0.0]
         return float(used.min() if len(used) else self.basis.sigmas.max())
 
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group, as of the basis."""
+        return self.basis.symmetry
+
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
         from lensforge.kernels.basis_sum import sum_values

@@ -15,6 +15,11 @@ class Surface(Protocol):
         """The sigma (rad) of a Gaussian as narrow as its narrowest feature: tables and splines choose nodes by it."""
         ...
 
+    @property
+    def symmetry(self) -> str:
+        """Largest mirror group, a name of ``surfaces.symmetry``, that it is known to have."""
+        return "none"
+
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm), the distance from the origin, exact in float64."""
         ...

@@ -7,7 +7,7 @@ from measured_lenses import directions, lens
 from lensforge.errors import InputError
 from lensforge.geometry.patch import fit_patch
 from lensforge.measurement.areal_filter import ArealFilter, PointDeviations
-from lensforge.measurement.chart_spline import ChangedSurface
+from lensforge.measurement.radial_change import ChangedSurface
 from lensforge.measurement.wavelength import FilterRange, TriedFilter, longest_fitting, point_spacing_mm
 from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from lensforge.errors import InputError
 from lensforge.geometry.patch import fit_patch
-from lensforge.measurement.point_cloud import read_cloud
 from lensforge.measurement.registration import _gaps_and_slopes, distances, moved, over_surface, register
+from lensforge.point_cloud import read_cloud
 from lensforge.surfaces.chart import HALF_WIDTH, to_sphere
 from lensforge.surfaces.srbf import SrbfBasis
 

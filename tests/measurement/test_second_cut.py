@@ -13,9 +13,9 @@ from lensforge.geometry.patch import fit_patch
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
 from lensforge.measurement.areal_filter import ArealFilter, PointDeviations
 from lensforge.measurement.changed_lens import ChangedLens
-from lensforge.measurement.chart_spline import ChangedSurface
 from lensforge.measurement.cutter_limit import limited_by_cutter
 from lensforge.measurement.first_cut import FirstCut, Request
+from lensforge.measurement.radial_change import ChangedSurface
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 

@@ -155,7 +155,7 @@ def test_the_smallest_cavity_with_a_draft_is_the_paraboloid_with_the_steepest_al
 def test_a_spherical_cavity_attains_the_least_rim_of_its_ball(ball: float, centre: float) -> None:
     """Its curvature by the search's own constraint: none to spare, and its rim is the least one."""
     cap = FixedSphere(radius_mm=ball, centre_z_mm=centre)
-    rim = float(cap.on_meridian_mm(np.array([0.5 * np.pi]))[0])
+    rim = float(cap.shape.radii_mm[-1, 0])
     assert least_rim_mm(ball + centre, ball) == pytest.approx(rim, rel=1e-9)
     limits = {"cavity_height_mm": 0.5, "cavity_radius_mm": 1.0, "min_thickness_mm": 0.5, "max_radius_mm": 7.0}
     spec = small_spec(lens=inner(ball, centre), constraints=limits | {"inner_concave_radius_mm": ball})
@@ -172,14 +172,14 @@ def test_the_least_rim_with_a_draft_is_continuous_and_that_of_a_cone_on_a_ball()
 
 def test_shape_of_fixed_surfaces_in_closed_form() -> None:
     ball = FixedSphere(radius_mm=4.0, centre_z_mm=-1.0)
-    assert ball.curvatures_per_mm(POLAR) == pytest.approx((0.25, 0.25), rel=1e-6)
-    assert ball.least_draft_deg(POLAR) == pytest.approx(np.degrees(np.arcsin(0.25)), abs=1e-9)
+    assert ball.shape.curvatures_per_mm == pytest.approx((0.25, 0.25), rel=1e-6)
+    assert ball.shape.least_draft_deg == pytest.approx(np.degrees(np.arcsin(0.25)), abs=1e-9)
     paraboloid = FixedAsphere(vertex_z_mm=3.0, radius_mm=-2.0, conic_constant=-1.0)  # z = 3 - r^2 / 4
     rim_slope = np.sqrt(12.0) / 2.0
-    least, most = paraboloid.curvatures_per_mm(POLAR)
+    least, most = paraboloid.shape.curvatures_per_mm
     assert most == pytest.approx(0.5, rel=1e-5)
     assert least == pytest.approx(0.5 / (1.0 + rim_slope**2) ** 1.5, rel=1e-3)
-    assert paraboloid.least_draft_deg(POLAR) == pytest.approx(np.degrees(np.arctan(1.0 / rim_slope)), abs=1e-6)
+    assert paraboloid.shape.least_draft_deg == pytest.approx(np.degrees(np.arctan(1.0 / rim_slope)), abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,17 @@ from scenes import sphere as freeform_sphere
 from lensforge.geometry.form import chart_samples, fit_to_form, form_error
 from lensforge.lens import Lens, load_lens
 from lensforge.surfaces import chart
-from lensforge.surfaces.conic import Asphere, sphere
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
+from lensforge.surfaces.conic import Asphere, Biconic, Toroid, sphere
+from lensforge.surfaces.implicit import ImplicitSurface
+from lensforge.surfaces.polynomial import XYPolynomial, zernike_terms
 from lensforge.surfaces.scaled import ScaledSurface, scaled
 from lensforge.surfaces.spline import grid_for, table_error, tabulate
 from lensforge.surfaces.srbf import SrbfSurface
 from lensforge.surfaces.surface import Surface
 
+AXIS = np.tan(np.linspace(-1.0, 1.0, 80) * np.arctan(HALF_WIDTH))
+ON_AXIS = chart.to_sphere(np.stack(np.meshgrid(AXIS, AXIS, indexing="ij"), axis=-1))
 CASES = {
     "freeform": random_surface(1, 6.0, levels=(9, 81)),
     "mirrored freeform": random_surface(2, 6.0, levels=(9, 81), symmetry="square"),
@@ -25,12 +30,18 @@ CASES = {
     "prolate dome": Asphere(13.5, -11.0, -0.4, (-2e-5, 1e-8)),
     "hyperbolic dome": Asphere(6.0, -3.0, -2.0),
     "dented dome": Asphere(5.0, 30.0, 0.0, (-4e-3,)),
+    "biconic": Biconic(8.0, -7.0, -9.0, -0.5, 0.2),
+    "toroid": Toroid(8.0, -7.0, -9.0, -0.3, (-1e-5,)),
+    "xy polynomial": XYPolynomial(8.0, -8.0, -0.2, ((2, 0, 0.1), (1, 2, 0.05), (4, 4, -0.02), (0, 1, 0.1)), 8.0),
+    "zernike": XYPolynomial(8.0, -8.0, 0.0, zernike_terms({4: 0.02, 6: 0.05, 8: 0.03, 11: -0.01, 22: 0.004}), 9.0),
+    "given face": ChartSpline.through(AXIS, random_surface(1, 6.0, levels=(9, 25)).radius_on_grid(ON_AXIS)),
     "face of an insert": scaled(random_surface(3, 6.0, levels=(9, 25)), 1.006),
 }
 
 
 def test_every_kind_of_surface_has_a_case() -> None:
-    kinds = {kind for kind in Surface.__subclasses__() if kind.__module__.startswith("lensforge.surfaces.")}
+    known = {*Surface.__subclasses__(), *ImplicitSurface.__subclasses__()} - {ImplicitSurface}
+    kinds = {kind for kind in known if kind.__module__.startswith("lensforge.surfaces.")}
     assert {type(surface) for surface in CASES.values()} == kinds
 
 

@@ -11,6 +11,7 @@ from typing import Protocol
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.folder_lock import locked
+from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import load_lens
 from lensforge.optimisation.checkpoint import CHECKPOINT, is_checkpoint
 from lensforge.report.ownership import require_own
@@ -18,7 +19,6 @@ from lensforge.report.page import write_page
 from lensforge.results import load_results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
-from lensforge.spec.lens import LENS_FILE
 from lensforge.studies.sweep.page import sweep_page, sweep_png
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import Variant, Variation

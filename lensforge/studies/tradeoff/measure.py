@@ -10,6 +10,7 @@ import torch
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.folder_lock import locked
+from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import Lens
 from lensforge.optimisation.design import Design
 from lensforge.optimisation.symmetry import settled_symmetry
@@ -22,7 +23,6 @@ from lensforge.sources.build import build_source
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
-from lensforge.spec.lens import LENS_FILE
 from lensforge.stages import design
 from lensforge.studies.tradeoff import exported, pixels, rays, tables
 from lensforge.studies.tradeoff.page import tradeoff_page

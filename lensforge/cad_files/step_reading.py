@@ -11,9 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from lensforge.cad_files.step_settings import configure, new_document
 from lensforge.errors import InputError
 from lensforge.files import temporary_file, temporary_folder, write_json
-from lensforge.geometry.step_settings import configure, new_document
 from lensforge.untrusted.archives import require_small_step
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.stl import MOST_MM
@@ -59,7 +59,7 @@ def parse_apart(content: bytes, origin: str, remedy: str, *, to_be_joined: bool 
         shape = TopoDS_Shape()
         with temporary_file(binary, "part.bin") as path:
             BinTools.Read_s(shape, str(path))
-        found = _faces(shape)
+        found = faces_of(shape)
         named = {each: cq.Face(found[index]) for each, index in faces.items()}
         products.append(Product(name, cq.Shape.cast(shape), named))
     return products
@@ -93,10 +93,11 @@ def _shapes_in(path: Path, origin: str, remedy: str) -> list[tuple[str, Any, dic
     XCAFDoc_DocumentTool.ShapeTool_s(document.Main()).GetFreeShapes(parts)
     labels = [parts.Value(k + 1) for k in range(parts.Length())]
     # All in one go: labels are valid only as long as the document is referenced.
-    return [(_name(label), XCAFDoc_ShapeTool.GetShape_s(label), _named_faces(label)) for label in labels]
+    return [(name_of(label), XCAFDoc_ShapeTool.GetShape_s(label), named_faces(label)) for label in labels]
 
 
-def _named_faces(part: Any) -> dict[str, Any]:
+def named_faces(part: Any) -> dict[str, Any]:
+    """Faces (TopoDS_Face) of a product's label that have names."""
     from OCP.TDF import TDF_LabelSequence
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
@@ -105,20 +106,21 @@ def _named_faces(part: Any) -> dict[str, Any]:
     labels, faces = TDF_LabelSequence(), {}
     XCAFDoc_ShapeTool.GetSubShapes_s(part, labels)
     for k in range(labels.Length()):
-        shape, name = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1)), _name(labels.Value(k + 1))
+        shape, name = XCAFDoc_ShapeTool.GetShape_s(labels.Value(k + 1)), name_of(labels.Value(k + 1))
         if name and not shape.IsNull() and shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_FACE:
             faces[name] = TopoDS.Face_s(shape)
     return faces
 
 
-def _name(label: Any) -> str:
+def name_of(label: Any) -> str:
+    """Name of a label, "" where it has none."""
     from OCP.TDataStd import TDataStd_Name
 
     name = TDataStd_Name()
     return str(name.Get().ToExtString()) if label.FindAttribute(TDataStd_Name.GetID_s(), name) else ""
 
 
-def _faces(shape: Any) -> list[Any]:
+def faces_of(shape: Any) -> list[Any]:
     """The different faces (TopoDS_Face) of ``shape``, in their order."""
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp
@@ -141,7 +143,7 @@ def _write_products(folder: Path) -> None:
         raise InputError(f"{origin}: {len(found)} products, at most {_MOST_PRODUCTS} are read; {remedy}")
     records = []
     for number, (name, shape, named) in enumerate(found):
-        faces = _faces(shape)
+        faces = faces_of(shape)
         BinTools.Write_s(shape, str(folder / f"{number}.bin"))  # before the tests, which may add triangles to it
         _require_usable(shape, len(faces), origin, remedy, job["to_be_joined"])
         places = {

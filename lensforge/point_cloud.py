@@ -1,4 +1,4 @@
-"""Points measured on a surface, read from a text file."""
+"""Points on a surface, measured or given, read from a text file."""
 
 import re
 from pathlib import Path
@@ -16,13 +16,13 @@ _DECIMAL_COMMAS = re.compile(r"^(?=\s*[-+]?\d)(?:[^#]*\d,\d+[;\s]+[-+]?\d+(?:,\d
 _FURTHEST_MM = 1e6  # a machine's own zero may be metres away
 
 
-def read_cloud(path: Path) -> Float[np.ndarray, "n 3"]:
+def read_cloud(path: Path, missing: str = "give the file of the measured points") -> Float[np.ndarray, "n 3"]:
     """Read points (mm) from a text file: x, y, z first in each line, separated by commas, semicolons, tabs or blanks.
 
     Lines before the first point, lines that begin with # and further columns are skipped. Raises :class:`InputError`,
     for decimal commas too, which show where another mark separates the numbers.
     """
-    content = read_file(path, missing="give the file of the measured points", most_bytes=_MOST_BYTES)
+    content = read_file(path, missing=missing, most_bytes=_MOST_BYTES)
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:

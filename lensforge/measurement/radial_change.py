@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import NdBSpline, make_interp_spline
 
-from lensforge.surfaces.chart import to_chart
+from lensforge.surfaces.chart import gradient_on_sphere, to_chart
+from lensforge.surfaces.chart_spline import DEGREE
 from lensforge.surfaces.surface import Surface
-
-_DEGREE = 5  # as the exported faces, which could not follow the kinks of a cubic's third derivative to a nanometre
 
 
 @dataclass(frozen=True)
@@ -27,8 +26,8 @@ class RadialChange(Surface):
     @staticmethod
     def through(axis: Float[np.ndarray, " m"], values: Float[np.ndarray, "m m"], detail_rad: float) -> "RadialChange":
         """The spline through ``values`` (mm) on the square grid of ``axis``, [X, Y]."""
-        along_x = make_interp_spline(axis, values, k=_DEGREE)
-        along_y = make_interp_spline(axis, along_x.c.T, k=_DEGREE)
+        along_x = make_interp_spline(axis, values, k=DEGREE)
+        along_y = make_interp_spline(axis, along_x.c.T, k=DEGREE)
         return RadialChange(along_x.t, np.ascontiguousarray(along_y.c.T), detail_rad)
 
     @property
@@ -46,16 +45,10 @@ class RadialChange(Surface):
         return values
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Tangential gradient on the unit sphere (mm/rad): the chart is conformal, with the scale ``2/(1 + R^2)``."""
+        """Tangential gradient on the unit sphere (mm/rad)."""
         chart = self._inside(to_chart(directions))
-        x, y = chart[:, 0], chart[:, 1]
-        squared = 1.0 + x**2 + y**2
-        # Unit tangents of the chart's axes: derivatives of u = (2X, 2Y, 1 - R^2)/(1 + R^2), over their length.
-        along_x = np.stack([1.0 - x**2 + y**2, -2.0 * x * y, -2.0 * x], axis=1) / squared[:, None]
-        along_y = np.stack([-2.0 * x * y, 1.0 + x**2 - y**2, -2.0 * y], axis=1) / squared[:, None]
-        slope_x, slope_y = (0.5 * squared * self._spline(chart, nu=order) for order in ((1, 0), (0, 1)))
-        gradient: Float[np.ndarray, "n 3"] = slope_x[:, None] * along_x + slope_y[:, None] * along_y
-        return gradient
+        slopes = np.stack([self._spline(chart, nu=order) for order in ((1, 0), (0, 1))], axis=1)
+        return gradient_on_sphere(chart, slopes)
 
     def _inside(self, chart: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         clipped: Float[np.ndarray, "n 2"] = np.clip(chart, self.knots[0], self.knots[-1])
@@ -63,7 +56,7 @@ class RadialChange(Surface):
 
     @cached_property
     def _spline(self) -> NdBSpline:
-        return NdBSpline((self.knots, self.knots), self.control, _DEGREE)
+        return NdBSpline((self.knots, self.knots), self.control, DEGREE)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,182 @@
+"""Work of the child process: rays from the origin on the faces of a CAD file, and the spline through what they meet."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import make_interp_spline
+
+from lensforge.cad_files.faces import NamedFace, faces_in_iges, faces_in_step
+from lensforge.cad_files.intersection import FaceCast
+from lensforge.errors import InputError
+from lensforge.files import write_json
+from lensforge.given_faces.face import FOUND, JOB, SPLINE, place_of
+from lensforge.surfaces.chart import to_sphere
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline, bent_radius
+from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.untrusted.child import serve
+
+FIRST = "first"
+_TESTED, _RIM = 1500, 360  # directions at which the face is tried, and the error of the spline measured
+_NODES, _MOST_NODES = 72, 240  # even: no node lies on the axis, where a surface of revolution has its pole
+# What a spline aims at; an error falls with the sixth power of its nodes, that of the normal with the fifth.
+_AIM_NM, _AIM_URAD = 0.3, 0.5
+_MOST_NM, _MOST_URAD = 1000.0, 1000.0  # a seam, a kink or a wave that no lens is given on purpose
+# Beyond the rim the radius goes on by the polynomial of degree 4 through that many places inside, a step apart.
+_PLACES, _STEP_RAD = 5, 0.002
+_AZIMUTHS = 720
+
+
+@dataclass(frozen=True)
+class SampledFace:
+    """Chart axis and radii (mm) on its grid; the largest errors of the spline through them."""
+
+    axis: Float[np.ndarray, " n"]
+    radius: Float[np.ndarray, "n n"]
+    form_error_nm: float
+    normal_error_urad: float
+
+
+def _sample_face(folder: Path) -> None:
+    job = json.loads((folder / JOB).read_text(encoding="utf-8"))
+    faces, unit = (faces_in_iges if job["iges"] else faces_in_step)(folder / job["file"], job["origin"])
+    shift = np.array(job["shift_mm"])
+    chosen = _selected(faces, job["faces"], job["origin"], shift)
+    cast = FaceCast([each.face for each in chosen], shift)
+    sampled = sampled_face(cast, f"{job['origin']}: {' and '.join(each.words for each in chosen)}")
+    np.savez(folder / SPLINE, axis=sampled.axis, radius=sampled.radius)
+    found = {"unit": unit, "names": [each.words for each in chosen]}
+    errors = {"form_error_nm": sampled.form_error_nm, "normal_error_urad": sampled.normal_error_urad}
+    write_json(folder / FOUND, {**found, **errors})
+
+
+def _selected(
+    faces: list[NamedFace], wanted: list[str | int], origin: str, shift_mm: Float[np.ndarray, "3"]
+) -> list[NamedFace]:
+    names = [each.name for each in faces if each.name]
+    found = []
+    for each in wanted:
+        if each == FIRST:
+            found.append(_first_on_axis(faces, origin, shift_mm))
+        elif isinstance(each, int):
+            if not 1 <= each <= len(faces):
+                raise InputError(f"{origin}: face = {each}: it has faces 1 to {len(faces)}")
+            found.append(faces[each - 1])
+        else:
+            same = [face for face in faces if face.name == each]
+            if len(same) != 1:
+                near = get_close_matches(each, names, 3, 0.3) or names[:5]
+                known = f"names of faces: {', '.join(near)}" if near else "its faces have no names; give a number"
+                count = f"{len(same)} faces have this name" if same else "no such face"
+                raise InputError(f"{origin}: face = {each!r}: {count}; {known}, or 'first'")
+            found.append(same[0])
+    return found
+
+
+def _first_on_axis(faces: list[NamedFace], origin: str, shift_mm: Float[np.ndarray, "3"]) -> NamedFace:
+    """The face that the axis meets first above the origin; tried a little beside it, where no face has its pole."""
+    beside = np.array([[1e-6, 1e-6, 1.0]])
+    met = [(FaceCast([each.face], shift_mm).nearest_mm(beside)[0], each) for each in faces]
+    distance, first = min(met, key=lambda one: one[0])
+    if not np.isfinite(distance):
+        raise InputError(f"{origin}: the axis meets no face above z = 0; move the file by shift_mm, or name the face")
+    return first
+
+
+def sampled_face(cast: FaceCast, words: str) -> SampledFace:
+    """The spline through the faces of ``cast``, with as many nodes as its measured error needs.
+
+    Raises :class:`InputError` where they are not met just once from the origin, and where they are not smooth.
+    """
+    tested = np.concatenate([fibonacci_hemisphere(_TESTED), _around(0.5 * np.pi, _RIM)])
+    radius, normals = _met_once(cast, tested, words)
+    nodes = _NODES
+    while True:
+        axis, values = _on_grid(cast, nodes, words)
+        spline = ChartSpline.through(axis, values)
+        cosine = np.sum(normals * tested, axis=1)
+        form_nm = np.abs(spline.radius(tested) - radius) * cosine * 1e6
+        turned_urad = np.linalg.norm(np.cross(spline.normal(tested), normals), axis=1) * 1e6
+        more = max((form_nm.max() / _AIM_NM) ** (1.0 / 6.0), (turned_urad.max() / _AIM_URAD) ** (1.0 / 5.0))
+        if more <= 1.0 or nodes == _MOST_NODES:
+            break
+        nodes = min(_MOST_NODES, 2 * int(np.ceil(0.5 * nodes * max(more, 1.1))))
+    if form_nm.max() > _MOST_NM or turned_urad.max() > _MOST_URAD:
+        worst = int((form_nm / _MOST_NM + turned_urad / _MOST_URAD).argmax())
+        raise InputError(
+            f"{words}: not smooth {place_of(tested[worst])}: a spline of {nodes} nodes misses it by "
+            f"{form_nm[worst]:.3g} nm and {turned_urad[worst]:.3g} urad, at most {_MOST_NM:g} and {_MOST_URAD:g}; "
+            "close the seam or the kink in CAD"
+        )
+    return SampledFace(axis, values, float(form_nm.max()), float(turned_urad.max()))
+
+
+def _met_once(
+    cast: FaceCast, directions: Float[np.ndarray, "n 3"], words: str
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+    """Radius (mm) and outward normals in ``directions``, each of which must meet the faces once."""
+    met = cast.all_mm(directions)
+    for direction, distances in zip(directions, met, strict=True):
+        if len(distances) != 1:
+            what = f"meets it {len(distances)} times" if distances else "does not meet it: a hole, or its edge"
+            raise InputError(
+                f"{words}: a ray from the origin, {place_of(direction)}, {what}; a face must be star-shaped, and reach "
+                "down to z = 0: take all its parts (face = [...]), or extend it in CAD"
+            )
+    return cast.points(directions)
+
+
+def _on_grid(cast: FaceCast, nodes: int, words: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+    """Chart axis, even in angle, and the radii (mm) on its grid."""
+    half = np.arctan(HALF_WIDTH)
+    axis = np.tan(np.linspace(-half, half, nodes))
+    chart = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    distance = np.hypot(chart[:, 0], chart[:, 1])
+    inside = distance <= 1.0
+    values = np.empty(len(chart))
+    values[inside] = cast.points(to_sphere(chart[inside]))[0]
+    beyond = 2.0 * np.arctan(bent_radius(distance[~inside])) - 0.5 * np.pi
+    azimuth = np.arctan2(chart[~inside, 1], chart[~inside, 0])
+    values[~inside] = _continued(cast, azimuth, beyond)
+    if not np.isfinite(values).all():
+        raise InputError(
+            f"{words}: the CAD kernel finds no point {place_of(to_sphere(chart[~np.isfinite(values)])[0])}"
+        )
+    return axis, values.reshape(nodes, nodes)
+
+
+def _continued(
+    cast: FaceCast, azimuth: Float[np.ndarray, " n"], beyond_rad: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Radius (mm) beyond the rim: on each meridian by a polynomial through places inside."""
+    turn = 2.0 * np.pi * np.arange(_AZIMUTHS + 1) / _AZIMUTHS
+    total = np.zeros(len(azimuth))
+    for weight, inside in _extrapolation(beyond_rad):
+        around = cast.points(_around(0.5 * np.pi - inside, _AZIMUTHS))[0]
+        along = make_interp_spline(turn, np.append(around, around[0]), k=5, bc_type="periodic")
+        total += weight * along(azimuth % (2.0 * np.pi))
+    return total
+
+
+def _extrapolation(beyond_rad: Float[np.ndarray, " n"]) -> Iterator[tuple[Float[np.ndarray, " n"], float]]:
+    """Lagrange's weights of the places inside, and how far inside (rad) each is."""
+    for k in range(_PLACES):
+        weight = np.ones_like(beyond_rad)
+        for j in range(_PLACES):
+            if j != k:
+                weight = weight * (beyond_rad / _STEP_RAD + j) / (j - k)
+        yield weight, k * _STEP_RAD
+
+
+def _around(polar: float, count: int) -> Float[np.ndarray, "n 3"]:
+    azimuth = 2.0 * np.pi * np.arange(count) / count
+    height = np.full(count, max(np.cos(polar), 0.0))
+    return np.column_stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height])
+
+
+if __name__ == "__main__":
+    serve(_sample_face)

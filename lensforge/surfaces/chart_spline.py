@@ -1,0 +1,110 @@
+"""A surface that is known by its radius in many directions: a quintic spline of the radius over the chart."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.surfaces.chart import gradient_on_sphere, to_chart
+from lensforge.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from scipy.interpolate import NdBSpline
+
+DEGREE = 5  # as the exported faces, which could not follow the kinks of a cubic's third derivative to a nanometre
+# Below the rim a direction gets the radius of one no further out than this; the way there has 7 derivatives.
+REACH, _SOFTNESS = 0.2, 7  # of the chart's unit, 1 rad at the rim
+HALF_WIDTH = 1.0 + REACH  # of the square over which the spline is known
+_WIDEST_DETAIL_RAD = 0.5
+
+
+@dataclass(frozen=True)
+class ChartSpline(Surface):
+    """``knots``, the same in X and Y, and ``control`` (mm), [X, Y], of the radius; over the square of ``HALF_WIDTH``.
+
+    ``detail``: sigma (rad) of a Gaussian as narrow as its narrowest feature.
+    """
+
+    knots: Float[np.ndarray, " k"]
+    control: Float[np.ndarray, "n n"]
+    detail: float
+
+    @staticmethod
+    def through(axis: Float[np.ndarray, " m"], values: Float[np.ndarray, "m m"]) -> "ChartSpline":
+        """The spline through radii (mm) on the square grid of ``axis``, [X, Y], its detail measured."""
+        from scipy.interpolate import make_interp_spline
+
+        along_x = make_interp_spline(axis, values, k=DEGREE)
+        along_y = make_interp_spline(axis, along_x.c.T, k=DEGREE)
+        return ChartSpline(along_x.t, np.ascontiguousarray(along_y.c.T), detail_of(along_x.t, along_y.c.T))
+
+    @property
+    def detail_rad(self) -> float:
+        """Sigma (rad) of the narrowest feature."""
+        return self.detail
+
+    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """``rho`` (mm) in unit ``directions``."""
+        values: Float[np.ndarray, " n"] = self._spline(_bent(to_chart(directions))[0])
+        return values
+
+    def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Tangential gradient of ``rho`` on the unit sphere (mm/rad)."""
+        chart = to_chart(directions)
+        bent, outwards, around = _bent(chart)
+        own = np.stack([self._spline(bent, nu=order) for order in ((1, 0), (0, 1))], axis=1)
+        distance = np.linalg.norm(chart, axis=1, keepdims=True)
+        radial = chart / np.where(distance == 0.0, 1.0, distance)
+        slopes = (
+            own * around[:, None] + np.sum(own * radial, axis=1, keepdims=True) * radial * (outwards - around)[:, None]
+        )
+        return gradient_on_sphere(chart, slopes)
+
+    @cached_property
+    def _spline(self) -> "NdBSpline":
+        from scipy.interpolate import NdBSpline
+
+        return NdBSpline((self.knots, self.knots), self.control, DEGREE)
+
+
+def bent_radius(radius: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Chart radius at which a direction of chart ``radius`` gets its value: itself inside the rim, 1.2 at most."""
+    beyond = np.maximum(radius - 1.0, 0.0)
+    bent: Float[np.ndarray, "*n"] = (
+        radius - beyond + beyond * (1.0 + (beyond / REACH) ** _SOFTNESS) ** (-1.0 / _SOFTNESS)
+    )
+    return bent
+
+
+def _bent(
+    chart: Float[np.ndarray, "n 2"],
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Chart points whose value these get; what a step costs there of one here, outwards and around the axis."""
+    radius = np.hypot(chart[:, 0], chart[:, 1])
+    beyond = np.maximum(radius - 1.0, 0.0)
+    around = np.where(beyond > 0.0, bent_radius(radius) / np.maximum(radius, 1.0), 1.0)
+    outwards = (1.0 + (beyond / REACH) ** _SOFTNESS) ** (-1.0 / _SOFTNESS - 1.0)
+    return chart * around[:, None], outwards, around
+
+
+def detail_of(knots: Float[np.ndarray, " k"], control: Float[np.ndarray, "n n"]) -> float:
+    """Sigma of a Gaussian whose second and fourth derivatives are as large, ``sqrt(6 f'' / f'''')``; 0.5 at most.
+
+    The error of a table is that of the fourth, and the second leaves out a sphere's size and place.
+    """
+    from scipy.interpolate import NdBSpline
+
+    spline = NdBSpline((knots, knots), control, DEGREE)
+    axis = np.linspace(-0.98, 0.98, 4 * len(control))
+    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = points[np.sum(points**2, axis=1) < 0.96]
+    angle = 2.0 / (1.0 + np.sum(points**2, axis=1))  # rad in a unit of the chart
+    second, fourth = (
+        max(float(np.abs(spline(points, nu=each) / angle**order).max()) for each in ((order, 0), (0, order)))
+        for order in (2, 4)
+    )
+    if fourth * _WIDEST_DETAIL_RAD**2 <= 6.0 * second:
+        return _WIDEST_DETAIL_RAD
+    return float(np.sqrt(6.0 * second / fourth))
