@@ -42,7 +42,15 @@ from lensforge.spec.emission import (
     TableIntensity,
     TableSpectrum,
 )
-from lensforge.spec.fixed_surface import FixedAsphere, FixedSphere
+from lensforge.spec.fixed_surface import (
+    FixedAsphere,
+    FixedBiconic,
+    FixedSphere,
+    FixedToroid,
+    FixedXYPolynomial,
+    FixedZernike,
+)
+from lensforge.spec.given_surface import FixedCadFace, FixedLensFace, FixedPoints
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PointsLimit, ZoneLimit
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
@@ -104,7 +112,14 @@ __all__ = [
     "FarFieldReceiver",
     "FileSpectrum",
     "FixedAsphere",
+    "FixedBiconic",
+    "FixedCadFace",
+    "FixedLensFace",
+    "FixedPoints",
     "FixedSphere",
+    "FixedToroid",
+    "FixedXYPolynomial",
+    "FixedZernike",
     "FlatTopTarget",
     "GlareLimit",
     "Handover",

@@ -38,7 +38,7 @@ def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
 def warned_source(
     spec: Spec, warn: Callable[[str], None] | None, start: Lens | None = None, *, anyway: bool = False
 ) -> "Source":
-    """The source of ``spec``, after ``warn`` was called with each warning on it and on the scene from ``start`` on.
+    """The source of ``spec``, after ``warn`` was called with each warning on it, on given faces and on the scene.
 
     By default they are Python's own warnings. Raises :class:`InputError` where no search can help and, unless
     ``anyway``, where less than half of what the targets ask for is possible.
@@ -50,7 +50,7 @@ def warned_source(
     room = source_clearance_warnings(spec, source)
     scene = SceneCheck.of(spec, source, start)
     scene.require_light(anyway=anyway)
-    for words in (*summarise(source, spec.source).warnings, *scene.warnings(), *room):
+    for words in (*spec.lens.warnings, *summarise(source, spec.source).warnings, *scene.warnings(), *room):
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)
         else:

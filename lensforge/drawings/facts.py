@@ -20,6 +20,11 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Refractive index": f"{spec.lens.refractive_index:g}",
         **({} if spec.lens.cavity_index == 1.0 else {"Index in the cavity": f"{spec.lens.cavity_index:g}"}),
         **({} if spec.lens.outside_index == 1.0 else {"Index outside": f"{spec.lens.outside_index:g}"}),
+        **{
+            f"Fixed {name} face": face.title
+            for name, face in (("inner", spec.lens.fixed_inner), ("outer", spec.lens.fixed_outer))
+            if face is not None
+        },
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         **_mould_facts(lens, part),
         **_untrimmed_facts(part),

@@ -59,7 +59,8 @@ def _sampled(
         work_in_child(script, folder, limits, origin=origin, remedy=_REMEDY)
         found = json.loads((folder / FOUND).read_text(encoding="utf-8"))
         arrays = arrays_in((folder / SPLINE).read_bytes(), ("axis", "radius"), 64 * MIB)
-    unit = "" if found["unit"] == "mm" else f", in {found['unit']}, converted to mm"
     named = " and ".join(found["names"])
     surface = ChartSpline.through(np.asarray(arrays["axis"]), np.asarray(arrays["radius"]))
-    return GivenFace(surface, f"{named} of {name}{unit}", found["form_error_nm"], found["normal_error_urad"])
+    return GivenFace(
+        surface, f"{named} of {name}", found["form_error_nm"], found["normal_error_urad"], str(found["unit"])
+    )

@@ -13,12 +13,16 @@ JOB, FOUND, SPLINE = "job.json", "found.json", "spline.npz"
 
 @dataclass(frozen=True)
 class GivenFace:
-    """``surface``, ``origin`` in words, and its largest errors against what was given: nm along the normal, urad."""
+    """``surface``, ``origin`` in words, and its largest errors against what was given: nm along the normal, urad.
+
+    ``unit``: that of the file.
+    """
 
     surface: Surface
     origin: str
     form_error_nm: float
     normal_error_urad: float
+    unit: str = "mm"
 
 
 def place_of(direction: Float[np.ndarray, "3"]) -> str:

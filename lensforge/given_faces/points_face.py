@@ -21,6 +21,7 @@ Coordinates = Literal["cartesian", "polar"]
 
 _LEFT_OUT = 10  # one point of so many, to measure the error between points
 _LEAST_CELLS, _MOST_CELLS, _FINER = 12, 160, 1.5  # of the spline across the chart; from one trial to the next
+_ENOUGH_MM = 1e-8  # rms at the points left out
 _BETTER = 0.9  # of the error: a finer spline must be worth its cells
 _SMALLEST_GAP = 4.0  # largest hole, in typical distances between neighbours
 # Weight of the third differences of the control values against that of a point, times the points in a cell: the
@@ -84,7 +85,9 @@ def _fitted(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"
     As fine as it takes: a finer one is tried until the points left out are met no better.
     """
     order = np.random.default_rng(_SEED).permutation(len(radius))
-    out, kept = order[::_LEFT_OUT], np.setdiff1d(order, order[::_LEFT_OUT])
+    order = order[directions[order, 2] >= 0.0]  # below z = 0 no surface counts
+    out = order[::_LEFT_OUT]
+    kept = np.setdiff1d(np.arange(len(radius)), out)
     most = min(_MOST_CELLS, int(2.0 * HALF_WIDTH * np.sqrt(len(radius) / np.pi)))
     cells, best = _LEAST_CELLS, None
     while True:
@@ -94,7 +97,7 @@ def _fitted(directions: Float[np.ndarray, "n 3"], radius: Float[np.ndarray, " n"
             best = (miss, cells, trial)
         elif cells > 2 * best[1]:
             break
-        if cells >= most:
+        if cells >= most or miss < _ENOUGH_MM:
             break
         cells = min(most, int(np.ceil(_FINER * cells)))
     surface = _spline(directions, radius, best[1])

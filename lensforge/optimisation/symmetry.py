@@ -1,4 +1,4 @@
-"""Mirror symmetry that source, receivers and targets share: a lens may have it, and no larger one."""
+"""Mirror symmetry that source, fixed surface, receivers and targets share: a lens may have it, and no larger one."""
 
 import numpy as np
 import torch
@@ -22,17 +22,31 @@ ChartMirrors = tuple[tuple[tuple[int, int], tuple[int, int]], ...]  # signed per
 def settled_symmetry(spec: Spec, source: Source) -> Spec:
     """``spec`` with ``lens.symmetry`` as one of ``surfaces.symmetry``: for "auto" the largest that the scene has.
 
-    Raises :class:`InputError` for a symmetry that source or target lacks.
+    Raises :class:`InputError` for a symmetry that source, target or a fixed surface lacks.
     """
     name = spec.lens.symmetry
     if name == "auto":
-        found = next(each for each in reversed(NAMES) if contains(source.symmetry, each) and _in_targets(spec, each))
+        found = next(
+            each
+            for each in reversed(NAMES)
+            if contains(source.symmetry, each) and _in_fixed(spec, each) is None and _in_targets(spec, each)
+        )
         return spec.model_copy(update={"lens": spec.lens.model_copy(update={"symmetry": found})})
     if not contains(source.symmetry, name):
         raise InputError(f"lens.symmetry = {name!r}: the source has only {source.symmetry!r}; use that, or 'auto'")
+    lacking = _in_fixed(spec, name)
+    if lacking is not None:
+        raise InputError(f"lens.symmetry = {name!r}: {lacking} is not symmetric in this way; use 'auto'")
     if not _in_targets(spec, name):
         raise InputError(f"lens.symmetry = {name!r}: the target is not symmetric in this way; use 'auto'")
     return spec
+
+
+def _in_fixed(spec: Spec, name: str) -> str | None:
+    """Field of a fixed surface that lacks the symmetry; None where both have it."""
+    fields = ("lens.fixed_inner", "lens.fixed_outer")
+    faces = zip(fields, spec.lens.fixed, strict=True)
+    return next((field for field, face in faces if face is not None and not contains(face.symmetry, name)), None)
 
 
 def _in_targets(spec: Spec, name: str) -> bool:

@@ -25,8 +25,14 @@ _MOST_NAMED = 3  # targets of one receiver; of more only the number is given
 def task(spec: Spec) -> str:
     """Source, lens, and the targets of each receiver with its place."""
     lens = spec.lens
-    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}{_surroundings(lens)}"
+    body = f"double-freeform lens, {lens.material}, n = {lens.refractive_index:g}{_fixed(lens)}{_surroundings(lens)}"
     return f"{spec.source.title} · {body} · {'; '.join(map(_on_receiver, spec.all_receivers))}"
+
+
+def _fixed(lens: LensSection) -> str:
+    """Fixed surfaces in words."""
+    both = (("inner", lens.fixed_inner), ("outer", lens.fixed_outer))
+    return "".join(f", {name} face fixed ({face.title})" for name, face in both if face is not None)
 
 
 def _surroundings(lens: LensSection) -> str:

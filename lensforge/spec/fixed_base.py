@@ -16,6 +16,16 @@ class FixedFace(Section):
         raise NotImplementedError
 
     @property
+    def title(self) -> str:
+        """Words for it."""
+        return str(self.kind).replace("_", " ")  # type: ignore[attr-defined]  # of each kind
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each matter that a user should know of before the search."""
+        return ()
+
+    @property
     def shape(self) -> SurfaceShape:
         """Its shape over the hemisphere."""
         return _shape_of(self)

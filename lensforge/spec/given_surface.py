@@ -13,6 +13,8 @@ from lensforge.spec.section import Coordinate, FilePath, Label
 from lensforge.surfaces.records import SurfaceRecord, surface_record
 from lensforge.surfaces.surface import Surface
 
+_EXPORTED_NM, _EXPORTED_URAD = 1.0, 20.0  # the largest errors of an exported face against the design
+
 _Shift = tuple[Coordinate, Coordinate, Coordinate]
 _FaceName = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -27,7 +29,27 @@ class GivenSurface(FixedFace):
     origin: Label = ""
     form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
     normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
+    unit: Label = "mm"
     face: SurfaceRecord
+
+    @property
+    def title(self) -> str:
+        """Words for its origin, and how well it is met."""
+        if self.form_error_nm == 0.0 == self.normal_error_urad:
+            return self.origin
+        return f"{self.origin}, to {self.form_error_nm:.2g} nm and {self.normal_error_urad:.2g} µrad"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A unit that was converted, and errors above those of an exported face."""
+        unit = () if self.unit == "mm" else (f"{self.origin}: in {self.unit}, converted to mm",)
+        if self.form_error_nm <= _EXPORTED_NM and self.normal_error_urad <= _EXPORTED_URAD:
+            return unit
+        return (
+            *unit,
+            f"{self.origin}: met to {self.form_error_nm:.3g} nm and {self.normal_error_urad:.3g} µrad; a smoother face "
+            "or more points make it better",
+        )
 
     @property
     def surface(self) -> Surface:
@@ -48,6 +70,7 @@ class _OfFile(FixedFace):
             origin=found.origin[:200],
             form_error_nm=found.form_error_nm,
             normal_error_urad=found.normal_error_urad,
+            unit=found.unit,
             face=surface_record(found.surface),
         )
 
@@ -86,6 +109,7 @@ class FixedCadFace(_OfFile):
 class FixedPoints(_OfFile):
     """A face through the points of a text ``file``, a grid or a cloud, in the coordinates of the lens after a shift.
 
+    Points a little below z = 0 make the normals at the rim as good as elsewhere (those of a sphere 1 urad, else 20).
     ``coordinates``: "cartesian", x, y, z in mm in each line, or "polar", the angle from the axis and the azimuth in
     degrees and the distance from the origin in mm.
     """

@@ -183,6 +183,12 @@ class LensSection(Section):
         return None if inner is None else inner.surface, None if outer is None else outer.surface
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines on fixed surfaces that a user should know of before the search."""
+        named = (("fixed_inner", self.fixed_inner), ("fixed_outer", self.fixed_outer))
+        return tuple(f"lens.{name}: {words}" for name, face in named if face is not None for words in face.warnings)
+
+    @property
     def basis(self) -> SrbfBasis:
         """The functions that shape the free surfaces, of levels that are numbers; "auto" symmetry counts as none."""
         assert self.levels != "auto", "a search sets them"

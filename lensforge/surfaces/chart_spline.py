@@ -8,7 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.surfaces.chart import gradient_on_sphere, to_chart
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
+from lensforge.surfaces.symmetry import largest_symmetry
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -18,6 +20,7 @@ DEGREE = 5  # as the exported faces, which could not follow the kinks of a cubic
 REACH, _SOFTNESS = 0.2, 7  # of the chart's unit, 1 rad at the rim
 HALF_WIDTH = 1.0 + REACH  # of the square over which the spline is known
 _WIDEST_DETAIL_RAD = 0.5
+_MIRRORED, _SAME_MM = 1000, 1e-6  # directions at which mirror images are compared, and how far they may differ
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,17 @@ class ChartSpline(Surface):
     def detail_rad(self) -> float:
         """Sigma (rad) of the narrowest feature."""
         return self.detail
+
+    @cached_property
+    def symmetry(self) -> str:
+        """Largest mirror group under which it changes by no more than a nanometre."""
+        directions = fibonacci_hemisphere(_MIRRORED)
+        own = self.radius(directions)
+
+        def unchanged(mirror: Float[np.ndarray, "3 3"]) -> bool:
+            return bool(np.abs(self.radius(directions @ mirror) - own).max() < _SAME_MM)
+
+        return largest_symmetry(unchanged)
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) in unit ``directions``."""

@@ -5,7 +5,7 @@ that a test holds far below the ray noise.
 """
 
 import numpy as np
-from scipy import ndimage
+from scipy import interpolate, ndimage
 from scipy.stats import qmc
 
 NODES, REACH = 129, 1.2  # nodes of the chart (X, Y) along each axis, and the largest |X|: the horizon is at 1
@@ -125,8 +125,78 @@ class Asphere:
         return self.radius(u), self.normal(u)
 
 
+def biconic(r, x, y, z):
+    b = x**2 / r["radius_x_mm"] + y**2 / r["radius_y_mm"]
+    a = (1 + r["conic_x"]) * (x / r["radius_x_mm"]) ** 2 + (1 + r["conic_y"]) * (y / r["radius_y_mm"]) ** 2
+    s = z - r["vertex_mm"]
+    return b + a / b * s**2 - 2 * s
+
+
+def toroid(r, x, y, z):
+    t = r["rotation_radius_mm"]
+    s = t - np.sign(t) * np.sqrt(x**2 + (z - r["vertex_mm"] - t) ** 2)
+    s = s - sum(a * y ** (4 + 2 * i) for i, a in enumerate(r["coefficients"]))
+    return ((1 + r["conic"]) * s**2 + y**2) / r["radius_mm"] - 2 * s
+
+
+def xy_polynomial(r, x, y, z):
+    n = r["normalisation_mm"]
+    s = z - r["vertex_mm"] - sum(c * (x / n) ** i * (y / n) ** j for i, j, c in r["terms"])
+    return ((1 + r["conic"]) * s**2 + x**2 + y**2) / r["radius_mm"] - 2 * s
+
+
+class ByEquation:
+    """The first root of F from the origin, by bisection; normals by differences."""
+
+    def __init__(self, record):
+        self.f = lambda p: {"biconic": biconic, "toroid": toroid, "xy_polynomial": xy_polynomial}[record["kind"]](
+            record, *p.T
+        )
+        self.reach = 3 * record["vertex_mm"]
+
+    def exact(self, u):
+        steps = np.linspace(0.01, 1, 400) * self.reach
+        inside = np.array([self.f(step * u) > 0 for step in steps])
+        first = np.argmin(inside, axis=0)
+        low, high = steps[first - 1], steps[first]
+        for _ in range(60):
+            middle = (low + high) / 2
+            before = self.f(middle[:, None] * u) > 0
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        p, h = low[:, None] * u, 1e-6
+        slope = [self.f(p + h * e) - self.f(p - h * e) for e in np.eye(3)]
+        return low, unit(-np.column_stack(slope))
+
+
+class ChartSpline:
+    def __init__(self, record):
+        knots = np.array(record["knots"])
+        side = len(knots) - 6
+        rows = np.array(record["control_mm"]).reshape(side, side)
+        self.spline = lambda at: np.array(
+            [interpolate.BSpline(knots, interpolate.BSpline(knots, rows.T, 5)(y), 5)(x) for x, y in at]
+        )
+
+    def exact(self, u):
+        rho, h = self.spline(u[:, :2] / (1 + u[:, 2:])), 1e-5
+        grad = np.zeros_like(u)
+        for e in np.eye(3):
+            t = e - (u @ e)[:, None] * u  # along the sphere
+            ends = [unit(u + sign * h * t) for sign in (1, -1)]
+            slope = np.subtract(*(self.spline(v[:, :2] / (1 + v[:, 2:])) for v in ends)) / (2 * h)
+            grad += slope[:, None] * e
+        return rho, unit(u - (grad - np.sum(grad * u, axis=1)[:, None] * u) / rho[:, None])
+
+
+FIXED = {"asphere": Asphere, "chart_spline": ChartSpline}
+
+
+def surface(record):
+    return Freeform(record) if record["kind"] == "srbf" else FIXED.get(record["kind"], ByEquation)(record)
+
+
 def surfaces(lens):
-    return [Freeform(lens[f]) if lens[f]["kind"] == "srbf" else Asphere(lens[f]) for f in ("inner", "outer")]
+    return [surface(lens[f]) for f in ("inner", "outer")]
 
 
 # -- Section 5: refractive index ---------------------------------------------------------------------------------------

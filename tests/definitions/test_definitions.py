@@ -21,6 +21,10 @@ from scipy.stats import t as student
 import lensforge as lf
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
+from lensforge.surfaces.chart_spline import ChartSpline
+from lensforge.surfaces.conic import Biconic, Toroid
+from lensforge.surfaces.polynomial import XYPolynomial
+from lensforge.surfaces.records import surface_record
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples"
@@ -150,6 +154,27 @@ def test_radius_and_normal(folder: Path, name: str) -> None:
         np.testing.assert_allclose(n, library.normal(u), rtol=0, atol=1e-11)
         # The interpolation that the many rays use: far finer than the ray noise.
         assert abs(page.radius(u) - rho).max() < 2e-6 and abs(page.normal(u) - n).max() < 1e-5
+
+
+AXIS = np.tan(np.linspace(-0.9, 0.9, 60))
+KINDS = {
+    "biconic": Biconic(8.0, -7.0, -9.0, -0.5, 0.2),
+    "toroid": Toroid(8.0, -7.0, -9.0, -0.3, (-1e-5,)),
+    "polynomial": XYPolynomial(8.0, -8.0, -0.2, ((2, 0, 0.1), (1, 2, 0.05), (0, 1, 0.1)), 8.0),
+    "spline": ChartSpline.through(AXIS, 6.0 + 0.3 * np.add.outer(AXIS**3, AXIS) ** 2),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_radius_and_normal_of_every_kind_of_fixed_surface(kind: str) -> None:
+    library = KINDS[kind]
+    page = page_tracer.surface(json.loads(surface_record(library).model_dump_json()))
+    rng = np.random.default_rng(1)
+    z, phi = 0.01 + 0.98 * rng.random(200), 2 * np.pi * rng.random(200)
+    u = np.column_stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z])
+    rho, n = page.exact(u)
+    np.testing.assert_allclose(rho, library.radius(u), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(n, library.normal(u), rtol=0, atol=1e-8)
 
 
 SAME_RAYS = {
