@@ -8,6 +8,7 @@ import pytest
 from cad_shapes import ball, in_inches, shell, write
 from scenes import hemisphere_directions, random_surface, small_spec
 
+import lensforge as lf
 from lensforge.errors import InputError
 from lensforge.geometry.form import fit_to_form, form_error
 from lensforge.lens import Lens
@@ -82,6 +83,13 @@ def test_the_face_of_a_lens_is_that_face(tmp_path: Path) -> None:
     assert np.array_equal(given.surface.radius(U), lens.inner.radius(U))
     assert FixedLensFace(file=tmp_path / "lens.json", face="outer").surface == lens.outer
     assert given.title == f"inner face of {tmp_path.name}/lens.json"
+    face = {"kind": "lens", "file": str(tmp_path), "face": "inner"}
+    spec = small_spec(lens={"levels": [9, 25], "fixed_inner": face, "outer_offset_mm": 6.0})
+    changed = spec.replace(name="other")
+    changed.save(tmp_path / "spec.toml")
+    assert lf.load_spec(tmp_path / "spec.toml") == changed and changed.lens == spec.lens
+    assert isinstance(changed.lens.fixed_inner, GivenSurface)
+    assert np.array_equal(changed.lens.fixed_inner.surface.radius(U), lens.inner.radius(U))
 
 
 def test_points_may_be_polar_and_a_grid(tmp_path: Path) -> None:

@@ -19,6 +19,9 @@ from lensforge.surfaces.srbf import SrbfSurface
 
 SPHERE = {"kind": "sphere", "radius_mm": 3.0, "centre_z_mm": -1.0}
 DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constant": -0.2, "coefficients": [-1e-5]}
+FLAT = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -3.0}
+NARROW = {"radius_y_mm": -0.5, "conic_y": -5.0 / 6.0}  # 1.22 mm wide in y, 3 mm in x
+LONG = {"kind": "toroid", "vertex_z_mm": 6.0, "radius_mm": -6.0, "rotation_radius_mm": -6.0, "coefficients": [2e-4]}
 FIXED_INNER = {"lens": {"levels": [9, 25], "fixed_inner": SPHERE, "outer_offset_mm": 6.0}}
 FIXED_OUTER = {"lens": {"levels": [9, 25], "inner_offset_mm": 3.0, "fixed_outer": DOME}}
 SURFACES = {"inner": sphere(3.0, -1.0), "outer": Asphere(6.5, -6.0, -0.2, (-1e-5,))}
@@ -100,6 +103,17 @@ def test_every_stage_takes_a_fixed_surface(tmp_path) -> None:
         ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE | {"centre_z_mm": 3.5}}, {}, "lens.fixed_inner: .*star-shaped"),
         ({"outer_offset_mm": 6.0, "fixed_inner": SPHERE}, {"cavity_height_mm": 2.5}, "fixed_inner cuts 0.5 mm into"),
         ({"inner_offset_mm": 3.0, "fixed_outer": DOME}, {"max_radius_mm": 6.4}, r"fixed_outer reaches \d"),
+        (
+            {"outer_offset_mm": 6.0, "fixed_inner": FLAT | NARROW},  # along y alone inside the cavity
+            {"cavity_radius_mm": 1.3},
+            r"fixed_inner cuts 0\.\d+ mm into",
+        ),
+        ({"inner_offset_mm": 3.0, "fixed_outer": LONG}, {"max_radius_mm": 6.05}, r"fixed_outer reaches 6\.076\d* mm"),
+        (
+            {"outer_offset_mm": 6.0, "fixed_inner": FLAT},
+            {"inner_concave_radius_mm": 3.2},
+            "has a concave radius of 3 mm",
+        ),
         ({"inner_offset_mm": 3.0, "fixed_outer": {"kind": "plane"}}, {}, r"lens\.fixed_outer.*'sphere', 'asphere'"),
     ],
 )

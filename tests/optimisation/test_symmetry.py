@@ -3,6 +3,7 @@
 import pytest
 from scenes import small_spec
 
+from lensforge.errors import InputError
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.planar import planar_emitter
@@ -30,6 +31,18 @@ def _scene(target: dict) -> Spec:
 )
 def test_auto_is_the_largest_that_source_and_target_share(target: dict, source, symmetry: str) -> None:
     assert settled_symmetry(_scene(target), source).lens.symmetry == symmetry
+
+
+def test_a_fixed_surface_limits_the_symmetry() -> None:
+    inner = {"kind": "biconic", "vertex_z_mm": 3.0, "radius_x_mm": -3.0, "radius_y_mm": -2.9}
+    lens = {"levels": [9, 25], "fixed_inner": inner, "outer_offset_mm": 6.0}
+    target = {"kind": "rectangle", "width_mm": 60.0, "height_mm": 60.0, "edge_mm": 5.0, **PLACE}
+    found, wanted = (
+        small_spec(optimise__pixels=64, target=target, lens=lens | {"symmetry": each}) for each in ("auto", "square")
+    )
+    assert settled_symmetry(found, SquareEmitter(1.0)).lens.symmetry == "rectangle"
+    with pytest.raises(InputError, match=r"'square': lens.fixed_inner is not symmetric in this way"):
+        settled_symmetry(wanted, SquareEmitter(1.0))
 
 
 def test_a_lens_records_the_symmetry_that_was_found() -> None:
