@@ -18,9 +18,9 @@ def core_pin() -> cq.Workplane:
     """The pin as one solid, its parting plane at z = 0."""
     scaling = gp_GTrsf(gp_Mat(*(SEMI_AXES_MM[i] if i == j else 0.0 for i in range(3) for j in range(3))), gp_XYZ())
     dome = cq.Shape.cast(BRepBuilderAPI_GTransform(cq.Solid.makeSphere(1.0).wrapped, scaling).Shape())
-    above = cq.Workplane("XY").box(40.0, 40.0, 20.0, centered=(True, True, False))
+    above = cq.Solid.makeBox(40.0, 40.0, 20.0, cq.Vector(-20.0, -20.0, 0.0))
     block = cq.Workplane("XY").box(20.0, 20.0, 5.0).translate((0.0, 0.0, -2.5))
-    return block.union(cq.Workplane(obj=above.val().intersect(dome)))
+    return block.union(cq.Workplane(obj=above.intersect(dome)))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 The lens from which it starts is judged first, so that the end is never worse. Each level has one short stage: broad
 functions need not be converged, the next level does the same work better, and a converged coarse lens leads to a worse
 fine one. A level that lowered the error by too little, or by no more than noise, is tried again with smaller steps; if
-that does not help, it is left out, and no finer one is tried. Long stages of ever smaller steps and more rays follow,
+that does not help, it is left out, and no finer one is tried. From a finished lens the broad functions move first, too,
+all others as they are; a level of them that gains nothing is left as it was. Long stages of ever smaller steps and more rays follow,
 until one of them gains too little. A scene with a region of uniform light then has stages for its uniformity, with
 small steps: they decide between lenses that light the target alike, and larger ones scatter light out of the window
 (0.904 of the flux for 0.908 on flat_top). In every stage the learning rate falls to a twentieth, so that its end can be
@@ -33,14 +34,12 @@ _FEWEST = 10  # steps of a stage that is cut to fit the budget
 class AutomaticSchedule:
     """``budget_s``: seconds of the whole search, None for as long as it gains.
 
-    ``uniform``: the scene has a region of uniform light. ``start_level``: of the lens from which it starts, 0 for
-    hemispheres.
+    ``uniform``: the scene has a region of uniform light.
     """
 
     stages: AutomaticStages
     uniform: bool
     budget_s: float | None = None
-    start_level: int = 0
 
     def turn(self, outcomes: Sequence[Outcome]) -> Turn:
         """Decide what follows the stages that had ``outcomes``."""
@@ -103,7 +102,7 @@ class _Position:
 
     @staticmethod
     def first(schedule: AutomaticSchedule) -> "_Position":
-        level = schedule.start_level
+        level = schedule.stages.start_level
         judged = replace(schedule.stages.level_stage(level), steps=0, uniformity_from=0)
         return _Position(schedule, "levels", level, Turn(judged))
 
@@ -120,7 +119,9 @@ class _Position:
         now = replace(self, best=outcome, accepted=outcome, accepted_level=level)
         kept = Turn(None, "current", improved=True, accepted=True)
         if self.accepted is None:
-            return now._level_stage(level, kept)
+            return now._level_stage(0, kept)
+        if level < self.schedule.stages.start_level:
+            return self._after_broad_functions(outcome, now, kept)
         gain = self.accepted.gain_of(outcome, even=False)
         if not gain.reaches(self.schedule.stages.effort.level_gain):
             return self._after_small_gain(gain, outcome, now)
@@ -131,6 +132,20 @@ class _Position:
             why = f"optimise.seconds = {self.schedule.budget_s:g} leaves no time for {counts[level + 1]} functions"
             return replace(now, why=why)._stage_of("long", outcome, kept)
         return now._level_stage(level + 1, kept, most)
+
+    def _after_broad_functions(self, outcome: Outcome, now: "_Position", kept: Turn) -> "_Position":
+        """The next level of a finished lens, from this one if it has gained anything."""
+        assert self.accepted is not None
+        better = self.accepted.gain_of(outcome, even=False).share > 0.0
+        start_level = self.schedule.stages.start_level
+        position = replace(now if better else self, accepted_level=start_level)
+        turn = kept if better else Turn(None, "accepted")
+        most = self._steps_of_level(outcome, start_level - self.level)
+        if most == 0:
+            why = f"optimise.seconds = {self.schedule.budget_s:g} leaves no time for all levels"
+            return replace(position, level=start_level, why=why)._stage_of("long", outcome, turn)
+        # the finest functions of a finished lens are near their best: smaller steps from the first one on
+        return position._level_stage(self.level + 1, turn, most, again=self.level + 1 == start_level)
 
     def _after_small_gain(self, gain: Gain, outcome: Outcome, now: "_Position") -> "_Position":
         """The level once more with smaller steps, or without it; that of the start stays, with what it has gained."""

@@ -22,13 +22,15 @@ _LEAST_GRADIENT = 3e-4
 class AutomaticStages:
     """Stages for ``levels`` with the steps and rays of ``effort``, from a spec's ``learning_rate``.
 
-    ``images``: mirror images of every ray; their mean has less noise, so that steps may be larger.
+    ``images``: mirror images of every ray; their mean has less noise, so that steps may be larger. ``start_level``: of
+    the lens from which it starts, all of whose functions stay while the broad ones move.
     """
 
     levels: UsefulLevels
     effort: SearchEffort
     learning_rate: float
     images: int = 1
+    start_level: int = 0
 
     def level_stage(self, level: int, most_steps: int | None = None, *, again: bool = False) -> Stage:
         """The stage of one level, cut to ``most_steps``; ``again``: for the second time, with smaller steps."""
@@ -47,11 +49,19 @@ class AutomaticStages:
         return replace(stage, uniformity_from=0)
 
     def _stage(self, level: int, steps: int, more_rays: int, share: float) -> Stage:
-        levels, (first, most) = self.levels.counts[: level + 1], self.effort.rays
+        counts, (first, most) = self.levels.counts, self.effort.rays
+        levels = counts[: max(level, self.start_level) + 1]
         rate = _FIRST_RATE * self.learning_rate * _LEVEL_RATE**level * share * self.images**_OF_IMAGES
         rays = min(first * more_rays, most)
         return Stage(
-            level, levels, sum(levels), steps, rays, rate, uniformity_from=steps, least_gradient=_LEAST_GRADIENT
+            level,
+            levels,
+            sum(counts[: level + 1]),
+            steps,
+            rays,
+            rate,
+            uniformity_from=steps,
+            least_gradient=_LEAST_GRADIENT,
         )
 
 

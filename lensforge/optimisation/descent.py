@@ -90,6 +90,7 @@ class Descent:
         problem = self.problems.of(stage.levels)
         problem.constraints.multipliers = self.state.multipliers
         weights = self.state.weights[: stage.functions].clone().requires_grad_()
+        still = self.state.weights[stage.functions :]
         offsets = self.state.offsets.clone().requires_grad_()
         optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99), eps=stage.least_gradient)
         if self.state.moments is not None:
@@ -102,7 +103,8 @@ class Descent:
                 group["lr"] = stage.rate(step)
             with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
                 uniform = step >= stage.uniformity_from
-                result = problem.merit.evaluate(weights, offsets, rays, problem.constraints, uniform)
+                every = torch.cat([weights, still]) if still.any() else weights
+                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform)
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step()

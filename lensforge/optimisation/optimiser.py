@@ -47,8 +47,8 @@ def search(
 ) -> Design:
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
-    ``start``: a lens to begin from instead of two hemispheres; then all functions move from the first step on, and
-    automatic levels begin with as many as it has. ``checkpoint`` is written every few seconds and at an interrupt; with
+    ``start``: a lens to begin from instead of two hemispheres; then given levels all move from the first step on, and
+    automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and at an interrupt; with
     ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one, unless
     ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it returns
     False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the lens, or a
@@ -89,8 +89,8 @@ def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) ->
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
     uniform, images = spec.has_uniform_region, len(group(spec.lens.symmetry))
-    stages = AutomaticStages(levels, effort, settings.learning_rate, images)
-    return AutomaticSchedule(stages, uniform, settings.seconds, first)
+    stages = AutomaticStages(levels, effort, settings.learning_rate, images, first)
+    return AutomaticSchedule(stages, uniform, settings.seconds)
 
 
 def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:

@@ -22,8 +22,9 @@ MOST_STAGES = 1000
 
 
 def schedule(**changes: object) -> AutomaticSchedule:
-    given = {"levels": LEVELS, "effort": EFFORT, "learning_rate": 0.004, "images": 1} | changes
-    stages = AutomaticStages(**{name: given.pop(name) for name in ("levels", "effort", "learning_rate", "images")})  # type: ignore[arg-type]
+    own = {"levels": LEVELS, "effort": EFFORT, "learning_rate": 0.004, "images": 1, "start_level": 0}
+    given = own | changes
+    stages = AutomaticStages(**{name: given.pop(name) for name in own})  # type: ignore[arg-type]
     return AutomaticSchedule(stages, **({"uniform": False} | given))  # type: ignore[arg-type]
 
 
@@ -152,7 +153,9 @@ def from_lens(factor: float) -> Callable[[Stage, float], float]:
 def test_a_search_from_a_lens_never_ends_worse_than_that_lens() -> None:
     for worse in (1.5, 0.6):
         found = Followed(schedule(start_level=1), from_lens(worse))
-        assert found.stages[0].steps == 0 and {stage.level for stage in found.stages[:2]} == {1}
+        assert found.stages[0].steps == 0 and [stage.level for stage in found.stages[:3]] == [1, 0, 1]
+        assert all(stage.levels == (9, 25) for stage in found.stages[:3]), "all its functions stay"
+        assert [stage.functions for stage in found.stages[:3]] == [34, 9, 34], "the broad ones move first"
         assert found.merit <= 1.0 and (found.merit == 1.0) == (worse > 1.0)
         assert found.levels == (9, 25) if worse > 1.0 else found.levels == (9, 25, 81)
 
