@@ -1,5 +1,6 @@
 """A search that goes on from a finished lens which the spec names."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ from scenes import random_surface, small_spec
 import lensforge as lf
 from lensforge.lens import Lens, load_lens
 from lensforge.spec import Spec
-from lensforge.surfaces.srbf import fibonacci_hemisphere
+from lensforge.surfaces.srbf import SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.surface import Surface
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +82,27 @@ def test_a_relative_start_counts_from_the_folder_of_the_spec(finished: Path, tmp
     (tmp_path / "again.toml").write_text(text.replace('start = "/before"', 'start = "before"'), encoding="utf-8")
     (tmp_path / "before").mkdir()
     assert lf.load_spec(tmp_path / "again.toml").lens.start == (tmp_path / "before" / "lens.json").resolve()
+
+
+def test_automatic_levels_move_the_broad_functions_of_the_lens_first_and_keep_the_others(finished: Path) -> None:
+    spec = small_spec(lens__start=str(finished)).with_automatic_levels()
+    seen: list[lf.Progress] = []
+    with pytest.raises(lf.Cancelled):
+        lf.design(spec, accuracy="draft", progress=lambda step: seen.append(step) or len(seen) < 3)
+    assert [step.functions for step in seen] == [9, 9, 9]
+    start, found = load_lens(finished / "lens.json"), seen[-1].lens()
+    for before, after in ((start.inner, found.inner), (start.outer, found.outer)):
+        assert isinstance(before, SrbfSurface) and isinstance(after, SrbfSurface)
+        moved = np.abs(after.weights_mm - before.weights_mm)
+        assert after.basis.levels == (9, 25) and moved[:9].min() > 1e-6
+        assert np.array_equal(after.weights_mm[9:], before.weights_mm[9:])
+    broad = Lens(*(_without_narrow(each) for each in (start.inner, start.outer)), start.spec, 0, "draft")
+    others: list[lf.Progress] = []
+    with pytest.raises(lf.Cancelled):
+        lf.design(spec, accuracy="draft", start=broad, progress=lambda step: others.append(step) or False)
+    assert abs(others[0].nmse / seen[0].nmse - 1.0) > 1e-3, "the light is that of all functions"
+
+
+def _without_narrow(surface: Surface) -> SrbfSurface:
+    assert isinstance(surface, SrbfSurface)
+    return replace(surface, weights_mm=np.where(np.arange(34) < 9, surface.weights_mm, 0.0))
