@@ -48,11 +48,11 @@ def search(
     """Search for the lens of ``spec``; its rays are traced by the CPU's kernels, or by torch on ``device``.
 
     ``start``: a lens to begin from instead of two hemispheres; then given levels all move from the first step on, and
-    automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and at an interrupt; with
-    ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one, unless
-    ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it returns
-    False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the lens, or a
-    target of which no lens can light half, unless ``anyway``.
+    automatic ones begin with as many as it has, the broad ones first. ``checkpoint`` is written every few seconds and
+    at an interrupt; with ``resume`` the search goes on from it and ends with the same bits as an uninterrupted one,
+    unless ``optimise.seconds`` makes it depend on time. ``progress`` is called after every gradient step; where it
+    returns False, the search raises :class:`Cancelled`. Raises :class:`InputError` for a scene without light in the
+    lens, or a target of which no lens can light half, unless ``anyway``.
     """
     clock, scene = Stopwatch(), SceneCheck.of(spec, source, start)
     scene.require_light(anyway=anyway)
