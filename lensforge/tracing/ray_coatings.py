@@ -1,0 +1,69 @@
+"""Coated faces as some rays meet them: the tables of reflectance, and the place of each ray among their rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.errors import InputError
+from lensforge.optics.coating_tables import coated_faces, coating_tables, whole_span
+from lensforge.optics.media import Media
+from lensforge.sources.bundle import RayBundle
+
+Table = Float[np.ndarray, "k m"]
+_MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating, whose rays have the reflectance at its end
+_FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
+
+
+@dataclass(frozen=True, eq=False)
+class RayCoatings:
+    """Table of each face, as in :class:`CoatingTables`; None: it reflects by Fresnel's formulas, or nothing.
+
+    ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
+    """
+
+    inner: Table | None
+    outer: Table | None
+    glass: Table | None
+    rows: Float[np.ndarray, " j"]
+
+    @staticmethod
+    def of(rays: RayBundle, media: Media, fresnel: bool = True) -> "RayCoatings":
+        """Coatings of ``media`` for ``rays``; none of them without ``fresnel``, when no face loses light.
+
+        Raises :class:`InputError` for light at whose wavelengths a coating is not known.
+        """
+        if not fresnel or not media.coated:
+            return NO_COATINGS
+        waves = rays.wavelengths_nm
+        _require_known(rays, media)
+        tables = coating_tables(media, whole_span(waves, media))
+        count = len(tables.wavelengths_nm)
+        rows = np.zeros(1) if waves is None or count == 1 else np.interp(waves, tables.wavelengths_nm, np.arange(count))
+        return RayCoatings(tables.inner, tables.outer, tables.glass, rows)
+
+    def part(self, part: slice) -> Float[np.ndarray, " i"]:
+        """Rows of some of the rays."""
+        return self.rows if len(self.rows) <= 1 else self.rows[part]
+
+
+NO_COATINGS = RayCoatings(None, None, None, np.empty(0))
+
+
+def _require_known(rays: RayBundle, media: Media) -> None:
+    waves, total = rays.wavelengths_nm, float(rays.flux.sum())
+    for name, face in coated_faces(media).items():
+        if face.known_nm is None:
+            continue
+        low, high = face.known_nm
+        if waves is None:
+            share, light = float(not low <= media.wavelength_nm <= high), f"light of {media.wavelength_nm:g} nm"
+        else:
+            share = float(rays.flux[(waves < low) | (waves > high)].sum()) / total
+            light = f"light from {waves.min():g} to {waves.max():g} nm"
+        if share > _MOST_OUTSIDE:
+            raise InputError(
+                f"{_FIELDS[name]}: known from {low:g} to {high:g} nm, and the source has {light}, {100.0 * share:.3g} % "
+                f"of it outside, at most {100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or correct the "
+                "spectrum (lens.design_wavelength_nm for a source without one)"
+            )
