@@ -2,8 +2,8 @@
 
 ``scene`` is ``(Fresnel losses?, index in the cavity, index outside, table origin, 1/table step)``; ``indices`` has the
 body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
-the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None, for which
-numba compiles the kernels anew, without a branch; ``rows`` has the place of each ray among their rows, or one for all.
+the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None: numba
+compiles the kernels for each, without a branch. ``rows`` has the place of each ray among their rows, or one for all.
 The path lengths that were found are kept, so that the adjoint need not search again.
 """
 

@@ -96,16 +96,16 @@ def least_reflectances(media: Media, span_nm: Span | None) -> tuple[float | None
 
     ``span_nm`` None: for light of any wavelengths, where a stack of layers may reflect nothing.
     """
-    faces, found = coated_faces(media), []
-    for name in ("inner", "outer"):
-        face = faces.get(name)
+    faces = coated_faces(media)
+
+    def least(face: CoatedFace | None) -> float | None:
         if face is None:
-            found.append(None)
-        elif span_nm is None and not isinstance(face.coating, ReflectanceTable):
-            found.append(0.0)
-        else:
-            found.append(face.reflectance(span_nm or (media.wavelength_nm, media.wavelength_nm)).least)
-    return found[0], found[1]
+            return None
+        if span_nm is None and not isinstance(face.coating, ReflectanceTable):
+            return 0.0
+        return face.reflectance(span_nm or (media.wavelength_nm, media.wavelength_nm)).least
+
+    return least(faces.get("inner")), least(faces.get("outer"))
 
 
 def _coefficients(face: Reflectance, waves: Float[np.ndarray, " k"]) -> Table:

@@ -26,7 +26,7 @@ class IndexCurve:
 
 @dataclass(frozen=True)
 class ReflectanceTable:
-    """Unpolarised reflectance of a coated face by wavelength and angle (degrees, rising from 0) in the less dense medium.
+    """Unpolarised reflectance of a coated face by wavelength and by angle in the less dense medium (degrees, from 0).
 
     Over the cosine of the angle a monotone cubic (Fritsch and Carlson), up to 1 at 90 degrees where the table ends
     before; linear between ``wavelengths_nm`` (rising), or without them one row for all.

@@ -122,7 +122,9 @@ def _waves(squared: Reflectances) -> tuple[Reflectances, Reflectances]:
     """cos x and sin x / x of the phases x of which the squares are given; below 0 the wave is evanescent."""
     phase = np.sqrt(np.maximum(squared, 0.0))
     cosine, sine = np.cos(phase), np.sinc(phase / np.pi)
-    if (squared < 0.0).any():
+    evanescent = squared < 0.0
+    if evanescent.any():
         depth = np.sqrt(np.maximum(-squared, 1e-16))
-        cosine, sine = np.where(squared < 0.0, np.cosh(depth), cosine), np.where(squared < 0.0, np.sinh(depth) / depth, sine)
+        cosine = np.where(evanescent, np.cosh(depth), cosine)
+        sine = np.where(evanescent, np.sinh(depth) / depth, sine)
     return cosine, sine

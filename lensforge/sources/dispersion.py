@@ -129,8 +129,9 @@ def in_material(rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], materi
     """Give each of ``rays`` its wavelength, and the index and the absorption, where known, of ``material`` there."""
     absorption = None if material.absorption is None else material.absorption.at(wavelengths_nm)
     indices = material.nearest_index(wavelengths_nm)
-    own = {"refractive_indices": indices, "absorption_per_mm": absorption, "wavelengths_nm": wavelengths_nm}
-    return replace(rays, **own)
+    return replace(
+        rays, refractive_indices=indices, absorption_per_mm=absorption, wavelengths_nm=np.asarray(wavelengths_nm)
+    )
 
 
 @dataclass(frozen=True, eq=False)

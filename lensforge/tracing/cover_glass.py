@@ -18,9 +18,7 @@ from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 from lensforge.tracing.ray_coatings import NO_COATINGS, RayCoatings
 
 
-def behind_glass(
-    rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS
-) -> ExitRays:
+def behind_glass(rays: ExitRays, media: Media, fresnel: bool = True, coatings: RayCoatings = NO_COATINGS) -> ExitRays:
     """``rays`` as they are behind the cover glass of ``media``; themselves where there is none.
 
     Rays that go sideways or back never meet it. Without ``fresnel`` its faces let all light through.

@@ -11,7 +11,7 @@ from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 
 Table = Float[np.ndarray, "k m"]
-_MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating, whose rays have the reflectance at its end
+_MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating; it is traced as at their end
 _FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
 
 
@@ -63,7 +63,7 @@ def _require_known(rays: RayBundle, media: Media) -> None:
             light = f"light from {waves.min():g} to {waves.max():g} nm"
         if share > _MOST_OUTSIDE:
             raise InputError(
-                f"{_FIELDS[name]}: known from {low:g} to {high:g} nm, and the source has {light}, {100.0 * share:.3g} % "
-                f"of it outside, at most {100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or correct the "
-                "spectrum (lens.design_wavelength_nm for a source without one)"
+                f"{_FIELDS[name]}: known from {low:g} to {high:g} nm, and the source has {light}: {100.0 * share:.3g} "
+                f"% of the flux is outside, at most {100.0 * _MOST_OUTSIDE:g} % may be; extend the coating's data, or "
+                "correct the spectrum (lens.design_wavelength_nm for a source without one)"
             )

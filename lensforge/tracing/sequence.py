@@ -83,8 +83,8 @@ class TensorRays:
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
     """Trace ``rays`` out of the lens; differentiable in what the surfaces are differentiable in.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. Exit rays are those behind
-    the cover glass, where there is one.
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. Exit rays
+    are those behind the cover glass, where there is one.
     """
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
