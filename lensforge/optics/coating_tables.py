@@ -28,9 +28,9 @@ class CoatingTables:
     """Reflectance of the faces that are coated; the same rows in each."""
 
     wavelengths_nm: Float[np.ndarray, " k"]
-    inner: Table | None
-    outer: Table | None
-    glass: Table | None
+    inner: Float[np.ndarray, "k a"] | None
+    outer: Float[np.ndarray, "k b"] | None
+    glass: Float[np.ndarray, "k c"] | None
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def _coefficients(face: Reflectance, waves: Float[np.ndarray, " k"]) -> Table:
     return _interpolating(face.at(waves, np.linspace(0.0, 1.0, cells + 1)))
 
 
-def _interpolating(values: Table) -> Table:
+def _interpolating(values: Float[np.ndarray, "k c"]) -> Table:
     """Coefficients of the cubic B-splines through values at equal steps, two more; the ends are not knots."""
     count = values.shape[1]
     matrix = np.zeros((count + 2, count + 2))

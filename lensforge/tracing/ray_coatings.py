@@ -10,7 +10,6 @@ from lensforge.optics.coating_tables import coated_faces, coating_tables, whole_
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 
-Table = Float[np.ndarray, "k m"]
 _MOST_OUTSIDE = 0.01  # share of the flux beyond the wavelengths of a coating; it is traced as at their end
 _FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
 
@@ -22,9 +21,9 @@ class RayCoatings:
     ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
     """
 
-    inner: Table | None
-    outer: Table | None
-    glass: Table | None
+    inner: Float[np.ndarray, "k a"] | None
+    outer: Float[np.ndarray, "k b"] | None
+    glass: Float[np.ndarray, "k c"] | None
     rows: Float[np.ndarray, " j"]
 
     @staticmethod
