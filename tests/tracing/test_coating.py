@@ -1,4 +1,4 @@
-"""Coated faces: closed forms, gradients by finite differences, the twin in torch, and both referees by their own sums."""
+"""Coated faces: closed forms, gradients by finite differences, the twin in torch, the sums of the referees."""
 
 from dataclasses import replace
 
