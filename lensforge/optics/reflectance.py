@@ -76,15 +76,13 @@ def _of_stack(stack: LayerStack, around: float, span_nm: tuple[float, float]) ->
 
 
 def _nodes(at: Callable[[Waves, Cosines], Reflectances], low: float, high: float) -> Waves:
-    """Wavelengths (nm), even in wavenumber, between which reflectance is linear but for the error allowed."""
+    """Wavelengths (nm) at equal steps between which reflectance is linear but for the error allowed."""
     rows = _LEAST_ROWS
     while low < high and rows <= _MOST_ROWS:
-        waves = 1.0 / np.linspace(1.0 / high, 1.0 / low, 2 * rows + 1)[::-1]
-        found, nodes = at(waves, _SOME), waves[::2]
-        share = ((waves[1::2] - nodes[:-1]) / np.diff(nodes))[:, None]
-        error = np.abs(found[1::2] - (1.0 - share) * found[:-1:2] - share * found[2::2]).max()
-        if error < _ERROR:
-            return nodes
+        waves = np.linspace(low, high, 2 * rows + 1)
+        found = at(waves, _SOME)
+        if np.abs(found[1::2] - 0.5 * (found[:-1:2] + found[2::2])).max() < _ERROR:
+            return waves[::2]
         rows *= 2
     if low < high:
         raise InputError(
