@@ -20,6 +20,7 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Refractive index": f"{spec.lens.refractive_index:g}",
         **({} if spec.lens.cavity_index == 1.0 else {"Index in the cavity": f"{spec.lens.cavity_index:g}"}),
         **({} if spec.lens.outside_index == 1.0 else {"Index outside": f"{spec.lens.outside_index:g}"}),
+        **_coating_facts(lens),
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         **_mould_facts(lens, part),
         **_untrimmed_facts(part),
@@ -34,6 +35,13 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Lens, SHA-256": lens.sha256,
         "lensforge": lens.version,
     }
+
+
+def _coating_facts(lens: Lens) -> Facts:
+    """Coatings of the optical faces; nothing for bare ones."""
+    section = lens.spec.lens
+    each = (("inner", section.inner_coating), ("outer", section.outer_coating))
+    return {f"Coating of the {name} face": coating.title for name, coating in each if coating is not None}
 
 
 def _mould_facts(lens: Lens, part: Part) -> Facts:

@@ -55,6 +55,12 @@ class LayerSection(Section):
         return self
 
     @property
+    def title(self) -> str:
+        """Its index or material, and its thickness."""
+        what = self.material or f"n = {self.refractive_index:g}"
+        return f"{what}, {self.thickness_nm:g} nm"
+
+    @property
     def dispersion(self) -> Material | None:
         """Material of the catalogue; None for one index."""
         return None if self.material is None else MATERIALS[self.material]
@@ -124,6 +130,16 @@ class CoatingSection(Section):
                         f"reflectance = {value:g}{at}: must be 0 to 1, the share of the light that is reflected; "
                         "divide percent by 100"
                     )
+
+    @property
+    def title(self) -> str:
+        """The coating in a few words: its layers from outside to the body, or what it reflects."""
+        if self.layers:
+            return "; ".join(layer.title for layer in self.layers) + ", from outside to the body"
+        low, high = (100.0 * pick(map(pick, self.reflectance)) for pick in (min, max))
+        if low == high:
+            return f"reflects {low:g} %"
+        return f"reflects {low:g} to {high:g} %, up to {self.angle_deg[-1] if self.angle_deg else 90:g}°"
 
     @property
     def chromatic(self) -> bool:
