@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.media import Coating, Media, ReflectanceTable
-from lensforge.optics.reflectance import Reflectance, reflectance_of
+from lensforge.optics.reflectance import Reflectance, least_reflectance, reflectance_of
 
 Table = Float[np.ndarray, "k m"]
 Span = tuple[float, float]  # least and largest wavelength (nm)
@@ -51,6 +51,9 @@ class CoatedFace:
             return self.coating.range_nm
         waves = self.coating.wavelengths_nm
         return (waves[0], waves[-1]) if waves else None
+
+
+_least_anywhere = lru_cache(maxsize=64)(least_reflectance)
 
 
 @lru_cache(maxsize=64)
@@ -94,16 +97,14 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
 def least_reflectances(media: Media, span_nm: Span | None) -> tuple[float | None, float | None]:
     """Lower bounds of the reflectance of the inner and the outer face, at any angle; None: the face is not coated.
 
-    ``span_nm`` None: for light of any wavelengths, where a stack of layers may reflect nothing.
+    ``span_nm`` None: for light of any wavelengths.
     """
     faces = coated_faces(media)
 
     def least(face: CoatedFace | None) -> float | None:
         if face is None:
             return None
-        if span_nm is None and not isinstance(face.coating, ReflectanceTable):
-            return 0.0
-        return face.reflectance(span_nm or (media.wavelength_nm, media.wavelength_nm)).least
+        return _least_anywhere(face.coating, face.around) if span_nm is None else face.reflectance(span_nm).least
 
     return least(faces.get("inner")), least(faces.get("outer"))
 

@@ -22,6 +22,7 @@ _LEAST_ROWS, _MOST_ROWS = 16, 4096  # of them, less one
 _SOME = np.linspace(0.25, 1.0, 13)  # cosines at which that error is found: up to 75 degrees
 _ALL = np.linspace(0.0, 1.0, 65)  # at which the least reflectance is; between them it may be less by _LOWER
 _LOWER = 1e-4
+_PER_FRINGE, _MOST_SAMPLES = 80, 20_000  # wavelengths at which the least of a stack over all of its range is found
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,19 @@ def _of_stack(stack: LayerStack, around: float, span_nm: tuple[float, float]) ->
 
     nodes = _nodes(at, float(low), float(high))
     return Reflectance(at, nodes, max(float(at(nodes, _ALL).min()) - _LOWER, 0.0))
+
+
+def least_reflectance(coating: Coating, around: float) -> float:
+    """Lower bound of the reflectance at any angle and wavelength; 0 where a thick stack has too many fringes."""
+    if isinstance(coating, ReflectanceTable):
+        return min(map(min, coating.reflectance))
+    low, high = coating.range_nm
+    path_nm = sum(layer.thickness_nm * max(layer.index.refractive_index) for layer in coating.layers)
+    count = _LEAST_ROWS + int(2.0 * _PER_FRINGE * path_nm * (1.0 / low - 1.0 / high))
+    if count > _MOST_SAMPLES:
+        return 0.0
+    found = stack_reflectance(coating, around, 1.0 / np.linspace(1.0 / high, 1.0 / low, count), _ALL)
+    return max(float(found.min()) - _LOWER, 0.0)
 
 
 def _nodes(at: Callable[[Waves, Cosines], Reflectances], low: float, high: float) -> Waves:

@@ -94,7 +94,7 @@ def normal_transmittance(refractive_index: float) -> float:
 def transmittance_of(media: Media) -> float:
     """Transmittance of both faces at normal incidence: they bound a lens's efficiency, 0.923 for PMMA in air.
 
-    Of a coated face at the angle and wavelength at which it reflects least, of a stack of layers 1.
+    Of a coated face at the angle and wavelength at which it reflects least.
     """
     ratios = (media.refractive_index / each for each in (media.cavity_index, media.outside_index))
     one, other = (

@@ -38,8 +38,9 @@ class RayCoatings:
         waves = rays.wavelengths_nm
         _require_known(rays, media)
         tables = coating_tables(media, whole_span(waves, media))
-        single = waves is None or len(tables.wavelengths_nm) == 1
-        rows = np.zeros(1) if single else _places(waves, tables.wavelengths_nm)
+        rows = np.zeros(1)
+        if waves is not None and len(tables.wavelengths_nm) > 1:
+            rows = _places(waves, tables.wavelengths_nm)
         return RayCoatings(tables.inner, tables.outer, tables.glass, rows)
 
     def part(self, part: slice) -> Float[np.ndarray, " i"]:

@@ -1,11 +1,13 @@
 """Coated faces: closed forms, gradients by finite differences, the twin in torch, the sums of the referees."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 import torch
 from landed import by_kernels, in_torch
+from pydantic import TypeAdapter
 from scenes import DEVICES, hemisphere_directions, random_surface, small_spec, sphere, table_of
 
 from lensforge.errors import InputError
@@ -16,6 +18,7 @@ from lensforge.lens import Lens
 from lensforge.optics.media import Coating, CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media, ReflectanceTable
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.optimisation.light_path import TableSurface
+from lensforge.optimisation.optimiser import search
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.square import SquareEmitter
@@ -190,6 +193,21 @@ def test_a_spec_states_them_and_the_budget_and_the_bounds_know_them() -> None:
     dark = evaluate_traced(TracedLens.of(lens_of(high), 4.0), high, SquareEmitter(1.0), 4096, 0).first
     assert dark.flux.detected + dark.flux.outside < 0.56 + 1e-12
     assert dark.efficiency.value <= dark.possible.efficiency <= 0.56 + 1e-12
+
+
+def test_light_outside_of_a_coating_ends_a_design_before_its_search() -> None:
+    table = {"reflectance": [[0.01], [0.02]], "wavelength_nm": [400.0, 500.0]}
+    begun: list[object] = []
+    for spectrum, words in ((WHITE, "light from 450"), (None, "light of 587.562 nm: 100 %")):
+        spec = small_spec(lens__outer_coating=table, source__spectrum=spectrum)
+        with pytest.raises(InputError, match=rf"lens.outer_coating: known from 400 to 500 nm, .*{words}"):
+            search(spec, build_source(spec.source, spec.lens.dispersion), accuracy="draft", progress=begun.append)
+    assert not begun
+
+
+def test_media_reach_the_casts_of_a_child_process_whole() -> None:
+    for scene in (COATED, GELLED):
+        assert TypeAdapter(Media).validate_python(json.loads(json.dumps(asdict(scene.media)))) == scene.media
 
 
 def test_the_exact_tracer_is_coated_as_the_tables_are() -> None:
