@@ -13,7 +13,8 @@ from lensforge.optics.two_refractions import best_transmittance, largest_deviati
 from lensforge.verification.coated_face import RefractingFace
 
 RNG = np.random.default_rng(4)
-WAVES, COSINES = RNG.uniform(400.0, 700.0, 60), RNG.uniform(0.0, 1.0, 60)
+WAVES = RNG.uniform(400.0, 700.0, 60)
+COSINES = np.append(RNG.uniform(0.0, 1.0, 56), [0.0005, 0.998, 0.9995, 1.0])
 SLOPED = IndexCurve((2.4, 2.3, 2.25), (380.0, 550.0, 720.0))
 STACKS = {
     "one": ([(IndexCurve((1.38,)), 100.0)], 1.5, 1.0),

@@ -9,6 +9,7 @@ from scenes import small_spec
 from lensforge.errors import InputError
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.optics.media import LayerStack, ReflectanceTable
+from lensforge.report.task import task
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
 
@@ -133,3 +134,14 @@ def test_a_coating_that_cannot_be_is_one_line(coating, message):
 def test_a_file_that_cannot_be_is_one_line(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         small_spec(lens__outer_coating={"file": str(written(tmp_path, "c.csv", text))})
+
+
+def test_the_drawing_and_the_page_name_a_coating_in_a_few_words():
+    layers = [{"refractive_index": 1.38, "thickness_nm": 100.0}, {"material": "fused silica", "thickness_nm": 30.0}]
+    table = {"reflectance": [0.01, 0.2], "angle_deg": [0, 70]}
+    spec = small_spec(lens__inner_coating={"layers": layers}, lens__outer_coating=table)
+    wanted = "n = 1.38, 100 nm; fused silica, 30 nm, from outside to the body"
+    assert spec.lens.inner_coating.title == wanted
+    assert spec.lens.outer_coating.title == "reflects 1 to 20 %, up to 70°"
+    assert ", coated inside and outside" in task(spec) and "coated" not in task(small_spec())
+    assert small_spec(lens__inner_coating={"reflectance": 0.005}).lens.inner_coating.title == "reflects 0.5 %"
