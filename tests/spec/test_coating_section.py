@@ -11,7 +11,7 @@ from lensforge.materials.catalogue import MATERIALS
 from lensforge.optics.media import LayerStack, ReflectanceTable
 from lensforge.report.task import task
 from lensforge.sources.build import build_source
-from lensforge.spec import load_spec
+from lensforge.spec import load_spec, parse_spec
 
 TABLE = "angle_deg,wavelength_nm,reflectance\n" + "".join(
     f"{angle},{wave},{share}\n"
@@ -50,6 +50,15 @@ def test_a_spec_keeps_the_table_and_needs_the_file_no_more(tmp_path, text):
     spec.save(tmp_path / "again.toml")
     assert load_spec(tmp_path / "again.toml") == spec
     assert json.loads(spec.model_dump_json())["lens"]["outer_coating"]["angle_deg"] == [0.0, 45.0, 80.0]
+
+
+@pytest.mark.parametrize("coating", [LAYERS, {"reflectance": 0.01}, {"reflectance": [0.01, 0.1], "angle_deg": [0, 60]}])
+def test_a_spec_comes_back_from_json_and_toml(tmp_path, coating):
+    glass = {"refractive_index": 1.52, "thickness_mm": 1.0, "distance_mm": 20.0, "coating": coating}
+    spec = small_spec(lens__inner_coating=coating, lens__cover_glass=glass)
+    assert parse_spec(json.loads(spec.model_dump_json()), "again") == spec
+    spec.save(tmp_path / "small.toml")
+    assert load_spec(tmp_path / "small.toml") == spec
 
 
 def test_columns_of_a_file_come_in_any_order(tmp_path):
