@@ -31,7 +31,7 @@ from lensforge.geometry.form import fit_to_form
 from lensforge.geometry.mesh import build_mesh
 from lensforge.geometry.plan import make_plan
 from lensforge.lens import Lens, load_lens
-from lensforge.optics.media import CoverGlass, Media
+from lensforge.optics.media import CoatingLayer, CoverGlass, IndexCurve, LayerStack, Media
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
@@ -110,6 +110,9 @@ def _media(lens: Lens) -> Iterator[tuple[str, Media, tuple[str, ...]]]:
     air = lens.media
     yield "absorption", replace(air, absorption_per_mm=0.01), ()
     yield "gel in the cavity", replace(air, cavity_index=1.41), ()
+    magnesium_fluoride = CoatingLayer(IndexCurve((1.38,)), 100.0)
+    layer = LayerStack((magnesium_fluoride,), IndexCurve((air.refractive_index,)), (300.0, 2000.0))
+    yield "coated faces", replace(air, inner_coating=layer, outer_coating=layer), ("coating",)
     yield "cover glass", replace(air, cover_glass=CoverGlass(1.52, 3.0, 20.0)), ()
 
 

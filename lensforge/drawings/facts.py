@@ -25,6 +25,7 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
             for name, face in (("inner", spec.lens.fixed_inner), ("outer", spec.lens.fixed_outer))
             if face is not None
         },
+        **_coating_facts(lens),
         "To be manufactured": {"part": "the lens itself", "insert": "mould inserts"}[spec.manufacture.make],
         **_mould_facts(lens, part),
         **_untrimmed_facts(part),
@@ -39,6 +40,13 @@ def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
         "Lens, SHA-256": lens.sha256,
         "lensforge": lens.version,
     }
+
+
+def _coating_facts(lens: Lens) -> Facts:
+    """Coatings of the optical faces; nothing for bare ones."""
+    section = lens.spec.lens
+    each = (("inner", section.inner_coating), ("outer", section.outer_coating))
+    return {f"Coating of the {name} face": coating.title for name, coating in each if coating is not None}
 
 
 def _mould_facts(lens: Lens, part: Part) -> Facts:

@@ -8,7 +8,13 @@ from math import exp, sqrt
 
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.refraction import outward_normal, refract, refract_adjoint, transmittance
+from lensforge.kernels.refraction import (
+    coated_transmittance,
+    outward_normal,
+    refract,
+    refract_adjoint,
+    transmittance,
+)
 from lensforge.kernels.spline import scatter, slope_and_curvature
 
 
@@ -68,13 +74,14 @@ def hit_adjoint(
 
 @kernel
 def trace_adjoint(
-    origins, directions, emitted, indices, absorptions, inner, outer, scene, lengths, fates,
+    origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
+    lengths, fates,
     by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
     Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
-    surface reflected totally: by sin^2.
+    surface reflected totally: by sin^2. Without Fresnel losses both coatings are None.
     """
     fresnel, cavity_index, outside_index, table_origin, inverse_step = scene
     for k in range(len(emitted)):
@@ -97,7 +104,11 @@ def trace_adjoint(
         jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
         nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
         bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, into)
-        through1, slope1 = transmittance(c1, sqrt(q1_squared), into) if fresnel else (1.0, 0.0)
+        if inner_coating is None:
+            through1, slope1 = transmittance(c1, sqrt(q1_squared), into) if fresnel else (1.0, 0.0)
+        else:
+            row = rows[min(k, len(rows) - 1)]
+            through1, slope1 = coated_transmittance(c1, sqrt(q1_squared), into, inner_coating, row)
         sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
         jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
         mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
@@ -108,7 +119,11 @@ def trace_adjoint(
         by_c2 = -2.0 * out_of * out_of * c2 * gs
         through2, slope2 = 1.0, 0.0
         if left and fresnel:
-            through2, slope2 = transmittance(c2, sqrt(q2_squared), out_of)
+            if outer_coating is None:
+                through2, slope2 = transmittance(c2, sqrt(q2_squared), out_of)
+            else:
+                row = rows[min(k, len(rows) - 1)]
+                through2, slope2 = coated_transmittance(c2, sqrt(q2_squared), out_of, outer_coating, row)
         arrived, by_t2 = emitted[k], 0.0  # the flux but for both surfaces; its sensitivity to the path in the body
         if len(absorptions) > 0:
             absorption = absorptions[min(k, len(absorptions) - 1)]

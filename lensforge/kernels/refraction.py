@@ -6,6 +6,7 @@
 from math import sqrt
 
 from lensforge.kernels.jit import inline
+from lensforge.kernels.spline import cubic_splines
 
 
 @inline
@@ -27,6 +28,30 @@ def transmittance(c, q, ratio):
     by_r_p = 2.0 * ratio * (q - c * dq) / ((c + ratio * q) * (c + ratio * q))
     value = 1.0 - 0.5 * (r_s * r_s + r_p * r_p)
     return value, -(r_s * by_r_s + r_p * by_r_p)
+
+
+@inline
+def coated_transmittance(c, q, ratio, table, row):
+    """Transmittance of a coated face, and its derivative with respect to ``c``.
+
+    ``table``: coefficients of its reflectance, splines over the cosine in the less dense medium, from 0 to 1; ``row``:
+    place among its rows.
+    """
+    cells = table.shape[1] - 3
+    cosine = c if ratio < 1.0 else q
+    position = cosine * cells
+    i = min(int(position), cells - 1)
+    low = min(int(row), max(table.shape[0] - 2, 0))
+    high = min(low + 1, table.shape[0] - 1)
+    share = row - low
+    w, d, _ = cubic_splines(position - i)
+    value, slope = 0.0, 0.0
+    for j in range(4):
+        coefficient = table[low, i + j] + share * (table[high, i + j] - table[low, i + j])
+        value += w[j] * coefficient
+        slope += d[j] * coefficient
+    by_c = 1.0 if ratio < 1.0 else ratio * ratio * c / q
+    return 1.0 - value, -slope * cells * by_c
 
 
 @inline

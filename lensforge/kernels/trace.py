@@ -2,7 +2,9 @@
 
 ``scene`` is ``(Fresnel losses?, index in the cavity, index outside, table origin, 1/table step)``; ``indices`` has the
 body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
-the body is clear. The path lengths that were found are kept, so that the adjoint need not search again.
+the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None: numba
+compiles the kernels for each, without a branch. ``rows`` has the place of each ray among their rows, or one for all.
+The path lengths that were found are kept, so that the adjoint need not search again.
 """
 
 from math import exp, sqrt
@@ -10,7 +12,7 @@ from math import exp, sqrt
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND, first_hit, tile_of
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.refraction import outward_normal, refract, transmittance
+from lensforge.kernels.refraction import coated_transmittance, outward_normal, refract, transmittance
 from lensforge.kernels.spline import value_and_slope
 
 
@@ -38,6 +40,7 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
 @kernel
 def trace(
     origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
+    inner_coating, outer_coating, rows,
     lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
 ):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
@@ -74,7 +77,11 @@ def trace(
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            flux[k] *= transmittance(c, sqrt(q_squared), into)[0]
+            if inner_coating is None:
+                flux[k] *= transmittance(c, sqrt(q_squared), into)[0]
+            else:
+                row = rows[min(k, len(rows) - 1)]
+                flux[k] *= coated_transmittance(c, sqrt(q_squared), into, inner_coating, row)[0]
         # the outer surface
         t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
@@ -97,6 +104,10 @@ def trace(
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            flux[k] *= transmittance(c, sqrt(q_squared), out_of)[0]
+            if outer_coating is None:
+                flux[k] *= transmittance(c, sqrt(q_squared), out_of)[0]
+            else:
+                row = rows[min(k, len(rows) - 1)]
+                flux[k] *= coated_transmittance(c, sqrt(q_squared), out_of, outer_coating, row)[0]
         exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
         exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz

@@ -33,3 +33,25 @@ def fresnel_transmittance(cosine: Float[Tensor, " n"], ratio: Ratio) -> Float[Te
     r_s = (ratio * cosine - behind) / (ratio * cosine + behind)
     r_p = (cosine - ratio * behind) / (cosine + ratio * behind)
     return 1.0 - 0.5 * (r_s**2 + r_p**2)
+
+
+def coated_transmittance(
+    cosine: Float[Tensor, " n"], ratio: Ratio, table: Float[Tensor, "k m"], rows: Float[Tensor, " j"]
+) -> Float[Tensor, " n"]:
+    """Transmitted share at a coated face. Mask total reflection first.
+
+    ``table``: as in :mod:`~lensforge.optics.coating_tables`; ``rows``: place among its rows, of each ray or of all.
+    """
+    behind = torch.sqrt(transmitted_cosine_squared(cosine, ratio))
+    denser = torch.as_tensor(ratio, device=cosine.device) < 1.0
+    position = torch.where(denser, cosine, behind) * (table.shape[1] - 3)
+    cell = position.detach().to(torch.int64).clamp(max=table.shape[1] - 4)
+    low = rows.to(torch.int64).clamp(max=max(len(table) - 2, 0))
+    high, share = (low + 1).clamp(max=len(table) - 1), rows - low
+    reflected = torch.zeros_like(cosine)
+    for j in range(4):  # a uniform cubic B-spline by its truncated powers
+        away = (position - cell - (j - 1)).abs()
+        weight = (2.0 - away).clamp(min=0.0) ** 3 / 6.0 - (1.0 - away).clamp(min=0.0) ** 3 * (2.0 / 3.0)
+        before, after = table[low, cell + j], table[high, cell + j]
+        reflected = reflected + weight * (before + share * (after - before))
+    return 1.0 - reflected

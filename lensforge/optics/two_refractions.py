@@ -1,7 +1,8 @@
 """Limits of two refractions, into a body and out of it: how far they turn a ray, and how much of it they transmit.
 
 The light at each face is unpolarised, as the tracers take it. In air both faces are alike; where something else fills
-the cavity or surrounds the lens, each has its own ratio of indices.
+the cavity or surrounds the lens, each has its own ratio of indices. A coated face is only known to reflect at least so
+much, at any angle; it turns light as if it were bare.
 """
 
 from math import acos
@@ -9,9 +10,11 @@ from math import acos
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.optics.coating_tables import least_reflectances
 from lensforge.optics.media import Media
 
 Turns = Float[np.ndarray, "*n"]
+Least = tuple[float | None, float | None]  # reflectances of the inner and the outer face; None: it is bare
 _SPLITS = 256  # of a turn among two faces that differ: the bound is less than 2 % above what some split transmits
 
 
@@ -24,27 +27,38 @@ def largest_deviation_rad(refractive_index: float) -> float:
 
 
 def best_transmittance(
-    deviation_rad: Turns, refractive_index: float | Turns, cavity_index: float = 1.0, outside_index: float = 1.0
+    deviation_rad: Turns,
+    refractive_index: float | Turns,
+    cavity_index: float = 1.0,
+    outside_index: float = 1.0,
+    least: Least = (None, None),
 ) -> Turns:
     """Largest transmittance of two faces that turn a ray by ``deviation_rad`` at least; 0 beyond the largest deviation.
 
     The logarithm of one face's transmittance is concave in its deviation, so that two alike do best to turn the ray by
     half of it each, in one plane. Of two that differ an upper bound: each transmits less the more it turns, and within
-    a step of the split at most what it does at the step's better end.
+    a step of the split at most what it does at the step's better end. ``least``: reflectances of coated faces.
     """
     turn = np.maximum(deviation_rad, 0.0)
     index = np.broadcast_to(refractive_index, turn.shape)
     first, second = (_ratio(index, each) for each in (cavity_index, outside_index))
-    if cavity_index == outside_index:
+    if cavity_index == outside_index and least == (None, None):
         once = face_transmittance(0.5 * turn, first)
         both: Turns = once * once
         return both
     bound: Turns = np.zeros_like(turn)
     for k in range(_SPLITS):
-        one = face_transmittance(k / _SPLITS * turn, first)
-        other = face_transmittance((1.0 - (k + 1) / _SPLITS) * turn, second)
+        one = _at_most(k / _SPLITS * turn, first, least[0])
+        other = _at_most((1.0 - (k + 1) / _SPLITS) * turn, second, least[1])
         bound = np.maximum(bound, one * other)
     return bound
+
+
+def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
+    """Transmittance of a face, or of a coated one an upper bound."""
+    bare = face_transmittance(deviation_rad, ratio)
+    coated: Turns = bare if least is None else np.where(bare > 0.0, 1.0 - least, 0.0)
+    return coated
 
 
 def _ratio(refractive_index: Turns, around: float) -> Turns:
@@ -78,6 +92,13 @@ def normal_transmittance(refractive_index: float) -> float:
 
 
 def transmittance_of(media: Media) -> float:
-    """Transmittance of both faces at normal incidence: they bound a lens's efficiency, 0.923 for PMMA in air."""
-    index = media.refractive_index
-    return normal_transmittance(index / media.cavity_index) * normal_transmittance(index / media.outside_index)
+    """Transmittance of both faces at normal incidence: they bound a lens's efficiency, 0.923 for PMMA in air.
+
+    Of a coated face at the angle and wavelength at which it reflects least.
+    """
+    ratios = (media.refractive_index / each for each in (media.cavity_index, media.outside_index))
+    one, other = (
+        normal_transmittance(ratio) if least is None else 1.0 - least
+        for ratio, least in zip(ratios, least_reflectances(media, None), strict=True)
+    )
+    return one * other

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.optics.coating_tables import least_reflectances, whole_span
 from lensforge.optics.etendue import cell_solid_angles, cone_around, etendue_from_ball
 from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import best_transmittance
@@ -65,11 +66,13 @@ class SourceLight:
     def best_transmittances(self, turns_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Largest transmittance of two faces that turn each of the rays by at least so much."""
         media = self.media
-        return best_transmittance(turns_rad, self.rays.indices(media), media.cavity_index, media.outside_index)
+        least = least_reflectances(media, whole_span(self.rays.wavelengths_nm, media))
+        indices = self.rays.indices(media)
+        return best_transmittance(turns_rad, indices, media.cavity_index, media.outside_index, least)
 
     @cached_property
     def transmittance(self) -> float:
-        """Transmittance of two faces at normal incidence, for the light that they transmit best."""
+        """Transmittance of two faces that need not turn light, for the light that they transmit best."""
         return float(self.best_transmittances(np.zeros(len(self.rays))).max())
 
 

@@ -36,9 +36,12 @@ def _fixed(lens: LensSection) -> str:
 
 
 def _surroundings(lens: LensSection) -> str:
-    """Indices in the cavity and around the lens, where these are not air."""
+    """Indices in the cavity and around the lens, where these are not air; coated faces."""
     around = (("the cavity", lens.cavity_index), ("the surroundings", lens.outside_index))
-    return "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
+    indices = "".join(f", n = {index:g} in {where}" for where, index in around if index != 1.0)
+    faces = (("inside", lens.inner_coating), ("outside", lens.outer_coating))
+    coated = " and ".join(where for where, coating in faces if coating is not None)
+    return f"{indices}, coated {coated}" if coated else indices
 
 
 def _on_receiver(receiver: AnyReceiver) -> str:

@@ -14,8 +14,8 @@ from lensforge.optics.media import Media
 class RayBundle:
     """Rays: start points ``origins`` (mm), unit directions, and the flux each carries (W). NumPy, float64.
 
-    ``refractive_indices`` and ``absorption_per_mm``: of the lens at the wavelength of each ray; None where that of the
-    spec holds for all.
+    ``refractive_indices`` and ``absorption_per_mm``: of the lens at the wavelength of each ray, ``wavelengths_nm``;
+    None where that of the spec holds for all.
     """
 
     origins: Float[np.ndarray, "n 3"]
@@ -23,14 +23,19 @@ class RayBundle:
     flux: Float[np.ndarray, " n"]
     refractive_indices: Float[np.ndarray, " n"] | None = None
     absorption_per_mm: Float[np.ndarray, " n"] | None = None
+    wavelengths_nm: Float[np.ndarray, " n"] | None = None
 
     def __len__(self) -> int:
         return len(self.flux)
 
     def take(self, rows: Int[np.ndarray, " k"] | Bool[np.ndarray, " n"] | slice) -> "RayBundle":
         """Select some of the rays."""
-        own = (None if each is None else each[rows] for each in (self.refractive_indices, self.absorption_per_mm))
+        own = (None if each is None else each[rows] for each in self._own)
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
+
+    @property
+    def _own(self) -> tuple[Float[np.ndarray, " n"] | None, ...]:
+        return self.refractive_indices, self.absorption_per_mm, self.wavelengths_nm
 
     def indices(self, media: Media) -> Float[np.ndarray, " n"]:
         """Refractive index of the lens for each ray: its own where it has one, else that of ``media``."""
@@ -52,19 +57,20 @@ class RayBundle:
         own = self.absorption_per_mm
         return np.full(len(self), media.absorption_per_mm) if own is None else own
 
+    def wavelengths(self, media: Media) -> Float[np.ndarray, " n"]:
+        """Wavelength (nm) of each ray: its own where it has one, else that of ``media``."""
+        own = self.wavelengths_nm
+        return np.full(len(self), media.wavelength_nm) if own is None else own
+
     @classmethod
     def joined(cls, parts: Sequence["RayBundle"]) -> "RayBundle":
-        """Join the rays of all parts in their order; all have refractive indices, or none has, and absorptions."""
-        indices, absorptions = (
-            [own for own in rows if own is not None]
-            for rows in zip(*((part.refractive_indices, part.absorption_per_mm) for part in parts), strict=True)
-        )
+        """Join the rays of all parts in their order; what is of each ray, all of them have, or none."""
+        own = ([each for each in rows if each is not None] for rows in zip(*(part._own for part in parts), strict=True))
         return cls(
             np.concatenate([part.origins for part in parts]),
             np.concatenate([part.directions for part in parts]),
             np.concatenate([part.flux for part in parts]),
-            np.concatenate(indices) if indices else None,
-            np.concatenate(absorptions) if absorptions else None,
+            *(np.concatenate(rows) if rows else None for rows in own),
         )
 
 

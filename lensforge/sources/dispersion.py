@@ -126,10 +126,12 @@ def _require_few(clamped: float, low: float, high: float, material: Material, na
 
 
 def in_material(rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material) -> RayBundle:
-    """Give each of ``rays`` the index, and the absorption where it is known, of ``material`` at its wavelength."""
+    """Give each of ``rays`` its wavelength, and the index and the absorption, where known, of ``material`` there."""
     absorption = None if material.absorption is None else material.absorption.at(wavelengths_nm)
     indices = material.nearest_index(wavelengths_nm)
-    return replace(rays, refractive_indices=indices, absorption_per_mm=absorption)
+    return replace(
+        rays, refractive_indices=indices, absorption_per_mm=absorption, wavelengths_nm=np.asarray(wavelengths_nm)
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from lensforge.optics.media import CoverGlass
+from lensforge.spec.coating import CoatingSection
 from lensforge.spec.section import Millimetres, Section
 
 
@@ -13,14 +14,17 @@ class CoverGlassSection(Section):
 
     ``distance_mm``: height of its near face above z = 0, beyond the whole lens. Of ``absorption_per_mm`` light loses
     exp(-absorption times path) (Beer and Lambert). What its faces reflect goes back and is followed no further.
+    ``coating``: of both faces, its ``layers`` counted from outside the glass.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
     thickness_mm: Millimetres
     distance_mm: Millimetres
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    coating: CoatingSection | None = None
 
     @property
     def glass(self) -> CoverGlass:
         """The plate as rays meet it."""
-        return CoverGlass(self.refractive_index, self.thickness_mm, self.distance_mm, self.absorption_per_mm)
+        coating = None if self.coating is None else self.coating.coating(self.refractive_index)
+        return CoverGlass(self.refractive_index, self.thickness_mm, self.distance_mm, self.absorption_per_mm, coating)

@@ -8,8 +8,10 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 from lensforge.errors import InputError
 from lensforge.given_faces.lens_face import lens_file
 from lensforge.materials.catalogue import MATERIALS
+from lensforge.materials.formulas import IndexTable
 from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
 from lensforge.optics.media import Media
+from lensforge.spec.coating import CoatingSection
 from lensforge.spec.cover_glass import CoverGlassSection
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.optical_data import OpticalData, with_optical_data
@@ -17,6 +19,7 @@ from lensforge.spec.section import FilePath, Label, Millimetres, Section
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 from lensforge.surfaces.surface import Surface
 
+_SHORTEST_NM, _LONGEST_NM = 1.0, 1e7  # of any light
 _SAME_INDEX = 1e-9  # tolerance between a material's index and the one stored beside it in a lens.json
 
 _Index = Annotated[float, Field(ge=1.0, le=4.0)]
@@ -44,8 +47,9 @@ class LensSection(Section):
     ``refractive_index``.
     ``absorption_per_mm`` (Beer and Lambert) dims every ray on its way through the body, if the material itself states
     no absorption. ``cavity_index``, ``outside_index``: of what fills the cavity, such as a gel that couples the LED to
-    the lens, and of what surrounds the lens, such as water, at all wavelengths. ``density_g_per_cm3``, of the grade
-    that is ordered, gives the part its mass.
+    the lens, and of what surrounds the lens, such as water, at all wavelengths. ``inner_coating`` and
+    ``outer_coating`` set what the faces reflect. ``density_g_per_cm3``, of the grade that is ordered, gives the part
+    its mass.
     """
 
     refractive_index: _Index = 1.4936
@@ -55,6 +59,8 @@ class LensSection(Section):
     abbe_number: Annotated[float, Field(ge=10.0, le=200.0)] | None = None
     cavity_index: _Index = 1.0
     outside_index: _Index = 1.0
+    inner_coating: CoatingSection | None = None
+    outer_coating: CoatingSection | None = None
     cover_glass: CoverGlassSection | None = None
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
@@ -87,8 +93,10 @@ class LensSection(Section):
                 )
             if self.abbe_number is not None and "refractive_index" not in given:
                 raise ValueError("abbe_number needs refractive_index, the n_d of the same material")
-            if "design_wavelength_nm" in given and self.design_wavelength_nm != D_LINE_NM:
-                raise ValueError(f"design_wavelength_nm goes with a material of {', '.join(MATERIALS)}")
+            if "design_wavelength_nm" in given and self.design_wavelength_nm != D_LINE_NM and not self._chromatic:
+                raise ValueError(
+                    f"design_wavelength_nm goes with a material of {', '.join(MATERIALS)}, or a coating by wavelength"
+                )
             return self
         if self.abbe_number is not None:
             raise ValueError(f"abbe_number: {self.material} has its own dispersion; leave out one of the two")
@@ -119,13 +127,24 @@ class LensSection(Section):
     @property
     def media(self) -> Media:
         """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
-        material = self.dispersion
+        material = self._material
         if material is None or material.absorption is None:
             absorption = self.absorption_per_mm
         else:
             absorption = float(material.absorption.at(np.array([self.design_wavelength_nm]))[0])
         glass = None if self.cover_glass is None else self.cover_glass.glass
-        return Media(self.refractive_index, absorption, self.cavity_index, self.outside_index, glass)
+        body = self._material or self.refractive_index
+        inner, outer = (
+            None if each is None else each.coating(body) for each in (self.inner_coating, self.outer_coating)
+        )
+        around, wavelength_nm = (self.cavity_index, self.outside_index), self.design_wavelength_nm
+        return Media(self.refractive_index, absorption, *around, glass, inner, outer, wavelength_nm)
+
+    @property
+    def _chromatic(self) -> bool:
+        """True where a coating depends on the wavelength."""
+        glass = None if self.cover_glass is None else self.cover_glass.coating
+        return any(each is not None and each.chromatic for each in (self.inner_coating, self.outer_coating, glass))
 
     @property
     def _own_or_catalogued(self) -> Material | None:
@@ -136,7 +155,14 @@ class LensSection(Section):
 
     @property
     def dispersion(self) -> Material | None:
-        """Index against wavelength; None for a lens of one index."""
+        """Index against wavelength; None for a lens of one index, unless a coating of it depends on the wavelength."""
+        if self._material is None and self._chromatic:
+            whole = (_SHORTEST_NM, _LONGEST_NM)
+            return Material(self.material, IndexTable(whole, 2 * (self.refractive_index,)), whole, "the spec", None)
+        return self._material
+
+    @property
+    def _material(self) -> Material | None:
         if self.abbe_number is not None:
             return by_abbe_number(self.refractive_index, self.abbe_number, self.material)
         return self._own_or_catalogued

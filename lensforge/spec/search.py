@@ -100,7 +100,8 @@ class OptimiseSection(Section):
     With automatic levels ``seconds`` is the time that the search may take, set-up included; by default it goes on for
     as long as it gains. ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
 
-    Without ``fresnel`` the search neglects Fresnel losses at both surfaces; the evaluation never does.
+    Without ``fresnel`` the search neglects what both surfaces reflect, coated or not, and a cover glass; the evaluation
+    never does.
     """
 
     steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None

@@ -8,16 +8,18 @@ step, the implicit formula, Eq. (9).
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
 from lensforge.kernels.fates import Fate
-from lensforge.optics.dielectric import fresnel_transmittance, refract, transmitted_cosine_squared
+from lensforge.optics.dielectric import coated_transmittance, fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.cover_glass import behind_glass
 from lensforge.tracing.exit_rays import ExitRays
+from lensforge.tracing.ray_coatings import RayCoatings
 
 
 class Crossing(NamedTuple):
@@ -53,7 +55,8 @@ class TensorRays:
     """A :class:`RayBundle` as tensors of one precision on one device.
 
     ``entry_ratios`` and ``exit_ratios``: index before over index behind either face, for each ray; ``absorptions``
-    (1/mm) of the body likewise, None where it is clear. ``media``: for the cover glass.
+    (1/mm) of the body likewise, None where it is clear. ``coatings``: of the faces, NumPy arrays as yet. ``media``: for
+    the cover glass.
     """
 
     origins: Float[Tensor, "n 3"]
@@ -62,6 +65,7 @@ class TensorRays:
     entry_ratios: Float[Tensor, " n"]
     exit_ratios: Float[Tensor, " n"]
     absorptions: Float[Tensor, " n"] | None
+    coatings: RayCoatings
     media: Media
 
     @staticmethod
@@ -73,19 +77,21 @@ class TensorRays:
         into, out_of = (torch.as_tensor(each).to(flux) for each in (rays.entry_ratios(media), rays.exit_ratios(media)))
         clear = rays.absorption_per_mm is None and media.absorption_per_mm == 0.0
         absorptions = None if clear else torch.as_tensor(rays.absorptions(media)).to(flux)
-        return TensorRays(origins, directions, flux, into, out_of, absorptions, media)
+        return TensorRays(origins, directions, flux, into, out_of, absorptions, RayCoatings.of(rays, media), media)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
     """Trace ``rays`` out of the lens; differentiable in what the surfaces are differentiable in.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally. Exit rays are those behind
-    the cover glass, where there is one.
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. Exit rays
+    are those behind the cover glass, where there is one.
     """
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
     absorbed = None if rays.absorptions is None else torch.zeros_like(rays.flux)
-    for surface, ratios, is_outer in ((inner, rays.entry_ratios, False), (outer, rays.exit_ratios, True)):
+    coatings = rays.coatings
+    faces = (inner, rays.entry_ratios, coatings.inner, False), (outer, rays.exit_ratios, coatings.outer, True)
+    for surface, ratios, coating, is_outer in faces:
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         through_plane = _through_plane(directions, is_outer)
         fates[alive] = _without_crossing(crossing, origins, directions, through_plane, is_outer)
@@ -108,9 +114,23 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         alive, cosine, ratio = alive[passes], cosine[passes], ratio[passes]
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
         if fresnel:
-            flux = flux.index_put((alive,), flux[alive] * fresnel_transmittance(cosine, ratio))
+            flux = flux.index_put((alive,), flux[alive] * _transmittance(cosine, ratio, coating, coatings.rows, alive))
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
-    return behind_glass(ExitRays(points, directions, flux, sin2_exit, fates, absorbed), rays.media, fresnel)
+    return behind_glass(ExitRays(points, directions, flux, sin2_exit, fates, absorbed), rays.media, fresnel, coatings)
+
+
+def _transmittance(
+    cosine: Float[Tensor, " n"],
+    ratio: Float[Tensor, " n"],
+    coating: Float[np.ndarray, "k m"] | None,
+    rows: Float[np.ndarray, " j"],
+    alive: Tensor,
+) -> Float[Tensor, " n"]:
+    """Transmitted shares of the rays ``alive`` at a face, coated or not; ``rows``: of all rays."""
+    if coating is None:
+        return fresnel_transmittance(cosine, ratio)
+    table, own = (torch.as_tensor(each).to(cosine) for each in (coating, rows))
+    return coated_transmittance(cosine, ratio, table, own if len(own) == 1 else own[alive])
 
 
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:

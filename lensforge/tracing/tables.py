@@ -16,13 +16,14 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.cover_glass import before_glass, behind_glass
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
+from lensforge.tracing.ray_coatings import RayCoatings
 
 
 @dataclass(frozen=True)
 class Scene:
     """The lens body between two tables: the media, and the tables' grid.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally.
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not.
     """
 
     media: Media
@@ -60,6 +61,7 @@ class TracedBundle:
     outer: Float[np.ndarray, "side side"]
     scene: Scene
     rays: RayBundle
+    coatings: RayCoatings
     lengths: Float[np.ndarray, "n 2"]
     at_lens: ExitRays
     exits: ExitRays
@@ -71,6 +73,7 @@ class TracedBundle:
         tables = inner.detach().numpy(), outer.detach().numpy()
         count, (indices, absorptions) = len(rays), scene.body(rays)
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
+        coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
         absorbed = np.zeros(count if len(absorptions) else 0)
@@ -79,6 +82,7 @@ class TracedBundle:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
+                coatings.inner, coatings.outer, coatings.part(part),
                 lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
             )  # fmt: skip
 
@@ -86,7 +90,8 @@ class TracedBundle:
         exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
         if len(absorptions):
             exits = replace(exits, absorbed=torch.from_numpy(absorbed))
-        return TracedBundle(*tables, scene, rays, lengths, exits, behind_glass(exits, scene.media, scene.fresnel))
+        behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
+        return TracedBundle(*tables, scene, rays, coatings, lengths, exits, behind)
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
@@ -96,14 +101,16 @@ class TracedBundle:
         The flux that a lost ray carried counts as a constant.
         """
         rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
-        by, by_flux = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel)
+        coatings = self.coatings
+        by, by_flux = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
         def work(chunk: int, part: slice) -> None:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part),
-                self.inner, self.outer, self.scene.packed(), self.lengths[part], fates[part],
+                self.inner, self.outer, self.scene.packed(), coatings.inner, coatings.outer, coatings.part(part),
+                self.lengths[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
                 *totals[:, chunk],
             )  # fmt: skip

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from lensforge.files import temporary_folder, write_json
-from lensforge.optics.media import CoverGlass, Media
+from lensforge.optics.media import Media
 from lensforge.records import BodySize, SimulatedResult
 from lensforge.sources.bundle import RayBundle
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
@@ -98,8 +99,7 @@ def _cast(folder: Path) -> None:
     with np.load(folder / _ARRAYS, allow_pickle=False) as archive:
         arrays = dict(archive)
     rays, given = _bundle_in(arrays, _RAYS), job["given"]
-    glass = given["media"].pop("cover_glass")
-    given["media"] = Media(**given["media"], cover_glass=None if glass is None else CoverGlass(**glass))
+    given["media"] = TypeAdapter(Media).validate_python(given["media"])
     screens, stl = [Screen(**screen) for screen in job["screens"]], (folder / _STL).read_bytes()
     if job["stage"] == Proof.stage:
         expected = [

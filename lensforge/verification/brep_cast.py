@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from time import perf_counter
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import BREP_RAYS
 from lensforge.verification.casting import Leg
+from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.comparison import Expected, compare, drawn, gap_quantiles
-from lensforge.verification.misplaced import Cast, Ends, Ratios
+from lensforge.verification.misplaced import Cast, Ends
 from lensforge.verification.passage import (
     CastFate,
     LandedRays,
@@ -27,7 +28,7 @@ from lensforge.verification.passage import (
     outside_leg,
 )
 from lensforge.verification.proof import BrepCast, Gaps
-from lensforge.verification.refraction import refract
+from lensforge.verification.refraction import refract_at
 from lensforge.verification.step_body import BrepHits, StepBody
 
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
@@ -63,7 +64,7 @@ def cast_brep(
 def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     """Trace every ray into the body and out of it, as through the mesh."""
     passage = Passage.of(rays)
-    leg, into, out_of = outside_leg(rays), rays.entry_ratios(media), rays.exit_ratios(media)
+    leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
     entry = body.first_hits(leg)
     against = np.where(np.sum(entry.normals * leg.directions, axis=1) > 0.0, -1.0, 1.0)[:, None]
     passage.fates[:] = np.select(
@@ -73,7 +74,7 @@ def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     )
     rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
     entry = entry.take(rows)
-    entered = _cross(leg.take(rows), entry, into[rows])
+    entered = _cross(leg.take(rows), entry, into.take(rows))
     passage.flux[rows] *= entered.transmittance
 
     exits = body.first_hits(entered.leg)
@@ -81,22 +82,22 @@ def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     lengths = np.linalg.norm(exits.points[reached] - entered.leg.origins[reached], axis=1)
     absorb(passage, rows[reached], lengths, rays.absorptions(media)[rows[reached]])
-    left = _cross(entered.leg.take(reached), exits.take(reached), out_of[rows[reached]])
+    left = _cross(entered.leg.take(reached), exits.take(reached), out_of.take(rows[reached]))
     leave(passage, rows[reached], left)
-    return behind_glass(passage, media)
+    return behind_glass(passage, rays, media)
 
 
 def through_step(body: StepBody) -> Cast:
     """Rays through a STEP file, refracted at the first two faces that they meet, whatever these are."""
 
-    def cast(leg: Leg, into: Ratios, out_of: Ratios) -> Ends:
-        points, directions = np.full((2, len(into), 3), np.nan)
+    def cast(leg: Leg, into: RefractingFace, out_of: RefractingFace) -> Ends:
+        points, directions = np.full((2, len(leg.origins), 3), np.nan)
         entry = body.first_hits(leg)
         rows = np.nonzero(entry.faces >= 0)[0]
-        entered = _cross(leg.take(rows), entry.take(rows), into[rows])
+        entered = _cross(leg.take(rows), entry.take(rows), into.take(rows))
         exits = body.first_hits(entered.leg)
         met = np.nonzero(exits.faces >= 0)[0]
-        left = _cross(entered.leg.take(met), exits.take(met), out_of[rows[met]])
+        left = _cross(entered.leg.take(met), exits.take(met), out_of.take(rows[met]))
         passes = left.transmittance > 0.0
         points[rows[met[passes]]] = left.leg.origins[passes]
         directions[rows[met[passes]]] = left.leg.directions[passes]
@@ -105,8 +106,8 @@ def through_step(body: StepBody) -> Cast:
     return cast
 
 
-def _cross(leg: Leg, hits: BrepHits, index_ratio: Float[np.ndarray, " n"]) -> RefractedRays:
-    directions, transmittance = refract(leg.directions, hits.normals, index_ratio)
+def _cross(leg: Leg, hits: BrepHits, face: RefractingFace) -> RefractedRays:
+    directions, transmittance = refract_at(face, leg.directions, hits.normals)
     behind = Leg(hits.points, directions, np.full(len(directions), _SKIN_MM))
     return RefractedRays(behind, transmittance, np.zeros(len(directions)))
 

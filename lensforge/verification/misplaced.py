@@ -17,14 +17,15 @@ from lensforge.optics.media import Media
 from lensforge.records import BodySize
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
+from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.comparison import Expected
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross
 from lensforge.verification.refraction import through_glass
 
 Ends = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]  # exit points (mm) and directions, NaN where lost
-Ratios = Float[np.ndarray, " n"]  # index before over index behind a face
-Cast = Callable[[Leg, Ratios, Ratios], Ends]  # by rays and their ratios on the way in and out, whatever faces they meet
+# By rays and the faces by which they come in and out, whatever faces of the part they meet.
+Cast = Callable[[Leg, RefractingFace, RefractingFace], Ends]
 
 RAYS = 128
 _SAME_RATIO = 5e-3  # of the sides of two boxes: those of coarse facets are shorter by less
@@ -98,14 +99,14 @@ class Motion:
 def through_mesh(part: PartMesh, grid: Grid) -> Cast:
     """Rays through a mesh, refracted at the first two facets that they meet, whatever these are."""
 
-    def cast(leg: Leg, into: Ratios, out_of: Ratios) -> Ends:
-        points, directions = np.full((2, len(into), 3), np.nan)
+    def cast(leg: Leg, into: RefractingFace, out_of: RefractingFace) -> Ends:
+        points, directions = np.full((2, len(leg.origins), 3), np.nan)
         entry = grid.first_hits(leg)
         rows = np.nonzero(entry.found)[0]
-        entered = cross(part, leg.take(rows), entry.take(rows), into[rows])
+        entered = cross(part, leg.take(rows), entry.take(rows), into.take(rows))
         exits = grid.first_hits(entered.leg)
         met = np.nonzero(exits.found)[0]
-        left = cross(part, entered.leg.take(met), exits.take(met), out_of[rows[met]])
+        left = cross(part, entered.leg.take(met), exits.take(met), out_of.take(rows[met]))
         passes = left.transmittance > 0.0
         points[rows[met[passes]]] = left.leg.origins[passes]
         directions[rows[met[passes]]] = left.leg.directions[passes]
@@ -129,11 +130,11 @@ def recognised(
     if len(rows) == 0:
         return ""
     some, landings = rays.take(rows), expected.take(rows)
-    ratios = some.entry_ratios(media), some.exit_ratios(media)
+    faces = RefractingFace.inner(some, media), RefractingFace.outer(some, media)
 
     def distance(motion: Motion) -> float:
         """Median distance (mm) between landings, after ``motion`` is undone; infinite where too many rays are lost."""
-        points, directions, _ = through_glass(*motion.undo(cast(motion.apply(some), *ratios)), media)
+        points, directions, _ = through_glass(*motion.undo(cast(motion.apply(some), *faces)), media)
         screen = landings.screen
         gaps = screen.mm_per_unit * np.linalg.norm(screen.land(points, directions) - landings.landings, axis=1)
         seen = gaps[np.isfinite(gaps)]

@@ -6,6 +6,7 @@ rounding. Reflectances are unpolarised at each surface, whatever came before.
 
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -14,9 +15,10 @@ from jaxtyping import Bool, Float, Int
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
+from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import at_base, faces_away, meet
-from lensforge.verification.refraction import refract
+from lensforge.verification.refraction import refract_at
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
@@ -41,8 +43,8 @@ class Cause(IntEnum):
 class ActiveRays:
     """Rays being traced: leg, flux (W), True in the material, cause, and the face by which they entered (-1: none).
 
-    ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the lens for each. ``crossings``: surfaces
-    passed on the sequential path.
+    ``indices``, ``absorptions``: refractive index and absorption (1/mm) of the lens for each, at ``wavelengths_nm``.
+    ``crossings``: surfaces passed on the sequential path.
     """
 
     leg: Leg
@@ -53,10 +55,11 @@ class ActiveRays:
     entered_by: Int[np.ndarray, " n"]
     indices: Float[np.ndarray, " n"]
     absorptions: Float[np.ndarray, " n"]
+    wavelengths_nm: Float[np.ndarray, " n"]
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ActiveRays":
         """Some of the rays."""
-        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices", "absorptions")
+        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices", "absorptions", "wavelengths_nm")
         rest = (getattr(self, name)[rows] for name in names)
         return ActiveRays(self.leg.take(rows), *rest)
 
@@ -81,12 +84,13 @@ class Limits:
 
 @dataclass(frozen=True)
 class EscapedLight:
-    """Light that has left the part for good: last points (mm), directions, flux (W), causes."""
+    """Light that has left the part for good: last points (mm), directions, flux (W), causes, wavelengths (nm)."""
 
     points: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     causes: Int[np.ndarray, " n"]
+    wavelengths_nm: Float[np.ndarray, " n"]
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -107,7 +111,7 @@ class FluxBudget:
 
     def escaped(self) -> EscapedLight:
         """All pieces joined."""
-        names = ("points", "directions", "flux", "causes")
+        names = ("points", "directions", "flux", "causes", "wavelengths_nm")
         return EscapedLight(*(np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in names))
 
 
@@ -137,7 +141,7 @@ def _emitted(body: Body, rays: RayBundle) -> ActiveRays:
     reached = np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions + leg.origins
     outside = hits.found & faces_away(reached, body.part.mesh.face_normals[hits.triangles])
     causes = np.where(inside | outside, Cause.BASE, Cause.SEQUENTIAL)
-    own = (rays.indices(body.media), rays.absorptions(body.media))
+    own = (rays.indices(body.media), rays.absorptions(body.media), rays.wavelengths(body.media))
     return ActiveRays(leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, *own)
 
 
@@ -189,11 +193,7 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
     """The transmitted and the reflected rays behind a surface, one after the other."""
     points, normals = meet(body.part, light.leg, hits)
     directions = light.leg.directions
-    outside = _index_outside(body, points, hits)
-    outward = refract(directions, normals, light.indices / outside)
-    into = refract(directions, normals, outside / light.indices)
-    bent = np.where(light.inside[:, None], outward[0], into[0])
-    transmittance = np.where(light.inside, outward[1], into[1])
+    bent, transmittance = _refracted(body, light, points, normals, hits)
     mirrored = directions - 2.0 * np.sum(directions * normals, axis=1)[:, None] * normals
     causes = _causes(body, light, hits, transmittance)
     on_path = causes[0] == Cause.SEQUENTIAL
@@ -207,13 +207,28 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
         np.tile(np.where(entering, body.part.faces[hits.triangles], light.entered_by), 2),
         np.tile(light.indices, 2),
         np.tile(light.absorptions, 2),
+        np.tile(light.wavelengths_nm, 2),
     )
 
 
-def _index_outside(body: Body, points: Float[np.ndarray, "n 3"], hits: FacetHits) -> Float[np.ndarray, " n"]:
-    """Index on the other side of the facets that were hit: that of the cavity where they face the origin."""
+def _refracted(
+    body: Body, light: ActiveRays, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], hits: FacetHits
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Directions behind the facets that were hit, and what these transmit.
+
+    On their other side is the cavity where they face the origin; the base below both faces is not coated.
+    """
+    media, base = body.media, at_base(body.part, hits)
     away = faces_away(points, body.part.mesh.face_normals[hits.triangles])
-    return np.where(away, body.media.outside_index, body.media.cavity_index)
+    bent, transmittance = np.empty_like(points), np.empty(len(points))
+    for outer, bare, inside in product((False, True), repeat=3):
+        rows = np.nonzero((away == outer) & (base == bare) & (light.inside == inside))[0]
+        around = np.full(len(rows), media.outside_index if outer else media.cavity_index)
+        coating = None if bare else media.outer_coating if outer else media.inner_coating
+        before, behind = (light.indices[rows], around) if inside else (around, light.indices[rows])
+        face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
+        bent[rows], transmittance[rows] = refract_at(face, light.leg.directions[rows], normals[rows])
+    return bent, transmittance
 
 
 def _causes(
@@ -235,4 +250,5 @@ def _escape(light: ActiveRays, budget: FluxBudget) -> None:
     out = ~light.inside
     budget.leaked += float(light.flux[light.inside].sum())
     leg = light.leg
-    budget.pieces.append(EscapedLight(leg.origins[out], leg.directions[out], light.flux[out], light.causes[out]))
+    own = (light.flux[out], light.causes[out], light.wavelengths_nm[out])
+    budget.pieces.append(EscapedLight(leg.origins[out], leg.directions[out], *own))

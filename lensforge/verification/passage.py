@@ -14,8 +14,9 @@ from trimesh.triangles import points_to_barycentric
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
+from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.refraction import refract, through_glass
+from lensforge.verification.refraction import refract_at, through_glass
 from lensforge.verification.screen import Screen
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -67,12 +68,13 @@ class Passage:
         )
 
 
-def behind_glass(passage: Passage, media: Media) -> Passage:
+def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
     """Take the rays that left the lens through the faces of the cover glass, one after the other."""
     glass = media.cover_glass
     if glass is None:
         return passage
-    points, directions, through = through_glass(passage.points, passage.directions, media)
+    waves = rays.wavelengths(media)
+    points, directions, through = through_glass(passage.points, passage.directions, media, waves)
     left = passage.flux * through
     return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
 
@@ -115,10 +117,10 @@ class RefractedRays:
     heights: Float[np.ndarray, " n"]
 
 
-def cross(part: PartMesh, leg: Leg, hits: FacetHits, index_ratio: Float[np.ndarray, " n"]) -> RefractedRays:
+def cross(part: PartMesh, leg: Leg, hits: FacetHits, face: RefractingFace) -> RefractedRays:
     """Refract rays, all of which hit a facet, at the curved surface over it."""
     points, normals = meet(part, leg, hits)
-    directions, transmittance = refract(leg.directions, normals, index_ratio)
+    directions, transmittance = refract_at(face, leg.directions, normals)
     flat = leg.origins + hits.distances[:, None] * leg.directions
     heights = np.sum((points - flat) * normals, axis=1)
     return RefractedRays(Leg(points, directions, skin(part, hits)), transmittance, heights)
@@ -179,13 +181,13 @@ def send_through(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, thre
 
 def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
     passage = Passage.of(rays)
-    leg, into, out_of = outside_leg(rays), rays.entry_ratios(media), rays.exit_ratios(media)
+    leg, into, out_of = outside_leg(rays), RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)
     entry = grid.first_hits(leg)
     rows = np.nonzero(entry.found)[0]
     passage.fates[rows] = _entry_fates(part, leg.take(rows), entry.take(rows))
     rows = np.nonzero(passage.fates == CastFate.LANDED)[0]
     entry = entry.take(rows)
-    entered = cross(part, leg.take(rows), entry, into[rows])
+    entered = cross(part, leg.take(rows), entry, into.take(rows))
     passage.flux[rows] *= entered.transmittance
     passage.facets_um[rows, 0] = 1e3 * entered.heights
 
@@ -193,12 +195,12 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
     passage.fates[rows] = _exit_fates(part, entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     rows = rows[reached]
-    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of[rows])
+    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of.take(rows))
     lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
     absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
     leave(passage, rows, left)
-    return behind_glass(passage, media)
+    return behind_glass(passage, rays, media)
 
 
 def _entry_fates(part: PartMesh, leg: Leg, hits: FacetHits) -> Int[np.ndarray, " n"]:

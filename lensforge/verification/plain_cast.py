@@ -10,6 +10,7 @@ from trimesh.ray.ray_triangle import RayMeshIntersector
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid, Leg
+from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross, outside_leg
 from lensforge.verification.proof import PlainCast
@@ -21,11 +22,11 @@ AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digit
 def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int) -> PlainCast:
     """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
-    outside, into = outside_leg(rays).take(rows), rays.entry_ratios(media)[rows]
+    outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
     part.mesh.triangles_tree  # noqa: B018  built here, so that it is not timed as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]
-    inside = cross(part, outside.take(entered), entry.take(entered), into[entered]).leg
+    inside = cross(part, outside.take(entered), entry.take(entered), into.take(entered)).leg
     start = perf_counter()
     wrong = _disagreements(part, grid, outside) + _disagreements(part, grid, inside)
     seconds = perf_counter() - start

@@ -111,7 +111,8 @@ class _ReceivedLight:
     def of(budget: FluxBudget, screen: Screen, media: Media) -> "_ReceivedLight":
         """Land the light that has left the part."""
         escaped = budget.escaped()
-        points, directions, through = through_glass(escaped.points, escaped.directions, media)
+        ends = escaped.points, escaped.directions
+        points, directions, through = through_glass(*ends, media, escaped.wavelengths_nm)
         places, left = screen.land(points, directions), escaped.flux * through
         reached = ~np.isnan(places[:, 0])
         missed_w, glass_w = float(left[~reached].sum()), float((escaped.flux - left).sum())

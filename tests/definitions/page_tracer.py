@@ -340,17 +340,57 @@ def first_crossing(surface, p, d):
     return distance
 
 
-def refracted(surface, p, d, ratio):
-    """Directions behind a surface and Fresnel's T; nan where the light is reflected totally."""
+def layers_reflect(layers, nm, before, behind, c):
+    """R of a stack, a matrix for each ray and layer; ``layers`` in the order in which the light meets them."""
+    along = before * np.sqrt(1 - c**2)
+    total = 0
+    for p in (0, 2):
+        whole = np.tile(np.eye(2, dtype=complex), (len(c), 1, 1))
+        for layer in layers:
+            index = layer["refractive_index"]
+            normal = np.sqrt(index**2 - along**2 + 0j)
+            eta, phase = normal / index**p, 2 * np.pi * layer["thickness_nm"] * normal / nm
+            each = [[np.cos(phase), -1j * np.sin(phase) / eta], [-1j * np.sin(phase) * eta, np.cos(phase)]]
+            whole = whole @ np.moveaxis(np.array(each), 2, 0)
+        first, last = (np.sqrt(index**2 - along**2) / index**p for index in (before, behind))
+        (a, b), (e, g) = np.moveaxis(whole, 0, 2)
+        into, out = (a + b * last) * first, e + g * last
+        total = total + abs((into - out) / (into + out)) ** 2 / 2
+    return total
+
+
+def coated(coating, nm, before, behind, c, outwards=False):
+    """T of a coated face, for each ray below total reflection."""
+    if coating["layers"]:
+        return 1 - layers_reflect(coating["layers"][:: -1 if outwards else 1], nm, before, behind, c)
+    low = np.minimum(before, behind)
+    mu = np.sqrt(np.maximum(1 - (before / low) ** 2 * (1 - c**2), 0))
+    angles, rows = coating["angle_deg"] or [0, 90], coating["reflectance"]
+    rows = rows if coating["angle_deg"] else [row * 2 for row in rows]
+    if angles[-1] < 90:
+        angles, rows = [*angles, 90], [[*row, 1] for row in rows]
+    places = np.cos(np.radians(angles))[::-1]
+    each = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
+    waves = coating["wavelength_nm"] or [0]
+    return 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, each.T, strict=True)])
+
+
+def refracted(surface, p, d, before, behind, coating, nm, outwards):
+    """Directions behind a surface and its T; nan where the light is reflected totally."""
+    ratio = before / behind
     n = surface.normal(unit(p))
     c = (d * n).sum(axis=1)
     q2 = np.where(c > 0, 1 - ratio**2 * (1 - c**2), -1)
     q = np.sqrt(np.where(q2 > 0, q2, np.nan))
     r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
-    return ratio[:, None] * d + (q - ratio * c)[:, None] * n, 1 - (r_s**2 + r_p**2) / 2
+    passed = 1 - (r_s**2 + r_p**2) / 2
+    if coating is not None:
+        passes = q2 > 0
+        passed[passes] = coated(coating, *(a[passes] for a in (nm, before, behind, np.minimum(c, 1))), outwards)
+    return ratio[:, None] * d + (q - ratio * c)[:, None] * n, passed
 
 
-def behind_glass(section, p, d):
+def behind_glass(section, p, d, nm):
     """Where rays leave the plate, walked through it, and the share that it lets through; at the far face."""
     glass = section.get("cover_glass")
     if glass is None:
@@ -362,13 +402,18 @@ def behind_glass(section, p, d):
     c, q = d[:, 2], inside[:, 2]
     r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
     t = 1 - (r_s**2 + r_p**2) / 2
+    if glass.get("coating") is not None:
+        before, behind = (np.full(len(p), each) for each in (section["outside_index"], glass["refractive_index"]))
+        t = coated(glass["coating"], nm, before, behind, c)
     return p + path[:, None] * inside, t**2 * np.exp(-glass["absorption_per_mm"] * path)
 
 
 def trace(lens, pair, p, d, nm=None):
     """Fate (index in FATES), place on the receiver's plane (mm); flux at the end, absorbed, and in the glass, of 1."""
     inner, outer = pair
-    n, d = refractive_index(lens, nm, len(p)), unit(d)
+    n, d, section = refractive_index(lens, nm, len(p)), unit(d), lens["spec"]["lens"]
+    nm = np.full(len(p), section["design_wavelength_nm"]) if nm is None else nm
+    cavity, outside = (np.full(len(p), section[name]) for name in ("cavity_index", "outside_index"))
     fate, flux, place = np.full(len(p), LANDED), np.ones(len(p)), np.full((len(p), 2), np.nan)
     absorbed = np.zeros(len(p))
     fate[(d[:, 2] <= 0) & (p[:, 2] <= 0)] = BACKWARD
@@ -383,7 +428,8 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(t)]] = BACKWARD
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
-    d[live], flux[live] = refracted(inner, p[live], d[live], lens["spec"]["lens"]["cavity_index"] / n[live])
+    rest = section.get("inner_coating"), nm[live], False
+    d[live], flux[live] = refracted(inner, p[live], d[live], cavity[live], n[live], *rest)
     fate[live[np.isnan(flux[live])]] = TOTAL  # a tangent
     live = live[fate[live] == LANDED]
     fate[live[np.linalg.norm(p[live], axis=1) >= outer.radius(unit(p[live]))]] = INTERSECT
@@ -393,9 +439,10 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(t)]] = BASE
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
-    left = flux[live] * np.exp(-lens["spec"]["lens"]["absorption_per_mm"] * t)
+    left = flux[live] * np.exp(-section["absorption_per_mm"] * t)
     absorbed[live], flux[live] = flux[live] - left, left
-    d[live], passed = refracted(outer, p[live], d[live], n[live] / lens["spec"]["lens"]["outside_index"])
+    rest = section.get("outer_coating"), nm[live], True
+    d[live], passed = refracted(outer, p[live], d[live], n[live], outside[live], *rest)
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
     flux[live] *= passed
@@ -403,7 +450,7 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[~up]] = MISSED
     live = live[up]
     in_glass = np.zeros(len(p))
-    p[live], left = behind_glass(lens["spec"]["lens"], p[live], d[live])
+    p[live], left = behind_glass(section, p[live], d[live], nm[live])
     in_glass[live], flux[live] = flux[live] * (1 - left), flux[live] * left
     to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
     place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]

@@ -52,6 +52,15 @@ ABBE = {"material": "", "abbe_number": 30.0, "refractive_index": 1.55, "absorpti
 GLASS = {"refractive_index": 1.5, "thickness_mm": 6.0, "distance_mm": 20.0, "absorption_per_mm": 0.01}
 ABBE |= {"cavity_index": 1.1, "outside_index": 1.05, "cover_glass": GLASS}
 
+# A table of the inner face, layers on the outer one and on the glass; the numbers are large, so that they tell.
+BY_TABLE = {
+    "angle_deg": [0, 25, 50, 75],
+    "wavelength_nm": [430, 560, 690],
+    "reflectance": [[0.01, 0.02, 0.1, 0.3], [0.08, 0.07, 0.12, 0.4], [0.02, 0.03, 0.05, 0.3]],
+}
+LAYERS = {"layers": [{"refractive_index": 1.38, "thickness_nm": 95.0}, {"refractive_index": 2.1, "thickness_nm": 40.0}]}
+COATED = ABBE | {"inner_coating": BY_TABLE, "outer_coating": LAYERS, "cover_glass": GLASS | {"coating": LAYERS}}
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -178,6 +187,7 @@ def test_radius_and_normal_of_every_kind_of_fixed_surface(kind: str) -> None:
 
 
 SAME_RAYS = {
+    "from a cup, coated": ("fixed_outer", IN_CUP, COATED),
     "from a cup, dispersive": ("fixed_outer", IN_CUP, ABBE),
     "above the plane": ("pi", ABOVE, {}),
 }
@@ -199,6 +209,7 @@ def test_same_rays(folder: Path, case: str) -> None:
     fates = {
         "from a cup, dispersive": ("outside_cavity", "absorbed", "cover_glass"),
         "above the plane": ("backward", "base"),
+        "from a cup, coated": ("outside_cavity", "absorbed", "cover_glass", "reflected"),
     }
     for fate in fates[case]:
         assert mine["figures"][fate][0] > 0.005

@@ -7,7 +7,7 @@ import pytest
 from lens_meshes import lambertian, lens_mesh, oracle, sphere
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media
+from lensforge.optics.media import CoverGlass, Media, ReflectanceTable
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import brep_criteria
 from lensforge.verification.brep_cast import cast_brep, send_through_step
@@ -98,6 +98,26 @@ def test_gel_and_water_bend_the_rays_as_their_indices_say(lens_step):
         np.testing.assert_allclose(found.points[left], ends[left], atol=20.0 * precision)
         np.testing.assert_allclose(found.directions[left], directions[left], atol=5.0 * precision)
         np.testing.assert_allclose(found.flux[left], (RAYS.flux * once)[left], rtol=precision)
+
+
+def test_coated_faces_let_pass_what_they_do_not_reflect(lens_step):
+    """The inner one by its wavelength, the outer one by a constant, the glass by another."""
+    part, body = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0))), StepBody(lens_step)
+    inner = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.3, 0.3)), (400.0, 600.0))
+    outer, of_glass = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.05, 0.2))
+    glass = CoverGlass(1.5, 2.0, 30.0, coating=of_glass)
+    bare = Media(INDEX, cover_glass=CoverGlass(1.5, 2.0, 30.0))
+    media = replace(bare, inner_coating=inner, outer_coating=outer, cover_glass=glass)
+    waves = np.random.default_rng(1).uniform(400.0, 600.0, len(RAYS))
+    rays = replace(RAYS, wavelengths_nm=waves)
+    at_lens = rays.flux * (0.9 - 0.2 * (waves - 400.0) / 200.0) * 0.95
+    for send in (partial(send_through, part, Grid(part.mesh)), partial(send_through_step, body)):
+        found, was = send(rays, media), send(rays, bare)
+        np.testing.assert_array_equal(found.fates, was.fates)
+        np.testing.assert_array_equal(found.points, was.points)
+        left = found.fates == CastFate.LANDED
+        np.testing.assert_allclose(found.flux[left], (at_lens * 0.8**2)[left], rtol=1e-12)
+        np.testing.assert_allclose(found.in_glass[left], (at_lens * (1.0 - 0.8**2))[left], rtol=1e-12)
 
 
 def test_the_kernel_lands_every_ray_where_the_closed_form_does(lens_step):

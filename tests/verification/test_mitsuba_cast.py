@@ -1,18 +1,21 @@
 """The cast by Mitsuba against closed forms, and in the whole verification; only where Mitsuba is installed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media
+from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification import mitsuba_cast
 from lensforge.verification.acceptance import mitsuba_criteria
+from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected
 from lensforge.verification.mitsuba_cast import cast_mitsuba, send_through_mitsuba
 from lensforge.verification.part_mesh import part_mesh_of
-from lensforge.verification.passage import CastFate, LandedRays
+from lensforge.verification.passage import CastFate, LandedRays, send_through
 from lensforge.verification.refraction import refract
 from lensforge.verification.screen import Screen
 from lensforge.verification.verify import verify_part
@@ -60,6 +63,18 @@ def test_rays_lose_by_their_paths_in_the_body_what_the_law_says():
     lost, once = -np.expm1(-0.05 * lengths), refract(some.directions, INNER.normal(entered), 1.0 / INDEX)[1]
     np.testing.assert_allclose(dim.flux[left], (clear.flux * (1.0 - lost))[left], rtol=1e-3)
     np.testing.assert_allclose(dim.absorbed[left], (some.flux * once * lost)[left], rtol=0.01)
+
+
+def test_coated_faces_transmit_at_the_angles_that_mitsuba_finds():
+    some, lens = RAYS.take(slice(400)), part()
+    layer = LayerStack((CoatingLayer(IndexCurve((2.1,)), 80.0),), IndexCurve((INDEX,)), (300.0, 900.0))
+    media = Media(INDEX, inner_coating=layer, outer_coating=layer)
+    some = replace(some, wavelengths_nm=np.linspace(420.0, 680.0, 400))
+    (_, found), mesh = send_through_mitsuba(lens, some, media), send_through(lens, Grid(lens.mesh), some, media)
+    left = (found.fates == CastFate.LANDED) & (mesh.fates == CastFate.LANDED)
+    assert left.sum() > 350
+    np.testing.assert_allclose(found.flux[left], mesh.flux[left], rtol=2e-3)
+    assert not np.allclose(found.flux[left], send_through_mitsuba(lens, some, Media(INDEX))[1].flux[left], rtol=0.05)
 
 
 def test_a_right_lens_holds_within_the_noise_and_a_wrong_one_does_not():

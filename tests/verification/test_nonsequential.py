@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from lens_meshes import Quadric, lambertian, lens_mesh
 
-from lensforge.optics.media import Media
+from lensforge.optics.media import Media, ReflectanceTable
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import Grid
 from lensforge.verification.nonsequential import Body, Cause, Limits, follow
@@ -81,6 +83,25 @@ def test_a_window_between_two_media_transmits_as_the_series_of_its_echoes():
     assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - first) * (1 - second), rel=1e-12)
     assert landed(budget) == pytest.approx((1 - first) * (1 - second) / (1 - first * second), rel=1e-12)
     assert total(budget) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_coated_window_transmits_as_the_series_of_its_echoes_and_its_bare_base_as_fresnel_says():
+    first, second = (ReflectanceTable((0.0, 90.0), ((each, each),)) for each in (0.02, 0.3))
+    budget = follow(window(2.0, inner_coating=first, outer_coating=second), beam(), EVERYTHING)
+    assert landed(budget, Cause.SEQUENTIAL) == pytest.approx(0.98 * 0.7, rel=1e-12)
+    assert landed(budget) == pytest.approx(0.98 * 0.7 / (1 - 0.02 * 0.3), rel=1e-12)
+    assert backward(budget) == pytest.approx(0.02 + 0.98 * 0.3 * 0.98 / (1 - 0.02 * 0.3), rel=1e-12)
+    assert total(budget) == pytest.approx(1.0, abs=1e-12)
+    by_wave = ReflectanceTable((0.0, 90.0), ((0.1, 0.1), (0.2, 0.2)), (400.0, 500.0))
+    rays = replace(beam(), wavelengths_nm=np.full(50, 450.0))
+    budget = follow(window(2.0, outer_coating=by_wave), rays, EVERYTHING)
+    assert landed(budget, Cause.SEQUENTIAL) == pytest.approx((1 - R) * 0.85, rel=1e-12)
+    assert (budget.escaped().wavelengths_nm == 450.0).all()
+    low = window(2.0, inner_coating=first, outer_coating=second)
+    low.part.mesh.apply_translation((0.0, 0.0, -12.0))  # below z = 0: no optical face
+    start = replace(beam(), origins=beam().origins - np.array([0.0, 0.0, 20.0]))
+    budget = follow(Body(low.part, Grid(low.part.mesh), low.media), start, EVERYTHING)
+    assert landed(budget) == pytest.approx(2 * INDEX / (INDEX**2 + 1), rel=1e-9)
 
 
 def test_echoes_in_a_slanted_window_land_side_by_side():

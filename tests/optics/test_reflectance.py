@@ -1,0 +1,140 @@
+"""Reflectance of layers against closed forms, a thin-film library, and the sums of the verification; tables' errors."""
+
+import numpy as np
+import pytest
+import torch
+
+from lensforge.errors import InputError
+from lensforge.optics.coating_tables import coating_tables, least_reflectances
+from lensforge.optics.dielectric import coated_transmittance, fresnel_transmittance
+from lensforge.optics.media import CoatingLayer, IndexCurve, LayerStack, Media, ReflectanceTable
+from lensforge.optics.reflectance import reflectance_of, stack_reflectance
+from lensforge.optics.two_refractions import best_transmittance, largest_deviation_rad, transmittance_of
+from lensforge.verification.coated_face import RefractingFace
+
+RNG = np.random.default_rng(4)
+WAVES = RNG.uniform(400.0, 700.0, 60)
+COSINES = np.append(RNG.uniform(0.0, 1.0, 56), [0.0005, 0.998, 0.9995, 1.0])
+SLOPED = IndexCurve((2.4, 2.3, 2.25), (380.0, 550.0, 720.0))
+STACKS = {
+    "one": ([(IndexCurve((1.38,)), 100.0)], 1.5, 1.0),
+    "four": ([(IndexCurve((1.38,)), 90.0), (SLOPED, 40.0), (IndexCurve((1.65,)), 80.0), (SLOPED, 20.0)], 1.6, 1.0),
+    "between gel and a lighter body": ([(IndexCurve((1.5,)), 120.0), (IndexCurve((1.45,)), 60.0)], 1.41, 1.6),
+    "evanescent": ([(IndexCurve((1.1,)), 80.0), (IndexCurve((1.2,)), 150.0)], 1.5, 1.33),
+}
+
+
+def stack(layers, body):
+    return LayerStack(tuple(CoatingLayer(*each) for each in layers), IndexCurve((body,)), (300.0, 2000.0))
+
+
+@pytest.fixture(params=STACKS)
+def face(request):
+    layers, body, around = STACKS[request.param]
+    return stack(layers, body), around, body
+
+
+def one_by_one(coating, around):
+    pairs = zip(WAVES, COSINES, strict=True)
+    return np.array([stack_reflectance(coating, around, np.array([w]), np.array([c]))[0, 0] for w, c in pairs])
+
+
+def test_a_stack_reflects_as_by_a_thin_film_library(face):
+    tmm = pytest.importorskip("tmm")
+    coating, around, body = face
+    wanted = []
+    for wave, cosine in zip(WAVES, COSINES, strict=True):
+        indices = [around, *(float(each.index.at(np.array([wave]))[0]) for each in coating.layers), body]
+        thick = [np.inf, *(each.thickness_nm for each in coating.layers), np.inf]
+        way = 1 if around < body else -1
+        wanted.append(tmm.unpolarized_RT(indices[::way], thick[::way], np.arccos(cosine), wave)["R"])
+    np.testing.assert_allclose(one_by_one(coating, around), wanted, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("inwards", [True, False])
+def test_the_verification_sums_the_same_from_either_side(face, inwards):
+    coating, around, body = face
+    before, behind = (np.full(60, each) for each in ((around, body) if inwards else (body, around)))
+    sines = min(around, body) * np.sqrt(1.0 - COSINES**2)
+    of_rays = RefractingFace(before, behind, coating, WAVES, inwards)
+    found = 1.0 - of_rays.transmittance(np.sqrt(1.0 - (sines / before) ** 2), np.ones(60))
+    np.testing.assert_allclose(found, one_by_one(coating, around), rtol=0, atol=1e-9)
+
+
+def test_closed_forms():
+    normal, waves = np.ones(1), np.array([500.0, 550.0, 620.0])
+    for body in (1.44, 1.7, 2.25):
+        root = np.sqrt(body)
+        quarter = stack([(IndexCurve((root,)), 550.0 / 4.0 / root)], body)
+        assert stack_reflectance(quarter, 1.0, waves, normal)[1, 0] < 1e-30
+        half = 2.0 * np.pi * 137.5 / waves * 1.0
+        # one layer at normal incidence (Born and Wolf, 1.6.4): both of its faces reflect r
+        r = (1.0 - root) / (1.0 + root)
+        two = np.abs((r + r * np.exp(2j * half)) / (1.0 + r * r * np.exp(2j * half))) ** 2
+        np.testing.assert_allclose(stack_reflectance(quarter, 1.0, waves, normal)[:, 0], two, atol=1e-15)
+    air = stack([(IndexCurve((1.5,)), 333.0)], 1.5)  # a layer of the body's own index is none
+    cosines = np.linspace(0.05, 1.0, 40)
+    bare = 1.0 - fresnel_transmittance(torch.from_numpy(cosines), 1.0 / 1.5).numpy()
+    np.testing.assert_allclose(stack_reflectance(air, 1.0, waves, cosines), np.tile(bare, (3, 1)), atol=1e-14)
+    np.testing.assert_allclose(stack_reflectance(air, 1.0, waves, np.zeros(1)), 1.0, rtol=1e-14)
+
+
+def by_table(media, which):
+    """Reflectance at the random wavelengths and cosines by the tracers' table."""
+    tables = coating_tables(media, (400.0, 700.0))
+    rows = np.interp(WAVES, tables.wavelengths_nm, np.arange(len(tables.wavelengths_nm)))
+    ratio = 0.5  # into what is denser: the cosine before counts
+    given = (torch.from_numpy(each) for each in (getattr(tables, which), rows))
+    return 1.0 - coated_transmittance(torch.from_numpy(COSINES), ratio, *given).numpy()
+
+
+def test_tables_err_by_less_than_a_hundred_thousandth(face):
+    coating, around, body = face
+    found = by_table(Media(body, outside_index=around, outer_coating=coating), "outer")
+    far = COSINES > 0.25
+    assert np.abs(found - one_by_one(coating, around))[far].max() < 1.2e-5
+
+
+def test_a_table_is_its_own_interpolation():
+    angles, rows, waves = (0.0, 30.0, 55.0, 80.0), ((0.01, 0.008, 0.02, 0.3), (0.0, 0.002, 0.05, 0.25)), (450.0, 600.0)
+    table = ReflectanceTable(angles, rows, waves)
+    exact = reflectance_of(table, 1.0, (400.0, 700.0))
+    np.testing.assert_allclose(exact.at(np.array(waves), np.cos(np.radians(angles))), rows, atol=1e-15)
+    assert exact.at(np.array([500.0]), np.zeros(1))[0, 0] == pytest.approx(1.0) and exact.least == 0.0
+    middle = exact.at(np.array([525.0, 300.0]), np.array([1.0]))[:, 0]
+    np.testing.assert_allclose(middle, [0.005, 0.01], atol=1e-15)
+    face = RefractingFace(np.ones(60), np.full(60, 1.5), table, WAVES, True)
+    by_rays = 1.0 - face.transmittance(COSINES, np.ones(60))
+    np.testing.assert_allclose(by_table(Media(1.5, inner_coating=table), "inner"), by_rays, atol=5e-6)
+
+
+def test_layers_too_thick_for_a_table_are_one_line():
+    thick = stack([(IndexCurve((1.6,)), 80_000.0)], 1.5)
+    with pytest.raises(InputError, match=r"too thick: more than 4096 wavelengths .* give its reflectance as a table"):
+        reflectance_of(thick, 1.0, (400.0, 700.0))
+    assert len(reflectance_of(thick, 1.0, (550.0, 550.0)).nodes_nm) == 1
+
+
+def test_no_light_passes_two_coated_faces_beyond_the_bound(face):
+    coating, around, body = face
+    media = Media(body, cavity_index=around, outside_index=around, inner_coating=coating, outer_coating=coating)
+    least = least_reflectances(media, (400.0, 700.0))
+    assert least[0] == least[1] and 0.0 <= least[0] <= one_by_one(coating, around).min()
+    fine = stack_reflectance(coating, around, np.linspace(400.0, 700.0, 301), np.linspace(0.0, 1.0, 301))
+    assert least[0] <= fine.min() < least[0] + 1e-3
+    ratio = max(body, around) / min(body, around)
+    turns = np.linspace(0.0, largest_deviation_rad(ratio) + 0.2, 50)
+    bound = best_transmittance(turns, body, around, around, least)
+    assert (bound <= (1.0 - least[0]) ** 2).all() and not bound[turns > largest_deviation_rad(ratio)].any()
+    possible = turns < 0.99 * largest_deviation_rad(ratio)
+    np.testing.assert_allclose(bound[possible], (1.0 - least[0]) ** 2)
+    one_bare = best_transmittance(turns, body, around, around, (least[0], None))
+    assert (one_bare >= best_transmittance(turns, body, around, around) * 0.97).all() and (
+        one_bare <= bound / 0.97
+    ).all()
+    anywhere = least_reflectances(media, None)[0]
+    assert transmittance_of(media) == pytest.approx((1.0 - anywhere) ** 2)
+    whole = stack_reflectance(coating, around, np.linspace(301.0, 1999.0, 501), np.linspace(0.0, 1.0, 201))
+    assert anywhere <= whole.min() < anywhere + 1e-3
+    half = ReflectanceTable((0.0, 90.0), ((0.5, 0.5),))
+    assert transmittance_of(Media(1.5, inner_coating=half, outer_coating=half)) == 0.25
