@@ -228,8 +228,10 @@ class FixedSurface:
 
 
 def _directions(points: Float[Tensor, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    distance = torch.linalg.norm(points, dim=1, keepdim=True).clamp(min=torch.finfo(points.dtype).tiny)
-    return torch.nan_to_num(points / distance).numpy()
+    """Unit directions of points; the origin has none, and is inside whatever it is taken for."""
+    distance = torch.linalg.norm(points, dim=1, keepdim=True)
+    upwards = torch.tensor([0.0, 0.0, 1.0], dtype=points.dtype)
+    return torch.where(distance > 0.0, points / torch.where(distance > 0.0, distance, 1.0), upwards).numpy()
 
 
 def exact_surfaces(

@@ -10,15 +10,19 @@ from scenes import hemisphere_directions, random_surface, small_spec
 
 import lensforge as lf
 from lensforge.errors import InputError
+from lensforge.evaluation.simulate import TracedLens
 from lensforge.geometry.form import fit_to_form, form_error
 from lensforge.lens import Lens
+from lensforge.sources.bundle import RayBundle
 from lensforge.spec.fixed_surface import FixedSphere, FixedXYPolynomial, FixedZernike
 from lensforge.spec.given_surface import FixedCadFace, FixedLensFace, FixedPoints, GivenSurface
 from lensforge.spec.lens import LensSection
-from lensforge.surfaces.chart import to_chart
+from lensforge.surfaces.chart import to_chart, to_sphere
+from lensforge.surfaces.chart_spline import HALF_WIDTH, ChartSpline
 from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
+from lensforge.tracing.exact import DenseScan, exact_surfaces, trace_exact
 
 RADIUS, CENTRE = 3.0, 0.4
 U = np.concatenate([hemisphere_directions(3000), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]])
@@ -196,3 +200,22 @@ def test_other_files_and_open_clouds_are_one_line(tmp_path: Path) -> None:
         FixedLensFace(file=tmp_path, face="inner").resolved()
     with pytest.raises(InputError, match=r"fixed_inner.*cap.txt"):
         LensSection(levels=(9,), fixed_inner={"kind": "points", "file": tmp_path / "cap.txt"}, outer_offset_mm=6.0)
+
+
+def test_rays_from_the_origin_see_the_same_face_in_table_and_exactly() -> None:
+    """A spline over the chart and a sphere: the exact tracer through both, and the tables of both."""
+    half = np.arctan(HALF_WIDTH)
+    axis = np.tan(np.linspace(-half, half, 72))
+    exact = sphere(RADIUS, CENTRE)
+    directions = to_sphere(np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+    given = ChartSpline.through(axis, exact.radius_on_grid(directions))
+    lenses = [Lens(each, sphere(6.0), small_spec(), 0, "draft") for each in (exact, given)]
+    u = hemisphere_directions(64)
+    rays = RayBundle(np.zeros((64, 3)), u, np.full(64, 1.0 / 64))
+    points = [
+        trace_exact(*exact_surfaces(lens, (DenseScan(), DenseScan())), lens.media, rays).points.numpy()
+        for lens in lenses
+    ]
+    by_table = [TracedLens.of(lens, 8.0).trace(rays).points.numpy() for lens in lenses]
+    assert np.isfinite(points[1]).all()
+    assert np.abs(points[0] - points[1]).max() < 1e-6 and np.abs(by_table[0] - by_table[1]).max() < 1e-5
