@@ -2,7 +2,7 @@
 
 SCHOTT TIE-19 (2016): the change of the index relative to vacuum, from the temperature of the catalogue on. Indices here
 are relative to air, which thins as it warms: its own index, by Kohlrausch's formula of OpticStudio's help ("Index of
-refraction computation"), falls by 0.9e-6 per kelvin at 20 C, a third of what a crown glass's rises by. NumPy only.
+refraction computation"), falls by 0.9e-6 per kelvin at 20 C, nearly half of what N-BK7 changes by in air. NumPy only.
 """
 
 from dataclasses import dataclass
