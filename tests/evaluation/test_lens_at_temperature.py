@@ -143,6 +143,12 @@ def test_the_seat_is_the_bottom_of_the_base() -> None:
     assert at_temperature(lens_of(small_spec(**PLASTIC, base={"kind": "none"})), 120.0).raised_mm == 0.0
 
 
+def test_a_finished_lens_takes_the_constants_of_a_data_sheet() -> None:
+    plain, lens = lens_of(small_spec()), lens_of(small_spec(**PLASTIC))
+    given = {name.removeprefix("lens__"): value for name, value in PLASTIC.items()}
+    assert replace(plain, spec=plain.spec.replace(lens=given)) == lens
+
+
 def test_a_record_states_a_temperature_that_the_lens_can_have() -> None:
     """What physics leaves possible is that of the warm lens, and no other temperature's."""
     lens = lens_of(small_spec(**PLASTIC))
