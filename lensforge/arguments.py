@@ -28,11 +28,11 @@ _Kind = TypeVar("_Kind")
 _MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}
 
 
-def source_of(spec: Spec, instead: SourceSpec | None = None) -> "Source":
-    """The source of ``spec``, or ``instead`` in its place, with the dispersion of the lens material."""
+def source_of(spec: Spec) -> "Source":
+    """The source of ``spec``, with the dispersion of the lens material."""
     from lensforge.sources.build import build_source
 
-    return build_source(spec.source if instead is None else instead, spec.lens.dispersion)
+    return build_source(spec.source, spec.lens.dispersion)
 
 
 def warned_source(

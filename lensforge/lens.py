@@ -15,6 +15,7 @@ from pydantic import JsonValue
 
 from lensforge.errors import InputError
 from lensforge.files import json_in, read_json_bytes, write_json
+from lensforge.materials.material import Material
 from lensforge.optics.media import Media
 from lensforge.records import Count, Record, Text
 from lensforge.records.html import section_html
@@ -56,6 +57,16 @@ class Lens:
     def media(self) -> Media:
         """The body at the design wavelength, and what fills the cavity and surrounds the lens."""
         return self.spec.lens.media
+
+    @property
+    def dispersion(self) -> Material | None:
+        """Index of the body against wavelength; None for one index."""
+        return self.spec.lens.dispersion
+
+    @property
+    def reach_mm(self) -> float:
+        """Radius of the ball about the origin in which the lens lies, as its spec asks."""
+        return self.spec.constraints.max_radius_mm
 
     @property
     def basis(self) -> SrbfBasis:

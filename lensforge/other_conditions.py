@@ -27,6 +27,7 @@ def light_conditions(
     rays: int | None = None,
     pixels: int | None = None,
     seed: int | None = None,
+    temperature_c: float | None = None,
 ) -> Conditions | None:
     """Conditions of an evaluation of ``lens``; None where every argument is None or as the lens's own.
 
@@ -43,6 +44,7 @@ def light_conditions(
         rays=unless_own(rays, default_rays),
         pixels=unless_own(pixels, spec.evaluate.pixels),
         seed=unless_own(seed, lens.seed),
+        temperature_c=unless_own(temperature_c, spec.lens.temperature_law.reference_c),
     )
 
 

@@ -108,23 +108,24 @@ def run_evaluate(
     rays: int | None = None,
     pixels: int | None = None,
     source: Path | None = None,
+    temperature_c: float | None = None,
     name: str | None = None,
 ) -> Light:
     """Simulate the finished lens again.
 
-    Where ``rays``, ``pixels`` or ``source`` (a ray file in place of the spec's source) are not the lens's own, the
-    light is written to ``evaluate_<name>.json``; ``name`` is by default made from what differs. Raises
+    Where ``rays``, ``pixels``, ``source`` (a ray file in place of the spec's source) or ``temperature_c`` are not the
+    lens's own, the light is written to ``evaluate_<name>.json``; ``name`` is by default made from what differs. Raises
     :class:`InputError` where that file holds the light under other conditions.
     """
     lens = load_lens(folder / LENS_FILE)
     other = source_with_file(lens.spec, source)
-    conditions = light_conditions(lens, source=other, rays=rays, pixels=pixels)
+    conditions = light_conditions(lens, source=other, rays=rays, pixels=pixels, temperature_c=temperature_c)
     if conditions is not None:
         conditions = conditions if name is None else conditions.renamed(name)
         require_free(folder, lens, conditions)
     elif name is not None:
         raise InputError(f"name = {name!r}: these are the lens's own conditions; give it with another source or rays")
-    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=other)
+    light = stages.evaluate(lens, rays=rays, pixels=pixels, source=other, temperature_c=temperature_c)
     if conditions is not None and light.conditions is not None:
         light = light.model_copy(update={"conditions": light.conditions.renamed(conditions.name)})
     return write_result(light, folder)

@@ -26,6 +26,7 @@ from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens, load_lens
+from lensforge.lens_at_temperature import at_temperature
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, photometry_conditions, rays_of
@@ -110,28 +111,37 @@ def evaluate(
     rays: int | None = None,
     pixels: int | None = None,
     seed: int | None = None,
+    temperature_c: float | None = None,
     threads: int | None = None,
 ) -> Light:
     """Simulate ``lens``: the light on its receiver, every metric with its standard error.
 
-    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels). The light names
-    all ``conditions`` that are not the lens's own, and the warnings on another source.
+    None: as in the design (accuracy, seed, source), or as in the spec or the preset (rays, pixels). ``temperature_c``:
+    of the lens and the air around it, at which its index and its size are others (Celsius). The light names all
+    ``conditions`` that are not the lens's own, and the warnings on another source.
     """
     from lensforge.evaluation.evaluate import evaluate_lens
-    from lensforge.sources.build import summarise
+    from lensforge.sources.build import build_source, summarise
 
     require(lens, Lens, "evaluate")
     chosen = lens.spec.source if source is None else source
     if not isinstance(chosen, get_args(get_args(SourceSpec)[0])):
         raise InputError(f"source: {type(chosen).__name__} given; give one of the sources, such as SquareSource(...)")
     rays, pixels, seed = count_of("rays", rays), count_of("pixels", pixels, most=MOST_PIXELS), count_of("seed", seed, 0)
-    conditions = light_conditions(lens, accuracy=accuracy, source=source, rays=rays, pixels=pixels, seed=seed)
-    preset, emitter = preset_of(accuracy or lens.accuracy), source_of(lens.spec, chosen)
+    temperature_c = number_of("temperature_c", temperature_c)
+    conditions = light_conditions(
+        lens, accuracy=accuracy, source=source, rays=rays, pixels=pixels, seed=seed, temperature_c=temperature_c
+    )
+    body = lens if temperature_c is None else at_temperature(lens, temperature_c)
+    preset, emitter = preset_of(accuracy or lens.accuracy), build_source(chosen, body.dispersion)
     if conditions is not None and conditions.source is not None:
         conditions = conditions.model_copy(update={"warnings": summarise(emitter, chosen).warnings})
+    if conditions is not None and conditions.temperature_c is not None:
+        warned = (*conditions.warnings, *lens.spec.lens.temperature_law.warnings(conditions.temperature_c))
+        conditions = conditions.model_copy(update={"warnings": warned})
     efficacy = summarise(emitter, chosen).lumens_per_watt
     with threads_of_torch(threads):
-        light = evaluate_lens(lens, emitter, preset, rays=rays, pixels=pixels, seed=seed, lumens_per_watt=efficacy)
+        light = evaluate_lens(body, emitter, preset, rays=rays, pixels=pixels, seed=seed, lumens_per_watt=efficacy)
     return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
 
 

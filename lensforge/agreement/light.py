@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
+from lensforge.errors import InputError
 from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.lens import Lens
+from lensforge.lens_at_temperature import at_temperature
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.spec import AnyReceiver
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
@@ -56,10 +58,16 @@ def _possible(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") 
     other = light.conditions is not None and light.conditions.source is not None
     if other or not any(lower) or isinstance(lens.spec.source, RayfileSource | RayfilesSource | RaySource):
         return
-    source = SourceLight.of(build_source(lens.spec.source, lens.spec.lens.dispersion), lens.media)
+    celsius = None if light.conditions is None else light.conditions.temperature_c
+    try:
+        body = lens if celsius is None else at_temperature(lens, celsius)
+    except InputError as error:
+        yield f"conditions: {error}"
+        return
+    source = SourceLight.of(build_source(lens.spec.source, body.dispersion), body.media)
     for own, receiver, rests in zip(light.receivers, receivers, lower, strict=False):
         if rests and own.target_map.shape == receiver.grid.shape:
-            physics = PossibleLight(source, receiver, lens.spec.constraints.max_radius_mm)
+            physics = PossibleLight(source, receiver, body.reach_mm)
             found = physics.in_region(in_target(own.target_map)).value
             yield from differing("possible.share_in_target", own.possible.share_in_target, found, "source and lens")
 

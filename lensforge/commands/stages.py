@@ -22,17 +22,26 @@ from lensforge.run_folder import open_run
 @THREADS
 @click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: from the spec.")
 @click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
+@click.option("--temperature", type=float, metavar="C", help="Temperature (Celsius) of the lens and the air around it.")
 @click.option("--name", help="Name of the record under other conditions; default: made from them.")
 def evaluate(
-    directory: Path, rays: int | None, threads: int | None, pixels: int | None, source: Path | None, name: str | None
+    directory: Path,
+    rays: int | None,
+    threads: int | None,
+    pixels: int | None,
+    source: Path | None,
+    temperature: float | None,
+    name: str | None,
 ) -> None:
     """Simulate the finished lens in DIR again.
 
-    With other --rays, --pixels or --source than the lens's own the result is written to evaluate_NAME.json beside
-    evaluate.json, and decides nothing; the report shows it under other conditions.
+    With other --rays, --pixels, --source or --temperature than the lens's own the result is written to
+    evaluate_NAME.json beside evaluate.json, and decides nothing; the report shows it under other conditions.
     """
     with threads_of_torch(threads):
-        light = pipeline.run_evaluate(directory, rays=rays, pixels=pixels, source=source, name=name)
+        light = pipeline.run_evaluate(
+            directory, rays=rays, pixels=pixels, source=source, temperature_c=temperature, name=name
+        )
     finish(directory, light, decides="light")
 
 

@@ -74,11 +74,11 @@ def evaluate_traced(
     started = time.perf_counter()
     receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
     simulation = simulate(traced, source, receivers, rays, seed)
-    light, largest_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm
+    light, reach_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm + traced.grown_mm
     images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
     found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
     lit = tuple(
-        receiver_light(section, PossibleLight(light, receiver, largest_mm), received, smooth, simulation.emitted_w)
+        receiver_light(section, PossibleLight(light, receiver, reach_mm), received, smooth, simulation.emitted_w)
         for section, receiver, received, smooth in found
     )
     return Light(

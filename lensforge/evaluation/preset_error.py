@@ -33,7 +33,8 @@ def measure_preset(lens: Lens, source: Source, design: TracedLens, evaluation: T
     rays = RayBundle.joined([source.sample(count, seed) for seed in own_seeds])
     receiver = receivers_of(lens.spec, lens.spec.optimise.pixels)[0]
     inner, outer = (TableScan(evaluation.scene.grid, table.numpy()) for table in (evaluation.inner, evaluation.outer))
-    exits = trace_exact(*exact_surfaces(lens, (inner, outer)), lens.media, rays)
+    surfaces = exact_surfaces(lens, (inner, outer))
+    exits = evaluation.seen(rays, lambda own: trace_exact(*surfaces, lens.media, own))
     exact = Hits.of(receiver.land_in_torch(exits))
     return PresetError(
         rays=len(rays),

@@ -1,7 +1,7 @@
 """Trace a finished lens with many rays, in independent replicates, so that every metric has a standard error."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,6 +11,7 @@ from lensforge import seeds
 from lensforge.errors import remedy
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
+from lensforge.lens_at_temperature import LensAtTemperature
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import bin_flux, flux_in
 from lensforge.receivers.receiver import Landings, Receiver
@@ -30,12 +31,18 @@ _MOST_RAYS_AT_ONCE = 2**20  # bounds the memory: about 200 MB of rays and hits
 
 @dataclass(frozen=True)
 class TracedLens:
-    """A lens with its tables, ready to trace."""
+    """A lens with its tables, ready to trace.
+
+    ``raised_mm``: height of its origin above that of the source, ``grown_mm``: by which it reaches farther than the
+    spec asks of the lens as designed.
+    """
 
     scene: Scene
     inner: torch.Tensor
     outer: torch.Tensor
     table_error_nm: dict[str, float]
+    raised_mm: float = 0.0
+    grown_mm: float = 0.0
 
     @staticmethod
     def of(lens: Lens, nodes_per_sigma: float) -> "TracedLens":
@@ -46,11 +53,22 @@ class TracedLens:
         tables = {name: tabulate(grid, surface) for name, surface in surfaces.items()}
         errors = {name: 1e6 * table_error(grid, tables[name], surface) for name, surface in surfaces.items()}
         inner, outer = (torch.from_numpy(table) for table in tables.values())
-        return TracedLens(Scene(lens.media, grid), inner, outer, errors)
+        traced = TracedLens(Scene(lens.media, grid), inner, outer, errors)
+        if isinstance(lens, LensAtTemperature):
+            return replace(traced, raised_mm=lens.raised_mm, grown_mm=lens.reach_mm - lens.designed.reach_mm)
+        return traced
 
     def trace(self, rays: RayBundle) -> ExitRays:
         """Send ``rays`` through the lens."""
-        return trace_tables(self.inner, self.outer, self.scene, rays)
+        return self.seen(rays, lambda own: trace_tables(self.inner, self.outer, self.scene, own))
+
+    def seen(self, rays: RayBundle, trace: Callable[[RayBundle], ExitRays]) -> ExitRays:
+        """Exit rays of ``rays`` by a ``trace`` about the lens's own origin."""
+        if self.raised_mm == 0.0:
+            return trace(rays)
+        up = np.array([0.0, 0.0, self.raised_mm])
+        found = trace(replace(rays, origins=rays.origins - up))
+        return replace(found, points=found.points + torch.from_numpy(up))
 
 
 @dataclass(frozen=True)

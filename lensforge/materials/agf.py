@@ -1,7 +1,9 @@
-"""Zemax glass catalogues (.agf): one glass of many, its dispersion formula and its internal transmittance.
+"""Zemax glass catalogues (.agf): one glass of many, its dispersion formula, internal transmittance and expansion.
 
 Lines that are read: NM (name, number of the formula), CD (coefficients), LD (range, um), IT (wavelength in um, internal
-transmittance, thickness in mm). Indices are relative to air at the temperature of the catalogue, as rays here are.
+transmittance, thickness in mm), TD (D0, D1, D2, E0, E1, pole in um and reference temperature of SCHOTT's formula of the
+index against temperature), ED (coefficient of expansion from -30 to 70 C, in 1e-6/K). Indices are relative to air at
+the reference temperature, as rays here are. Zeros in TD and ED mean that nothing is known.
 """
 
 from difflib import get_close_matches
@@ -12,7 +14,9 @@ from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.materials.data import MaterialData
 from lensforge.materials.formulas import NAMES, Formula
+from lensforge.materials.temperature import HIGHEST_C, LOWEST_C, REFERENCE_C, SCHOTT_COEFFICIENTS, TemperatureLaw
 
+_TAGS = ("NM", "CD", "LD", "TD", "ED")
 _MOST_BYTES = 16 * MIB  # the largest catalogue of a glass maker has 1 MiB
 # Catalogues write 0 for light that they could not measure; what is left of 25 mm then is lost in any lens.
 _LEAST_TRANSMITTANCE = 1e-6
@@ -24,7 +28,7 @@ def read_agf(path: Path, glass: str) -> MaterialData:
     Raises :class:`InputError` for a glass that is not there, with the closest names, and for one without its lines.
     """
     lines = _lines_of(path, glass)
-    words = {tag: line.split()[1:] for line in lines for tag in [line[:2].upper()] if tag in ("NM", "CD", "LD")}
+    words = {tag: line.split()[1:] for line in lines for tag in [line[:2].upper()] if tag in _TAGS}
     missing = [tag for tag in ("CD", "LD") if tag not in words]
     if missing or len(words["NM"]) < 2:
         raise InputError(f"{path}: {glass} has no line {missing[0] if missing else 'NM that names its formula'}")
@@ -40,6 +44,7 @@ def read_agf(path: Path, glass: str) -> MaterialData:
         absorption_nm=tuple(nm for nm, _ in dims),
         absorption_per_mm=tuple(per_mm for _, per_mm in dims),
         source=f"{path.name}: {words['NM'][0]}",
+        temperature=_temperature_law(_known(words.get("TD", [])), _known(words.get("ED", [])), path, glass),
     )
 
 
@@ -76,6 +81,27 @@ def _absorptions(lines: list[str], path: Path, glass: str) -> list[tuple[float, 
                 raise InputError(f"{path}: {glass} has an internal transmittance of {transmittance:g}, must be 0 to 1")
             found.append((1e3 * um, -log(max(transmittance, _LEAST_TRANSMITTANCE)) / thickness + 0.0))
     return found
+
+
+def _temperature_law(td: list[str], ed: list[str], path: Path, glass: str) -> TemperatureLaw:
+    """The law by the words of the lines TD and ED; missing numbers are 0, as in OpticStudio."""
+    words = [*td, *["0"] * (SCHOTT_COEFFICIENTS - len(td)), str(REFERENCE_C)][: SCHOTT_COEFFICIENTS + 1]
+    *schott, reference_c = (_number(word, path, glass) for word in words)
+    known = any(schott[:-1])
+    if not known and reference_c == 0.0:
+        reference_c = REFERENCE_C
+    if not LOWEST_C <= reference_c <= HIGHEST_C:
+        raise InputError(
+            f"{path}: {glass} has a reference temperature of {reference_c:g} C in its line TD, must be {LOWEST_C:g} to "
+            f"{HIGHEST_C:g}"
+        )
+    per_k = _number([*ed, "0"][0], path, glass) / 1e6
+    return TemperatureLaw(reference_c, tuple(schott) if known else (), expansion_per_k=per_k if per_k > 0.0 else None)
+
+
+def _known(words: list[str]) -> list[str]:
+    """``words`` with 0 for the dashes that some catalogues write for what is not known."""
+    return ["0" if word in ("-", "_") else word for word in words]
 
 
 def _two(words: list[str], path: Path, glass: str) -> tuple[float, float]:

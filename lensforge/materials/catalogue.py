@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from lensforge.materials.formulas import Formula
 from lensforge.materials.material import Material, by_abbe_number
+from lensforge.materials.temperature import TemperatureLaw
 
 _BEADIE = "G. Beadie, M. Brindza, R. A. Flynn, A. Rosenberg, J. S. Shirk, Appl. Opt. 54, F139 (2015)"
 _SULTANOVA = "N. Sultanova, S. Kasarova, I. Nikolov, Acta Physica Polonica A 116, 585 (2009)"
@@ -36,6 +37,9 @@ MATERIALS = _catalogue([
         (300.0, 2500.0),
         _SCHOTT,
         0.01,
+        temperature=TemperatureLaw(
+            schott=(1.86e-6, 1.31e-8, -1.37e-11, 4.34e-7, 6.27e-10, 0.170), expansion_per_k=7.1e-6
+        ),
     ),
     Material(
         "fused silica",

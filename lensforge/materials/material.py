@@ -3,7 +3,7 @@
 Wavelengths are in nm at the boundary and in um inside the formulas, as the coefficients are published. NumPy only.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.materials.formulas import Formula
+from lensforge.materials.temperature import UNKNOWN, TemperatureLaw
 
 D_LINE_NM, F_LINE_NM, C_LINE_NM = 587.5618, 486.1327, 656.2725  # He d, H F, H C: where n_d and V_d are defined
 _BEYOND = 0.1  # how far, in parts of the wavelength, formulas without a pole nearby are trusted beyond their range
@@ -39,12 +40,26 @@ class Absorption:
 
 
 @dataclass(frozen=True)
+class IndexAtTemperature:
+    """The index of ``cold``, which is that at the reference temperature of ``law``, at ``celsius``."""
+
+    cold: Dispersion
+    law: TemperatureLaw
+    celsius: float
+
+    def index(self, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The refractive index at each wavelength."""
+        return self.law.index(self.cold.index(wavelengths_nm), wavelengths_nm, self.celsius)
+
+
+@dataclass(frozen=True)
 class Material:
     """A lens material: its formula, the range (nm) in which it was measured, and its publication.
 
     ``extrapolation_error``: by how much other formulas fitted to the same numbers differ from it at the ends of the
     trusted range, measured by `benchmarks/extrapolation.py`; None where nothing is known of that, and the index is not
     used beyond the range. ``absorption`` is None where nothing is known of it: then the material is clear.
+    ``temperature``: its change with temperature, where that is known.
     """
 
     name: str
@@ -53,6 +68,7 @@ class Material:
     source: str
     extrapolation_error: float | None
     absorption: Absorption | None = None
+    temperature: TemperatureLaw = UNKNOWN
 
     @property
     def trusted_nm(self) -> tuple[float, float]:
@@ -89,6 +105,10 @@ class Material:
     def index_at(self, wavelength_nm: float) -> float:
         """The refractive index at one wavelength."""
         return float(self.index(np.array([wavelength_nm]))[0])
+
+    def at(self, law: TemperatureLaw, celsius: float) -> "Material":
+        """The same with its index at ``celsius`` by ``law``; its absorption stays."""
+        return replace(self, dispersion=IndexAtTemperature(self.dispersion, law, celsius))
 
     @property
     def abbe_number(self) -> float:

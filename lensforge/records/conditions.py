@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from lensforge.errors import InputError
-from lensforge.records.fields import Count, Positive, Sha256, Text
+from lensforge.records.fields import Count, Number, Positive, Sha256, Text
 from lensforge.records.record import Record
 
 _ALLOWED = r"^\w[\w.-]{0,119}$"  # part of a file's name, on every system
@@ -20,7 +20,8 @@ class Conditions(Record):
     """Conditions that differ from the lens's own; None for each that does not.
 
     ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
-    fields and files, ``warnings``: on that source. ``pixels``: across the receiver. ``lumens``: flux of the source.
+    fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
+    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius).
     """
 
     name: Name
@@ -32,6 +33,7 @@ class Conditions(Record):
     pixels: Count | None = None
     seed: Count | None = None
     lumens: Positive | None = None
+    temperature_c: Number | None = None
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
@@ -75,6 +77,8 @@ class Conditions(Record):
             yield f"seed {self.seed}", f"seed{self.seed}"
         if self.lumens is not None:
             yield f"{self.lumens:g} lm", f"{self.lumens:g}lm".replace("+", "")
+        if self.temperature_c is not None:
+            yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
 
 
 def _in_a_name(source: str) -> str:

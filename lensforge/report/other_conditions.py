@@ -29,7 +29,7 @@ OWN = "the lens’s own"
 class LightRow:
     """The light under one set of conditions: its figures, the state that a verdict on it alone would have, and notes.
 
-    ``notes``: reasons of that state, and warnings on the source.
+    ``notes``: another temperature, reasons of that state, and warnings on the conditions.
     """
 
     name: str
@@ -81,7 +81,8 @@ def _light_rows(results: Results, name: str, light: Light) -> Iterator[LightRow]
     conditions, source = light.conditions, results.spec.source.title
     notes: tuple[str, ...] = ()
     if conditions is not None:  # the reasons against the own light stand at the top of the page
-        notes = (*judged.reasons.light, *(f"warning: {words}" for words in conditions.warnings))
+        warm = () if conditions.temperature_c is None else (f"lens at {conditions.temperature_c:g} °C",)
+        notes = (*warm, *judged.reasons.light, *(f"warning: {words}" for words in conditions.warnings))
         source = conditions.source or source
     for shown in receivers_in(light, results.spec):
         yield LightRow(

@@ -1,5 +1,6 @@
 """The ``[lens]`` of a spec: material, starting shape, and fixed surfaces."""
 
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -10,11 +11,12 @@ from lensforge.given_faces.lens_face import lens_file
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.materials.formulas import IndexTable
 from lensforge.materials.material import D_LINE_NM, Material, by_abbe_number
+from lensforge.materials.temperature import UNKNOWN, TemperatureLaw
 from lensforge.optics.media import Media
 from lensforge.spec.coating import CoatingSection
 from lensforge.spec.cover_glass import CoverGlassSection
 from lensforge.spec.fixed_surface import FixedSurface
-from lensforge.spec.optical_data import OpticalData, with_optical_data
+from lensforge.spec.optical_data import Celsius, Expansion, OpticalData, with_optical_data
 from lensforge.spec.section import FilePath, Label, Millimetres, Section
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
 from lensforge.surfaces.surface import Surface
@@ -50,6 +52,10 @@ class LensSection(Section):
     the lens, and of what surrounds the lens, such as water, at all wavelengths. ``inner_coating`` and
     ``outer_coating`` set what the faces reflect. ``density_g_per_cm3``, of the grade that is ordered, gives the part
     its mass.
+
+    ``index_per_k`` (change of the index relative to air, 1/K) and ``expansion_per_k`` (linear, 1/K) are constants of a
+    data sheet, for a material that does not state its own: with them the lens can be evaluated at another temperature
+    than ``reference_temperature_c``, at which it has its index and its size; by default 20, or that of the material.
     """
 
     refractive_index: _Index = 1.4936
@@ -65,6 +71,9 @@ class LensSection(Section):
     design_wavelength_nm: Annotated[float, Field(ge=100.0, le=20_000.0)] = D_LINE_NM
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     density_g_per_cm3: Annotated[float, Field(ge=0.1, le=30.0)] | None = None
+    index_per_k: Annotated[float, Field(ge=-1e-3, le=1e-3)] | None = None
+    expansion_per_k: Expansion | None = None
+    reference_temperature_c: Celsius | None = None
     levels: Levels = "auto"
     sigma_c: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.75
     inner_offset_mm: Millimetres | None = None
@@ -113,6 +122,30 @@ class LensSection(Section):
             )
         object.__setattr__(self, "refractive_index", index)
         return self
+
+    @model_validator(mode="after")
+    def _one_source_of_the_change_with_temperature(self) -> "LensSection":
+        known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
+        for name, own in (
+            ("index_per_k", known.knows_index),
+            ("reference_temperature_c", known.knows_index),
+            ("expansion_per_k", known.expansion_per_k is not None),
+        ):
+            if own and getattr(self, name) is not None:
+                raise ValueError(f"{name}: {self.material} has its own; leave it out, or name the material otherwise")
+        return self
+
+    @property
+    def temperature_law(self) -> TemperatureLaw:
+        """Change of index and size with temperature: that of the material, and the constants of the spec."""
+        known = UNKNOWN if self.dispersion is None else self.dispersion.temperature
+        expansion, reference_c = self.expansion_per_k, self.reference_temperature_c
+        return replace(
+            known,
+            reference_c=known.reference_c if reference_c is None else reference_c,
+            index_per_k=self.index_per_k,
+            expansion_per_k=known.expansion_per_k if expansion is None else expansion,
+        )
 
     @model_validator(mode="after")
     def _glass_is_denser(self) -> "LensSection":

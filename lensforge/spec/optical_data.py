@@ -12,11 +12,14 @@ from lensforge.materials.data import MaterialData
 from lensforge.materials.formulas import MOST_COEFFICIENTS, Formula, IndexTable
 from lensforge.materials.material import Absorption, Dispersion, Material
 from lensforge.materials.reading import read_material
+from lensforge.materials.temperature import HIGHEST_C, LOWEST_C, REFERENCE_C, TemperatureLaw
 from lensforge.spec.section import Label, Section
 
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
 _MOST_ROWS = 10_000  # of tables: 0.1 nm over the visible range and more
 _Wavelengths = Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_ROWS)]
+Celsius = Annotated[float, Field(ge=LOWEST_C, le=HIGHEST_C)]
+Expansion = Annotated[float, Field(ge=-1e-4, le=1e-3)]  # 1/K; silicones have 3e-4
 _LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0
 _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
@@ -28,6 +31,9 @@ class OpticalData(Section):
     (w^2 - c)) or "cauchy" (n = a + b / w^2 + ...), wavelength w in um. It holds over ``range_nm``; a table over its own
     wavelengths, between which it is linear. ``absorption_per_mm`` at ``absorption_nm`` likewise; without them the
     material is clear. ``source``: where the numbers come from.
+
+    ``schott_coefficients`` [D0, D1, D2, E0, E1, pole]: of the index against temperature (``materials.temperature``);
+    ``reference_temperature_c``: at which the index is the one above; ``expansion_per_k``: of every length.
     """
 
     source: Label = ""
@@ -40,6 +46,10 @@ class OpticalData(Section):
     absorption_per_mm: Annotated[
         tuple[Annotated[float, Field(ge=0.0, le=100.0)], ...], Field(max_length=_MOST_ROWS)
     ] = ()
+
+    schott_coefficients: tuple[float, float, float, float, float, float] | None = None
+    reference_temperature_c: Celsius = REFERENCE_C
+    expansion_per_k: Expansion | None = None
 
     @model_validator(mode="after")
     def _usable(self) -> "OpticalData":
@@ -89,7 +99,10 @@ class OpticalData(Section):
     def material(self, name: str) -> Material:
         """The material of these numbers."""
         absorption = Absorption(self.absorption_nm, self.absorption_per_mm) if self.absorption_nm else None
-        return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption)
+        law = TemperatureLaw(
+            self.reference_temperature_c, self.schott_coefficients or (), expansion_per_k=self.expansion_per_k
+        )
+        return Material(name, self._dispersion, self._span, self.source or "the spec", None, absorption, law)
 
 
 def with_optical_data(content: Any) -> Any:
@@ -114,4 +127,11 @@ def _fields(found: MaterialData) -> dict[str, Any]:
         index["range_nm"] = list(found.range_nm)
     else:
         index = {"wavelength_nm": list(found.index.wavelengths_nm), "refractive_index": list(found.index.indices)}
-    return {"source": found.source, **index, **(absorption if found.absorption_nm else {})}
+    law, warming = found.temperature, dict[str, Any]()
+    if law.reference_c != REFERENCE_C:
+        warming["reference_temperature_c"] = law.reference_c
+    if law.schott:
+        warming["schott_coefficients"] = list(law.schott)
+    if law.expansion_per_k is not None:
+        warming["expansion_per_k"] = law.expansion_per_k
+    return {"source": found.source, **index, **(absorption if found.absorption_nm else {}), **warming}

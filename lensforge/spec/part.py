@@ -91,6 +91,11 @@ class BaseSection(Section):
         return self.relief_step_mm or 0.0
 
     @property
+    def seat_mm(self) -> float:
+        """Depth of the bottom, on which the part sits, below z = 0; 0 without a base, and of a file: it is not read."""
+        return self.height_mm if self.kind in ("cylinder", "square") else 0.0
+
+    @property
     def widest_mm(self) -> float:
         """Diameter of the smallest cylinder about the axis that holds the base without its flange."""
         return self.side_mm * 2.0**0.5 if self.kind == "square" else self.diameter_mm

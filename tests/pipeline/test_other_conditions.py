@@ -89,6 +89,31 @@ def test_another_source_goes_beside_the_own_light(folder: Path, tmp_path: Path) 
     assert "Under other conditions" in page and page.count("ray file led cold.csv") >= 2
 
 
+def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
+    refused = lensforge("evaluate", folder, "--temperature", 85)
+    assert isinstance(refused.exception, lf.InputError) and "lens.index_per_k" in str(refused.exception)
+    assert not list(folder.glob("evaluate_*"))
+    spec = small_spec(lens__index_per_k=-1.1e-4, lens__expansion_per_k=7e-5)
+    Lens(random_surface(1, 3.0, 0.01, (9,)), random_surface(2, 6.0, 0.01, (9,)), spec, 0, "draft").save(
+        folder / "lens.json"
+    )
+    run_evaluate(folder)
+    before = own_files(folder)
+    done = lensforge("evaluate", folder, "--temperature", 85)
+    assert done.exit_code == 0, done.exception
+    assert {"record\tevaluate_85C.json", "conditions\t85 °C"} <= set(done.stdout.splitlines())
+    run = lf.load(folder)
+    light = run.others["evaluate_85C"]
+    assert isinstance(light, lf.Light) and light.conditions is not None and light.conditions.temperature_c == 85.0
+    assert light.efficiency.value != run.light.efficiency.value and own_files(folder) == before
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "lens at 85 °C" in page[page.index('id="other"') :]
+    run_evaluate(folder, temperature_c=-40.0)
+    assert "evaluate_minus40C" in lf.load(folder).others
+    assert run_evaluate(folder, temperature_c=20.0).conditions is None
+    assert set(lf.load(folder).others) == {"evaluate_85C", "evaluate_minus40C"}
+
+
 def test_light_that_goes_backward_is_no_light_of_the_lens(folder: Path, tmp_path: Path) -> None:
     """Efficiency 0 under another source says nothing against the lens, and its own figures nothing for the source."""
     top = page_top(folder)
