@@ -204,7 +204,9 @@ class _Position:
 
     def _stage_of(self, part: _Part, outcome: Outcome, turn: Turn) -> "_Position":
         """One more stage of ``part``, with the parameters of ``turn``, if there is time; else what comes after it."""
-        before = self.stages if part == self.part else 0
+        # those of a finished lens have been in a first one before: larger steps would lead away from it
+        first = 1 if part == "long" and self.schedule.stages.start_level > 0 else 0
+        before = self.stages if part == self.part else first
         make = self.schedule.stages.long_stage if part == "long" else self.schedule.stages.uniform_stage
         most = self._steps_left(outcome, make(self.level, before, None))
         if most is not None and most < _FEWEST:
