@@ -6,8 +6,8 @@ They follow from the seed of a run, ``seed`` from 0 to ``MOST``; a range is 2^40
 MOST = 2**20  # the largest seed of a run
 _STEPS = 1_000_003  # at most, of a search: every step has a seed of its own, resumed or not
 _RANGE = 2**40
-_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN = (
-    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128)
+_EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN, _PARTS = (
+    k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128, 256)
 )
 
 
@@ -54,3 +54,8 @@ def of_reference(scramble: int) -> int:
 def of_preset_error(seed: int, scrambles: int, scramble: int) -> int:
     """Seed for one of the scrambles by which an evaluation measures the error of its preset's tables."""
     return _PRESET + seed * scrambles + scramble
+
+
+def of_parts(seed: int) -> int:
+    """Seed for the parts that are drawn from the tolerances."""
+    return _PARTS + seed

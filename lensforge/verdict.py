@@ -2,10 +2,7 @@
 
 Light is judged by the limits of the spec. Where it sets none, it fails if the pattern is far from the target or too
 little of the light lands there.
-``benchmarks/verdicts.py`` calibrates both bounds (docs/results.md): the worst of the shipped specs has an NMSE of 0.08
-as a draft, and puts 0.8 of what two faces transmit into its target; useless lenses (a 6 mm source in an 8 mm lens, a
-word finer than the image of its source, a lens of hardly more than cavity and wall, a target beyond the étendue of its
-source) have an NMSE from 0.2 to 0.75, and put 0.07 to 0.66 of it there.
+``evaluation.light_bounds`` holds both bounds.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lensforge.criteria import Criterion, beyond_doubt
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
+from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE, possible_share
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
@@ -23,8 +21,6 @@ from lensforge.records import Record, State, Text
 from lensforge.spec import Spec
 from lensforge.verification.proof import JUDGED_FILES, Proof
 
-LARGEST_NMSE = 0.10
-LEAST_SHARE = 0.7  # of what is possible, and of what two faces transmit at normal incidence, must lie in the target
 _DRAFT_TOLERANCE_DEG = 0.02  # the check samples the face at other points than the search
 
 _Reason = tuple[State, str]
@@ -118,9 +114,7 @@ def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iter
     nmse, share = light.nmse.value, light.share_in_target.value
     words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
     yield from _above_bound(f"NMSE{where}", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
-    asked, possible = transmittance * light.wanted_in_target, light.possible.share_in_target
-    what = "two faces transmit into the pattern" if asked <= possible else f"is possible (by {light.possible.law})"
-    possible = min(asked, possible)
+    possible, what = possible_share(light, transmittance)
     words = (
         f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that {what}: a larger lens, a smaller source or "
         "a wider target"

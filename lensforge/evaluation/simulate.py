@@ -111,7 +111,7 @@ def simulate(lens: TracedLens, source: Source, receivers: tuple[Receiver, ...], 
     replicates = min(REPLICATES, rays, source.ray_count or rays)
     received = tuple(ReceivedFlux.none_yet(receiver, replicates) for receiver in receivers)
     traced = 0
-    for replicate, share, bundle in _bundles(source, rays, replicates, seed):
+    for replicate, share, bundle in bundles(source, rays, replicates, seed):
         exit_rays = lens.trace(bundle)
         for receiver, own in zip(receivers, received, strict=True):
             own.add(replicate, share, receiver, exit_rays, receiver.land(exit_rays))
@@ -154,7 +154,7 @@ def design_landings(lens: TracedLens, spec: Spec, rays: RayBundle) -> list[Desig
     return found
 
 
-def _bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
+def bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[tuple[int, float, RayBundle]]:
     """Bundles as (replicate, factor of flux, rays): a measured source divided at random, any other sampled afresh."""
     ray_count = source.ray_count
     if ray_count is not None:

@@ -8,6 +8,7 @@ from math import exp, sqrt
 
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.placement import place, tilted, tilted_adjoint, turn, turn_back
 from lensforge.kernels.refraction import (
     coated_transmittance,
     outward_normal,
@@ -75,7 +76,7 @@ def hit_adjoint(
 @kernel
 def trace_adjoint(
     origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
-    lengths, fates,
+    placed, rough, lengths, fates,
     by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
@@ -99,20 +100,34 @@ def trace_adjoint(
             continue
         # the ray again, forward
         ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
+        px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
+        if placed is not None:
+            px, py, pz = place(placed[0][0], placed[1], px, py, pz)
+            ax, ay, az = turn(placed[0][0], ax, ay, az)
         t1, t2 = lengths[k, 0], lengths[k, 1]
-        px, py, pz = origins[k, 0] + t1 * ax, origins[k, 1] + t1 * ay, origins[k, 2] + t1 * az
+        px, py, pz = px + t1 * ax, py + t1 * ay, pz + t1 * az
         jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
         nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
-        bx, by, bz, c1, q1_squared = refract(ax, ay, az, nx, ny, nz, into)
+        gx, gy, gz = nx, ny, nz
+        if rough is not None:
+            gx, gy, gz = tilted(nx, ny, nz, rough[0][k, 0], rough[0][k, 1], rough[0][k, 2], rough[1])
+        bx, by, bz, c1, q1_squared = refract(ax, ay, az, gx, gy, gz, into)
         if inner_coating is None:
             through1, slope1 = transmittance(c1, sqrt(q1_squared), into) if fresnel else (1.0, 0.0)
         else:
             row = rows[min(k, len(rows) - 1)]
             through1, slope1 = coated_transmittance(c1, sqrt(q1_squared), into, inner_coating, row)
-        sx, sy, sz = px + t2 * bx, py + t2 * by, pz + t2 * bz
+        sx, sy, sz, vx, vy, vz = px, py, pz, bx, by, bz
+        if placed is not None:
+            sx, sy, sz = place(placed[0][1], 1.0, px, py, pz)
+            vx, vy, vz = turn(placed[0][1], bx, by, bz)
+        sx, sy, sz = sx + t2 * vx, sy + t2 * vy, sz + t2 * vz
         jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
         mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
-        cx, cy, cz, c2, q2_squared = refract(bx, by, bz, mx, my, mz, out_of)
+        ux, uy, uz = mx, my, mz
+        if rough is not None:
+            ux, uy, uz = tilted(mx, my, mz, rough[0][k, 3], rough[0][k, 4], rough[0][k, 5], rough[2])
+        cx, cy, cz, c2, q2_squared = refract(vx, vy, vz, ux, uy, uz, out_of)
         if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
             continue  # tangent, or at the critical angle, to the last bit: there is no derivative
         # and backward: behind the lens, outer surface, inner surface
@@ -130,19 +145,31 @@ def trace_adjoint(
             arrived *= exp(-absorption * t2)
             by_t2 = -absorption * gw * arrived * through1 * through2
         by_c2 += gw * arrived * through1 * slope2
+        if placed is not None:
+            ex, ey, ez = turn_back(placed[0][2], placed[2] * ex, placed[2] * ey, placed[2] * ez)
+            fx, fy, fz = turn_back(placed[0][2], fx, fy, fz)
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         along = ex * cx + ey * cy + ez * cz
         ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
         by_c1 = gw * arrived * through2 * slope1
-        fx, fy, fz, hx, hy, hz = refract_adjoint(bx, by, bz, mx, my, mz, out_of, fx, fy, fz, by_c2)
-        ex, ey, ez = ex + by_t2 * bx, ey + by_t2 * by, ez + by_t2 * bz
+        fx, fy, fz, hx, hy, hz = refract_adjoint(vx, vy, vz, ux, uy, uz, out_of, fx, fy, fz, by_c2)
+        if rough is not None:
+            noise = rough[0][k, 3], rough[0][k, 4], rough[0][k, 5]
+            hx, hy, hz = tilted_adjoint(mx, my, mz, noise, rough[2], hx, hy, hz)
+        ex, ey, ez = ex + by_t2 * vx, ey + by_t2 * vy, ez + by_t2 * vz
         ex, ey, ez = hit_adjoint(
-            sx, sy, sz, bx, by, bz, mx, my, mz, ex, ey, ez, hx, hy, hz,
+            sx, sy, sz, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz,
             jet2, outer_gradient, table_origin, inverse_step,
         )  # fmt: skip
         fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
-        ex, ey, ez = ex - by_t2 * bx, ey - by_t2 * by, ez - by_t2 * bz  # the path begins at the inner surface
-        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, nx, ny, nz, into, fx, fy, fz, by_c1)
+        ex, ey, ez = ex - by_t2 * vx, ey - by_t2 * vy, ez - by_t2 * vz  # the path begins at the inner surface
+        if placed is not None:
+            ex, ey, ez = turn_back(placed[0][1], ex, ey, ez)
+            fx, fy, fz = turn_back(placed[0][1], fx, fy, fz)
+        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, gx, gy, gz, into, fx, fy, fz, by_c1)
+        if rough is not None:
+            noise = rough[0][k, 0], rough[0][k, 1], rough[0][k, 2]
+            hx, hy, hz = tilted_adjoint(nx, ny, nz, noise, rough[1], hx, hy, hz)
         hit_adjoint(
             px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
             jet1, inner_gradient, table_origin, inverse_step,

@@ -4,6 +4,7 @@
 body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
 the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None: numba
 compiles the kernels for each, without a branch. ``rows`` has the place of each ray among their rows, or one for all.
+``placed`` and ``rough`` likewise: where the faces stand and how rough they are, see ``kernels.placement``, or None.
 The path lengths that were found are kept, so that the adjoint need not search again.
 """
 
@@ -12,6 +13,7 @@ from math import exp, sqrt
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND, first_hit, tile_of
 from lensforge.kernels.jit import inline, kernel
+from lensforge.kernels.placement import place, tilted, turn
 from lensforge.kernels.refraction import coated_transmittance, outward_normal, refract, transmittance
 from lensforge.kernels.spline import value_and_slope
 
@@ -40,7 +42,7 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
 @kernel
 def trace(
     origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
-    inner_coating, outer_coating, rows,
+    inner_coating, outer_coating, rows, placed, rough,
     lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
 ):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
@@ -54,6 +56,9 @@ def trace(
         into, out_of = cavity_index / index, index / outside_index
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        if placed is not None:
+            px, py, pz = place(placed[0][0], placed[1], px, py, pz)
+            dx, dy, dz = turn(placed[0][0], dx, dy, dz)
         lengths[k, 0] = 0.0
         lengths[k, 1] = 0.0
         sin2_exit[k] = 0.0
@@ -72,6 +77,8 @@ def trace(
             fates[k] = out if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
             continue
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
+        if rough is not None:
+            nx, ny, nz = tilted(nx, ny, nz, rough[0][k, 0], rough[0][k, 1], rough[0][k, 2], rough[1])
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, into)
         if q_squared <= 0.0 or c <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
@@ -83,8 +90,19 @@ def trace(
                 row = rows[min(k, len(rows) - 1)]
                 flux[k] *= coated_transmittance(c, sqrt(q_squared), into, inner_coating, row)[0]
         # the outer surface
+        start = 0.0
+        if placed is not None:
+            px, py, pz = place(placed[0][1], 1.0, px, py, pz)
+            dx, dy, dz = turn(placed[0][1], dx, dy, dz)
+            if pz < 0.0:  # at the rim, below the plane in which a lowered or tilted outer face ends
+                fate, start = entry(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
+                if fate != Fate.LEFT_LENS:
+                    fates[k] = Fate.BASE
+                    continue
+                px, py, pz = px + start * dx, py + start * dy, 0.0
         t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
         px, py, pz = px + t * dx, py + t * dy, pz + t * dz
+        t += start
         lengths[k, 1] = t
         if status != FOUND or pz < 0.0:
             fates[k] = (
@@ -98,6 +116,8 @@ def trace(
             absorbed[k] = flux[k] - arrived
             flux[k] = arrived
         nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
+        if rough is not None:
+            nx, ny, nz = tilted(nx, ny, nz, rough[0][k, 3], rough[0][k, 4], rough[0][k, 5], rough[2])
         dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, out_of)
         sin2_exit[k] = 1.0 - q_squared
         if q_squared <= 0.0 or c <= 0.0:
@@ -109,5 +129,8 @@ def trace(
             else:
                 row = rows[min(k, len(rows) - 1)]
                 flux[k] *= coated_transmittance(c, sqrt(q_squared), out_of, outer_coating, row)[0]
+        if placed is not None:
+            px, py, pz = place(placed[0][2], placed[2], px, py, pz)
+            dx, dy, dz = turn(placed[0][2], dx, dy, dz)
         exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
         exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz

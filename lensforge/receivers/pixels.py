@@ -121,11 +121,11 @@ def splat_flux(
     return image
 
 
-def gaussian3(image: Float[np.ndarray, "h w"], variance: float) -> Float[np.ndarray, "h w"]:
-    """Convolve with the normalised 3 x 3 Gaussian; edge pixels are repeated outwards. Variance 0: unchanged."""
+def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.ndarray, "*r h w"]:
+    """Convolve an image, or each of several, with the normalised 3 x 3 Gaussian; edge pixels are repeated outwards. Variance 0: unchanged."""
     if variance == 0.0:
         return image
     side = float(np.exp(-0.5 / variance))
     taps = np.array([side, 1.0, side]) / (1.0 + 2.0 * side)
-    smoothed = convolve1d(convolve1d(image, taps, axis=0, mode="nearest"), taps, axis=1, mode="nearest")
+    smoothed = convolve1d(convolve1d(image, taps, axis=-2, mode="nearest"), taps, axis=-1, mode="nearest")
     return np.asarray(smoothed, dtype=np.float64)

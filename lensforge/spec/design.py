@@ -24,6 +24,7 @@ from lensforge.spec.scene import implied_receiver, named, require_outside
 from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.section import Section, spec_error
 from lensforge.spec.source import SourceSpec
+from lensforge.spec.tolerances import TolerancesSection
 from lensforge.spec.toml_file import read_toml
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
@@ -48,6 +49,7 @@ class Spec(Section):
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
     base: BaseSection = Field(default_factory=BaseSection)
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
+    tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.

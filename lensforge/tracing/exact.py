@@ -21,6 +21,7 @@ from lensforge.surfaces.spline import TableGrid, evaluate_table
 from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import group
+from lensforge.tracing.as_made import AsMade
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.sequence import Crossing, TensorRays, TracedSurface, trace_sequence
 
@@ -248,11 +249,13 @@ def exact_surfaces(
     return exact(lens.inner, scans[0]), exact(lens.outer, scans[1])
 
 
-def trace_exact(inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle) -> ExitRays:
+def trace_exact(
+    inner: TracedSurface, outer: TracedSurface, media: Media, rays: RayBundle, made: AsMade | None = None
+) -> ExitRays:
     """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
 
     Slow by design: a dense scan evaluates every basis function about 300 times for each ray. Rays with an index of
-    their own keep it.
+    their own keep it. ``made``: where the lens is not as designed.
     """
     like = next((each.weights_mm for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
-    return trace_sequence(inner, outer, TensorRays.of(rays, media, like.dtype, like.device))
+    return trace_sequence(inner, outer, TensorRays.of(rays, media, like.dtype, like.device, made))

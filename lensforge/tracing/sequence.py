@@ -17,6 +17,7 @@ from lensforge.kernels.fates import Fate
 from lensforge.optics.dielectric import coated_transmittance, fresnel_transmittance, refract, transmitted_cosine_squared
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
+from lensforge.tracing.as_made import AsMade, through_frame
 from lensforge.tracing.cover_glass import behind_glass
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.ray_coatings import RayCoatings
@@ -56,7 +57,7 @@ class TensorRays:
 
     ``entry_ratios`` and ``exit_ratios``: index before over index behind either face, for each ray; ``absorptions``
     (1/mm) of the body likewise, None where it is clear. ``coatings``: of the faces, NumPy arrays as yet. ``media``: for
-    the cover glass.
+    the cover glass. ``made``: where the lens is not as designed; rays are then in the frame of its inner face.
     """
 
     origins: Float[Tensor, "n 3"]
@@ -67,17 +68,25 @@ class TensorRays:
     absorptions: Float[Tensor, " n"] | None
     coatings: RayCoatings
     media: Media
+    made: AsMade | None = None
 
     @staticmethod
-    def of(rays: RayBundle, media: Media, dtype: torch.dtype, device: torch.device) -> "TensorRays":
+    def of(
+        rays: RayBundle, media: Media, dtype: torch.dtype, device: torch.device, made: AsMade | None = None
+    ) -> "TensorRays":
         """The same numbers; ``media`` holds for rays without their own."""
         origins, directions, flux = (
             torch.as_tensor(array).to(device, dtype) for array in (rays.origins, rays.directions, rays.flux)
         )
+        if made is not None:
+            frames, factor, _ = made.placed
+            origins, directions = through_frame(frames[0], origins, directions, factor)
         into, out_of = (torch.as_tensor(each).to(flux) for each in (rays.entry_ratios(media), rays.exit_ratios(media)))
         clear = rays.absorption_per_mm is None and media.absorption_per_mm == 0.0
         absorptions = None if clear else torch.as_tensor(rays.absorptions(media)).to(flux)
-        return TensorRays(origins, directions, flux, into, out_of, absorptions, RayCoatings.of(rays, media), media)
+        if made is not None and absorptions is not None:
+            absorptions = absorptions * made.scale  # paths are those in the lens as designed
+        return TensorRays(origins, directions, flux, into, out_of, absorptions, RayCoatings.of(rays, media), media, made)
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
@@ -92,16 +101,25 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     coatings = rays.coatings
     faces = (inner, rays.entry_ratios, coatings.inner, False), (outer, rays.exit_ratios, coatings.outer, True)
     for surface, ratios, coating, is_outer in faces:
+        if is_outer and rays.made is not None:
+            frame = rays.made.placed[0][1]
+            began, directions = through_frame(frame, origins, directions)
+            origins, enters = _above_plane(outer, began, directions)
+            fates[alive[~enters]] = int(Fate.BASE)
+            alive, began, origins, directions = (each[enters] for each in (alive, began, origins, directions))
+        else:
+            began = origins
         crossing = surface.first_crossing(origins.detach(), directions.detach())
         through_plane = _through_plane(directions, is_outer)
         fates[alive] = _without_crossing(crossing, origins, directions, through_plane, is_outer)
-        alive, origins, directions = (each[crossing.found] for each in (alive, origins, directions))
+        alive, began, origins, directions = (each[crossing.found] for each in (alive, began, origins, directions))
         points, normals = _differentiable_hit(surface, origins, directions, crossing.lengths[crossing.found])
         above = points[:, 2].detach() >= 0.0
         fates[alive[~above]] = through_plane[crossing.found][~above]
         alive, points, directions, normals = (each[above] for each in (alive, points, directions, normals))
+        normals = _roughened(normals, rays, alive, is_outer)
         if is_outer and rays.absorptions is not None:
-            lengths = torch.linalg.norm(points - origins[above], dim=1)
+            lengths = torch.linalg.norm(points - began[above], dim=1)
             arrived = flux[alive] * torch.exp(-rays.absorptions[alive] * lengths)
             absorbed = torch.zeros_like(flux).index_put((alive,), flux[alive] - arrived)
             flux = flux.index_put((alive,), arrived)
@@ -115,8 +133,40 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
         if fresnel:
             flux = flux.index_put((alive,), flux[alive] * _transmittance(cosine, ratio, coating, coatings.rows, alive))
+    if rays.made is not None:
+        frames, _, factor = rays.made.placed
+        origins, directions = through_frame(frames[2], origins, directions, factor)
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
     return behind_glass(ExitRays(points, directions, flux, sin2_exit, fates, absorbed), rays.media, fresnel, coatings)
+
+
+def _above_plane(
+    outer: TracedSurface, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n 3"]
+) -> tuple[Float[Tensor, "n 3"], Bool[Tensor, " n"]]:
+    """Points of rays that rise from below the plane in which a lowered or tilted outer face ends, taken to that plane.
+
+    And those that come to lie inside the face: the others have left through the base.
+    """
+    height, rise = points[:, 2], directions[:, 2]
+    below, rising = height < 0.0, rise > 0.0
+    start = torch.where(below & rising, -height / torch.where(rising, rise, 1.0), 0.0)
+    raised = points + start[:, None] * directions
+    with torch.no_grad():
+        inside = outer.gap(raised) > 0.0
+    raised = torch.stack([raised[:, 0], raised[:, 1], torch.where(below, 0.0, height)], dim=1)
+    return raised, ~below | (rising & inside)
+
+
+def _roughened(
+    normals: Float[Tensor, "n 3"], rays: TensorRays, alive: Tensor, is_outer: bool
+) -> Float[Tensor, "n 3"]:
+    """Unit normals where the rays ``alive`` meet a face, tilted by its roughness."""
+    rough = None if rays.made is None else rays.made.rough(len(rays.flux))
+    if rough is None:
+        return normals
+    noise, slope = (rough[0][:, 3:], rough[2]) if is_outer else (rough[0][:, :3], rough[1])
+    tilted = normals + slope * torch.tensor(noise[alive.cpu().numpy()]).to(normals)
+    return tilted / torch.linalg.norm(tilted, dim=1, keepdim=True)
 
 
 def _transmittance(

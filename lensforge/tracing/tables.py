@@ -14,6 +14,7 @@ from lensforge.kernels.trace import trace
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid
+from lensforge.tracing.as_made import AsMade, Placed, Rough, rough_part
 from lensforge.tracing.cover_glass import before_glass, behind_glass
 from lensforge.tracing.exit_rays import ExitRays, Sensitivities
 from lensforge.tracing.ray_coatings import RayCoatings
@@ -23,12 +24,14 @@ from lensforge.tracing.ray_coatings import RayCoatings
 class Scene:
     """The lens body between two tables: the media, and the tables' grid.
 
-    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not.
+    Without ``fresnel`` both surfaces let all light through that they do not reflect totally, coated or not. ``made``:
+    where the lens is not as designed; None for one that is.
     """
 
     media: Media
     grid: TableGrid
     fresnel: bool = True
+    made: AsMade | None = None
 
     def packed(self) -> tuple[bool, float, float, float, float]:
         """The numbers that the kernels take."""
@@ -43,6 +46,8 @@ class Scene:
         indices, absorptions = rays.refractive_indices, rays.absorption_per_mm
         if absorptions is None:
             absorptions = np.full(int(self.media.absorption_per_mm > 0.0), self.media.absorption_per_mm)
+        if self.made is not None:
+            absorptions = absorptions * self.made.scale  # paths are those in the lens as designed
         return np.array([self.media.refractive_index]) if indices is None else indices, absorptions
 
 
@@ -55,6 +60,7 @@ class TracedBundle:
     """Exit rays of a bundle, and the data for its adjoint: the tables, and the path lengths to both surfaces (mm).
 
     ``at_lens``: the rays as they leave the lens; ``exits``: behind the cover glass, the same where there is none.
+    ``placed`` and ``rough``: of the lens as made, None for one as designed, or polished.
     """
 
     inner: Float[np.ndarray, "side side"]
@@ -62,6 +68,8 @@ class TracedBundle:
     scene: Scene
     rays: RayBundle
     coatings: RayCoatings
+    placed: Placed | None
+    rough: Rough | None
     lengths: Float[np.ndarray, "n 2"]
     at_lens: ExitRays
     exits: ExitRays
@@ -74,6 +82,8 @@ class TracedBundle:
         count, (indices, absorptions) = len(rays), scene.body(rays)
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
+        placed = None if scene.made is None else scene.made.placed
+        rough = None if scene.made is None else scene.made.rough(count)
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
         absorbed = np.zeros(count if len(absorptions) else 0)
@@ -82,7 +92,7 @@ class TracedBundle:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
-                coatings.inner, coatings.outer, coatings.part(part),
+                coatings.inner, coatings.outer, coatings.part(part), placed, rough_part(rough, part),
                 lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
             )  # fmt: skip
 
@@ -91,7 +101,7 @@ class TracedBundle:
         if len(absorptions):
             exits = replace(exits, absorbed=torch.from_numpy(absorbed))
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
-        return TracedBundle(*tables, scene, rays, coatings, lengths, exits, behind)
+        return TracedBundle(*tables, scene, rays, coatings, placed, rough, lengths, exits, behind)
 
     def gradients(
         self, by: Sensitivities, by_flux: Float[np.ndarray, " n"], by_sin2: Float[np.ndarray, " n"]
@@ -110,7 +120,7 @@ class TracedBundle:
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part),
                 self.inner, self.outer, self.scene.packed(), coatings.inner, coatings.outer, coatings.part(part),
-                self.lengths[part], fates[part],
+                self.placed, rough_part(self.rough, part), self.lengths[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
                 *totals[:, chunk],
             )  # fmt: skip

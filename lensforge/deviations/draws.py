@@ -1,0 +1,70 @@
+"""Parts drawn from the tolerances by quasi-Monte-Carlo: numbers of every factor for every part.
+
+Numbers that are spread or one-sided are those of one scrambled Sobol sequence (Owen 1997): their means converge faster
+than those of random numbers. The hundred numbers of form errors are independent: in so many dimensions a sequence gains
+nothing, and the attribution of the spread to its causes rests on their independence.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import qmc
+
+from lensforge import seeds
+from lensforge.deviations.distributions import quantiles
+from lensforge.deviations.factors import Factor
+
+Deviations = Mapping[str, Float[np.ndarray, " k"]]  # by the name of the factor, in mm, rad or as shares
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """``numbers`` (n, k) of each factor, by its name, in units of its amount."""
+
+    factors: tuple[Factor, ...]
+    numbers: Mapping[str, Float[np.ndarray, "n k"]]
+
+    @staticmethod
+    def of(factors: tuple[Factor, ...], parts: int, seed: int) -> "Draws":
+        """The first ``parts`` of the endless row of parts with this ``seed``."""
+        spread = [factor for factor in factors if factor.kind != "field"]
+        points = _sobol(sum(factor.numbers for factor in spread), parts, seeds.of_parts(seed))
+        numbers, first = {}, 0
+        for factor in spread:
+            numbers[factor.name] = quantiles(factor, points[:, first : first + factor.numbers])
+            first += factor.numbers
+        for factor in factors:
+            if factor.kind == "field":  # a seed of its own: another tolerance given or left out changes no other
+                rng = np.random.default_rng([seeds.of_parts(seed), *factor.name.encode()])
+                numbers[factor.name] = rng.standard_normal((parts, factor.numbers))
+        return Draws(factors, numbers)
+
+    @property
+    def parts(self) -> int:
+        """Number of parts."""
+        return len(next(iter(self.numbers.values())))
+
+    def deviations(self, part: int, scales: Mapping[str, float] | None = None) -> Deviations:
+        """Deviations of one part, those of some factors scaled."""
+        scales = scales or {}
+        return {
+            factor.name: self.numbers[factor.name][part]
+            * (factor.amount * factor.to_internal * scales.get(factor.name, 1.0))
+            for factor in self.factors
+        }
+
+    def mirrored(self) -> "Draws":
+        """The parts whose deviations to both sides and form errors are the opposite."""
+        signs = {factor.name: 1.0 if factor.kind == "one-sided" else -1.0 for factor in self.factors}
+        return replace(self, numbers={name: signs[name] * each for name, each in self.numbers.items()})
+
+
+def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:
+    """Scrambled points, never 0 or 1."""
+    if dimensions == 0:
+        return np.zeros((count, 0))
+    sequence = qmc.Sobol(dimensions, scramble=True, bits=52, rng=np.random.default_rng(seed))
+    points: Float[np.ndarray, "n d"] = sequence.random_base2(int(np.ceil(np.log2(max(count, 1)))))[:count]
+    return np.clip(points, 2.0**-53, 1.0 - 2.0**-53)

@@ -1,0 +1,111 @@
+"""The ``[tolerances]`` of a spec: what may be wrong with a part, its mounting and its LED, and by how much."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from lensforge.spec.section import Section
+from lensforge.spec.tolerance_presets import PRESET_AMOUNTS, TolerancePreset
+
+Distribution = Literal["uniform", "normal", "truncated"]
+
+
+class ToleranceSpec(Section):
+    """One tolerance: ``amount`` either way, in the unit of the field's name, and how parts are spread over it.
+
+    "uniform": anywhere within the amount. "normal": Gaussian, 95 % of the parts within it (its standard deviation is
+    half the amount). "truncated": the same, without the parts beyond it, which inspection has sorted out.
+    """
+
+    amount: Annotated[float, Field(ge=0.0)]
+    distribution: Distribution = "truncated"
+
+    @model_validator(mode="after")
+    def _has_a_width(self) -> "ToleranceSpec":
+        if self.amount == 0.0 and "distribution" in self.model_fields_set:
+            raise ValueError("amount = 0: a distribution has a width; raise it, or write 0 alone for an exact part")
+        return self
+
+
+def _from_number(value: Any) -> Any:
+    return {"amount": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number)]
+
+# Largest amounts, by the end of the name: beyond them, a part is another part.
+_LARGEST = {"_mm": 5.0, "_deg": 20.0, "_um": 100.0, "_mrad": 100.0, "index": 0.1, "source_flux": 0.5}
+_LARGEST |= {"source_size": 0.5, "shrinkage": 0.1}
+
+
+class TolerancesSection(Section):
+    """Tolerances: a number, or ``{ amount = 0.05, distribution = "normal" }``; 0 for none.
+
+    What is left out comes from ``preset``. A shift is drawn in x and in y, a tilt about x and about y.
+
+    ``source_*``: the LED against its place in the spec; ``source_flux`` and ``source_size`` are shares. ``outer_*`` and
+    ``gap_mm``: the outer face against the inner one. ``lens_*``: the whole lens against LED and receivers. ``*_form_um``
+    (rms): error of a face as wide as astigmatism and coma. ``*_waviness_um`` (rms): finer errors with periods from
+    ``waviness_shortest_mm`` to ``waviness_longest_mm``, whose spectral density over spatial frequency in the plane
+    falls with the power ``waviness_exponent``. ``*_ripple_um`` (peak to valley): rings of the cutter about the axis,
+    every ``ripple_period_mm``. ``*_roughness_mrad``: rms slope along any line. All of these but form, waviness and
+    ripple, whose shape and strength are drawn anew for every part, are spread by their distribution; roughness and
+    ripple between none and the amount. ``index``: of the batch. ``shrinkage``: change of all lengths, as a share.
+    """
+
+    preset: TolerancePreset = "standard"
+    source_shift_mm: _Tolerance | None = None
+    source_height_mm: _Tolerance | None = None
+    source_tilt_deg: _Tolerance | None = None
+    source_flux: _Tolerance | None = None
+    source_size: _Tolerance | None = None
+    outer_shift_mm: _Tolerance | None = None
+    gap_mm: _Tolerance | None = None
+    outer_tilt_deg: _Tolerance | None = None
+    lens_shift_mm: _Tolerance | None = None
+    lens_height_mm: _Tolerance | None = None
+    lens_tilt_deg: _Tolerance | None = None
+    inner_form_um: _Tolerance | None = None
+    outer_form_um: _Tolerance | None = None
+    inner_waviness_um: _Tolerance | None = None
+    outer_waviness_um: _Tolerance | None = None
+    inner_ripple_um: _Tolerance | None = None
+    outer_ripple_um: _Tolerance | None = None
+    inner_roughness_mrad: _Tolerance | None = None
+    outer_roughness_mrad: _Tolerance | None = None
+    index: _Tolerance | None = None
+    shrinkage: _Tolerance | None = None
+    waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
+    waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 5.0
+    waviness_exponent: Annotated[float, Field(ge=0.0, le=6.0)] = 2.0
+    ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
+
+    @model_validator(mode="after")
+    def _amounts_are_small(self) -> "TolerancesSection":
+        for name in PRESET_AMOUNTS["standard"]:
+            tolerance = getattr(self, name)
+            if tolerance is None:
+                continue
+            most = next(largest for end, largest in _LARGEST.items() if name.endswith(end))
+            if tolerance.amount > most:
+                raise ValueError(f"{name} = {tolerance.amount:g}: must be at most {most:g}")
+            if name.endswith("_um") and "distribution" in tolerance.model_fields_set:
+                raise ValueError(
+                    f"{name}: the shape of a face's error is Gaussian, and its amount the rms over all parts; leave "
+                    "out distribution"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _band_is_a_band(self) -> "TolerancesSection":
+        if self.waviness_shortest_mm >= self.waviness_longest_mm:
+            raise ValueError(
+                f"waviness_shortest_mm = {self.waviness_shortest_mm:g}: must be below waviness_longest_mm = "
+                f"{self.waviness_longest_mm:g}"
+            )
+        return self
+
+    def of(self, name: str) -> ToleranceSpec:
+        """The tolerance ``name``: as given, or that of the preset."""
+        given: ToleranceSpec | None = getattr(self, name)
+        return ToleranceSpec(amount=PRESET_AMOUNTS[self.preset][name]) if given is None else given

@@ -1,0 +1,152 @@
+"""Light of many parts by the same rays: held in memory, traced through each part, its metrics against the nominal ones.
+
+Parts share their rays with the lens as designed, so that most of the ray noise cancels in the change from it. A metric
+of a part is that of the lens as designed, by many rays, plus this change.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from lensforge.deviations.made_part import MadePart
+from lensforge.evaluation.limits import limit_value
+from lensforge.evaluation.noise_free import Images
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share
+from lensforge.evaluation.simulate import REPLICATES, TracedLens, bundles
+from lensforge.jackknife import jackknife_error
+from lensforge.receivers.pixels import gaussian3
+from lensforge.receivers.posed import PosedReceiver
+from lensforge.records import Image, Metric
+from lensforge.sources.bundle import RayBundle, Source
+from lensforge.spec import Spec
+from lensforge.targets.limits import LightLimit
+from lensforge.targets.pattern import target_light
+from lensforge.targets.region import in_target, uniform_region
+from lensforge.tracing.tables import trace_tables
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLight:
+    """Rays of all replicates in one bundle, and the number of the replicate of each."""
+
+    rays: RayBundle
+    replicate: Int[np.ndarray, " n"]
+    replicates: int
+    emitted_w: float
+
+    @staticmethod
+    def of(source: Source, rays: int, seed: int) -> "HeldLight":
+        """The rays by which an evaluation of so many ``rays`` with ``seed`` simulates."""
+        count = min(REPLICATES, rays, source.ray_count or rays)
+        parts, numbers = [], []
+        for replicate, share, bundle in bundles(source, rays, count, seed):
+            parts.append(replace(bundle, flux=bundle.flux * share))
+            numbers.append(np.full(len(bundle), replicate))
+        return HeldLight(RayBundle.joined(parts), np.concatenate(numbers), count, source.flux_w)
+
+    def __len__(self) -> int:
+        return len(self.replicate)
+
+
+@dataclass(frozen=True, eq=False)
+class ReceivedImages:
+    """Filtered image of flux (W) of every replicate on one receiver; ``window``: share of the emitted flux in it.
+
+    ``emitted_w``: of this part's source.
+    """
+
+    images: Images
+    window: Float[np.ndarray, " r"]
+    emitted_w: float
+
+
+@dataclass(frozen=True, eq=False)
+class PartLight:
+    """Simulation of parts of one lens: ``receivers`` of ``spec``, their ``limits``, and the rays of all parts."""
+
+    spec: Spec
+    nominal: TracedLens
+    receivers: tuple[PosedReceiver, ...]
+    limits: tuple[LightLimit, ...]
+    held: HeldLight
+
+    def received(self, part: MadePart | None) -> tuple[ReceivedImages, ...]:
+        """Light of one part on each receiver; None: of the lens as designed."""
+        nominal, rays = self.nominal, self.held.rays
+        inner, outer, scene, flux = nominal.inner, nominal.outer, nominal.scene, 1.0
+        if part is not None:
+            inner, outer = part.tables(inner, outer)
+            scene = replace(scene, media=part.media(scene.media), made=part.made)
+            rays, flux = part.rays(rays), part.flux
+        exits = trace_tables(inner, outer, scene, rays)
+        found = []
+        for receiver in self.receivers:
+            landings = receiver.land(exits)
+            hits, carried = landings.hits.numpy(), landings.flux.numpy() * flux
+            inside = receiver.window.contains(hits)
+            window = np.bincount(self.held.replicate[inside], carried[inside], minlength=self.held.replicates)
+            emitted_w = flux * self.held.emitted_w
+            found.append(ReceivedImages(self._binned(hits, carried, receiver), window / emitted_w, emitted_w))
+        return tuple(found)
+
+    def _binned(
+        self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], receiver: PosedReceiver
+    ) -> Float[np.ndarray, "r h w"]:
+        """Filtered image of each replicate, as an evaluation has it."""
+        grid, count = receiver.grid, self.held.replicates
+        cell = np.floor((hits / np.array(grid.size) + 0.5) * np.array([grid.columns, grid.rows]))
+        inside = np.all((cell >= 0) & (cell < [grid.columns, grid.rows]), axis=1) & (flux > 0.0)
+        column, row = cell[inside].astype(np.int64).T
+        place = (self.held.replicate[inside] * grid.rows + row) * grid.columns + column
+        found = np.bincount(place, flux[inside], minlength=count * grid.rows * grid.columns)
+        images = found.astype(np.float64).reshape(count, *grid.shape)
+        return gaussian3(images, self.spec.evaluate.filter_variance)
+
+    def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
+        """Metrics of one part by its replicates."""
+        metrics, shares = [], []
+        for found, target, region, mask in zip(received, *self._targets, strict=True):
+            images = found.images
+            metrics.append(ReplicateMetrics.of(images, target, lit_mask(mask, images), found.window))
+            shares.append(images[:, region].sum(axis=1) / found.emitted_w)
+        return MeasuredPart(
+            tuple(metrics), tuple(shares), tuple(self._limit(limit, received) for limit in self.limits)
+        )
+
+    @cached_property
+    def _targets(self) -> tuple[list[Image], list[Bool[np.ndarray, "_ _"]], list[Bool[np.ndarray, "_ _"] | None]]:
+        """Target of each receiver, the region it lights, and that of uniform light, if any."""
+        pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
+        targets = [target_light(own, receiver) for own, receiver in pairs]
+        return targets, [in_target(each) for each in targets], [uniform_region(own, each) for own, each in pairs]
+
+    def _limit(self, limit: LightLimit, received: tuple[ReceivedImages, ...]) -> Float[np.ndarray, " k"]:
+        """The value that decides on ``limit``, of all replicates and then with one after the other left out."""
+        images = received[limit.receiver].images
+        kept = [images, *(np.delete(images, k, axis=0) for k in range(len(images)) if len(images) > 1)]
+        return np.array([limit_value(limit, each).value for each in kept])
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPart:
+    """Metrics of one part on each receiver, by replicates; shares of flux in the targets; values of its limits."""
+
+    metrics: tuple[ReplicateMetrics, ...]
+    shares: tuple[Float[np.ndarray, " r"], ...]
+    limits: tuple[Float[np.ndarray, " k"], ...]
+
+    def change_from(self, before: "MeasuredPart", rays: int) -> list[dict[str, Metric]]:
+        """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits."""
+        found = []
+        parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
+        for own, other, share, other_share in parts:
+            change = {name: value for name, value in own.change_from(other, rays) if value is not None}
+            found.append({**change, "share_in_target": mean_share(share - other_share)})
+        limits = {}
+        for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
+            difference = own_limit - other_limit
+            error = jackknife_error(difference[1:]) if len(difference) > 1 else None
+            limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
+        return [*found, limits]

@@ -1,0 +1,149 @@
+"""Parts of one lens, measured one by one: everything that a worker needs, made from a small recipe.
+
+The metrics of a part depend on the recipe, its number and its scales alone, and so are the same bits wherever and
+whenever they are computed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.accuracy import PRESETS
+from lensforge.deviations.draws import Draws
+from lensforge.deviations.factors import Factor, factors_of
+from lensforge.deviations.made_part import MadePart, PartMaker
+from lensforge.evaluation.evaluate import evaluate_traced
+from lensforge.evaluation.light import Light
+from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE, possible_share
+from lensforge.evaluation.simulate import TracedLens
+from lensforge.lens import Lens
+from lensforge.optics.two_refractions import transmittance_of
+from lensforge.receivers.build import receivers_of
+from lensforge.records import Metric
+from lensforge.sources.build import build_source, summarise
+from lensforge.targets.limits import light_limits
+from lensforge.tolerancing.part_light import HeldLight, MeasuredPart, PartLight
+from lensforge.tolerancing.yield_result import MetricBound
+
+Scales = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What decides the metrics of every part of a study."""
+
+    lens: Lens
+    parts: int
+    rays: int
+    seed: int
+    designed_rays: int
+
+
+@dataclass(frozen=True, eq=False)
+class PartStudy:
+    """A recipe with all that is made from it, once in each process."""
+
+    recipe: Recipe
+
+    @cached_property
+    def factors(self) -> tuple[Factor, ...]:
+        """The tolerances of the spec."""
+        return factors_of(self.recipe.lens.spec.tolerances)
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Numbers of every part."""
+        return Draws.of(self.factors, self.recipe.parts, self.recipe.seed)
+
+    @cached_property
+    def light(self) -> PartLight:
+        """Receivers, limits and rays."""
+        lens, recipe = self.recipe.lens, self.recipe
+        source, spec = build_source(lens.spec.source, lens.dispersion), lens.spec
+        receivers = receivers_of(spec, spec.evaluate.pixels)
+        efficacy = summarise(source, spec.source).lumens_per_watt
+        limits = light_limits(spec, receivers, efficacy, source.flux_w)
+        nominal = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+        return PartLight(spec, nominal, receivers, limits, HeldLight.of(source, recipe.rays, recipe.seed))
+
+    @cached_property
+    def maker(self) -> PartMaker:
+        """Tables of the form errors."""
+        return PartMaker.of_lens(self.recipe.lens, self.light.nominal.scene.grid, self.factors)
+
+    @cached_property
+    def designed(self) -> MeasuredPart:
+        """The lens as designed, by the rays of the parts."""
+        return self.light.measured(self.light.received(None))
+
+    @cached_property
+    def designed_light(self) -> Light:
+        """The light of the lens as designed, by many rays."""
+        lens, light, recipe = self.recipe.lens, self.light, self.recipe
+        source = build_source(lens.spec.source, lens.dispersion)
+        return evaluate_traced(light.nominal, lens.spec, source, recipe.designed_rays, recipe.seed, limits=light.limits)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the metrics: those of the first receiver, of the others with theirs, and of the limits."""
+        *receivers, limits = self.designed.change_from(self.designed, self.recipe.rays)
+        found = []
+        for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
+            found += [f"{light.name}: {name}" if number else name for name in each]
+        for number in limits:
+            limit = self.designed_light.limits[int(number)]
+            words = f"{limit.name}: {limit.quantity}"
+            both = sum(f"{each.name}: {each.quantity}" == words for each in self.designed_light.limits) > 1
+            found.append(f"{words} ({'least' if limit.sense == '>=' else 'most'})" if both else words)
+        return tuple(found)
+
+    @cached_property
+    def of_design(self) -> dict[str, Metric]:
+        """Metrics of the lens as designed, by many rays."""
+        found: list[Metric] = []
+        *receivers, _ = self.designed.change_from(self.designed, self.recipe.rays)
+        for each, light in zip(receivers, self.designed_light.receivers, strict=True):
+            found += [getattr(light, name) or Metric(value=0.0) for name in each]
+        found += [limit.value for limit in self.designed_light.limits]
+        return dict(zip(self.names, found, strict=True))
+
+    @cached_property
+    def bounds(self) -> tuple[MetricBound, ...]:
+        """What a part must keep: the limits of the spec or, without any, what the verdict on the light asks."""
+        lens, light = self.recipe.lens, self.designed_light
+        if light.limits:
+            names = self.names[-len(light.limits) :]
+            return tuple(
+                MetricBound(metric=name, sense=limit.sense, bound=limit.bound, unit=limit.unit)
+                for name, limit in zip(names, light.limits, strict=True)
+            )
+        found = []
+        for number, each in enumerate(light.receivers):
+            prefix = f"{each.name}: " if number else ""
+            least = LEAST_SHARE * possible_share(each, transmittance_of(lens.media))[0]
+            found.append(MetricBound(metric=f"{prefix}nmse", sense="<=", bound=LARGEST_NMSE, unit=""))
+            found.append(MetricBound(metric=f"{prefix}share_in_target", sense=">=", bound=least, unit=""))
+        return tuple(found)
+
+    def part(self, number: int, scales: Scales | None = None) -> MadePart:
+        """One part, some of its deviations scaled."""
+        return self.maker.part(self.draws.deviations(number, scales))
+
+    def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
+        """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
+        found = self.light.measured(self.light.received(self.part(number, scales)))
+        changes = [each for group in found.change_from(self.designed, self.recipe.rays) for each in group.values()]
+        designed = [metric.value for metric in self.of_design.values()]
+        errors = [change.standard_error or 0.0 for change in changes]
+        return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
+
+    def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
+        """Distance of the metrics from each bound, above 0 on its wrong side."""
+        columns = [self.names.index(bound.metric) for bound in self.bounds]
+        signs = np.array([1.0 if bound.sense == "<=" else -1.0 for bound in self.bounds])
+        limits = np.array([bound.bound for bound in self.bounds])
+        found: Float[np.ndarray, "*n b"] = signs * (values[..., columns] - limits)
+        return found

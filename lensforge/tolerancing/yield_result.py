@@ -1,0 +1,168 @@
+"""Result of the yield study: how many parts pass, how far their metrics scatter, which tolerance decides."""
+
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from lensforge.criteria import Sense
+from lensforge.records import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_PARTS = 100_000
+_MOST_FACTORS, _MOST_BOUNDS = 64, 2048
+
+
+class PassRate(Record):
+    """Share of the parts that pass, and its 95 % confidence interval by Wilson's score (Wilson 1927)."""
+
+    value: Share
+    low: Share
+    high: Share
+
+
+class MetricBound(Record):
+    """What a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
+
+    metric: Text
+    sense: Sense
+    bound: Number
+    unit: Text
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
+        return f"{self.metric} {self.sense} {self.bound:.4g}{unit}"
+
+
+class MetricSpread(Record):
+    """Distribution of a metric over the parts; ``designed``: of the lens as designed, by its own many rays.
+
+    ``p5``, ``p50``, ``p95``: percentiles; ``mean`` and ``spread`` (standard deviation, without ray noise) of the parts.
+    ``standard_error``: median of that of one part's change from the designed lens.
+    """
+
+    unit: Text
+    designed: Metric
+    p5: Number
+    p50: Number
+    p95: Number
+    mean: Metric
+    spread: NotNegative
+    standard_error: NotNegative | None
+
+
+class CauseShare(Record):
+    """Share of a metric's variance that one tolerance makes by itself, and its standard error."""
+
+    tolerance: Text
+    words: Text
+    share: Number
+    standard_error: NotNegative
+
+
+class Variance(Record):
+    """Causes of a metric's spread; ``interactions``: what is left to several tolerances together."""
+
+    causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
+    interactions: Metric
+
+
+class BudgetRow(Record):
+    """The largest ``at_most`` of one tolerance at which 95 % of the parts pass, the others as specified.
+
+    ``low``, ``high``: a standard error to either side, from the number of parts. None: no amount is small enough, or
+    none up to ``searched_to`` is too large (``unlimited``).
+    """
+
+    tolerance: Text
+    words: Text
+    unit: Text
+    specified: NotNegative
+    at_most: NotNegative | None
+    low: NotNegative | None
+    high: NotNegative | None
+    searched_to: NotNegative
+    unlimited: bool
+
+
+class Budget(Record):
+    """What each tolerance may be at most so that ``pass_rate`` of the parts pass, by the first ``parts`` of them.
+
+    ``together``: the factor, in the place of an amount, by which all of them may be scaled at once.
+    """
+
+    pass_rate: Share
+    parts: Count
+    alone: Annotated[tuple[BudgetRow, ...], Field(max_length=_MOST_FACTORS)]
+    together: BudgetRow
+
+
+class WorstPart(Record):
+    """One of the worst parts: its number in the table of parts, and its metrics."""
+
+    part: Count
+    metrics: dict[Text, Number]
+    passes: bool
+
+
+class ToleranceAmount(Record):
+    """One tolerance as it was drawn."""
+
+    name: Text
+    words: Text
+    unit: Text
+    amount: NotNegative
+    distribution: Text
+
+
+class Yield(SimulatedResult):
+    """``parts`` lamps drawn from the tolerances of the spec, and their light.
+
+    ``columns``: names of the numbers drawn and of the metrics, in the order of ``table``, which has a row for each
+    part; numbers in the unit of the spec. ``worst_maps``: light of the worst parts on the first receiver.
+    """
+
+    stage: ClassVar[str] = "yield"
+
+    parts: Annotated[Count, Field(ge=2, le=MOST_PARTS)]
+    rays: Count
+    seed: Count
+    preset: Text
+    tolerances: tuple[ToleranceAmount, ...]
+    bounds: Annotated[tuple[MetricBound, ...], Field(max_length=_MOST_BOUNDS)]
+    pass_rate: PassRate
+    metrics: dict[Text, MetricSpread]
+    variance: dict[Text, Variance]
+    budget: Budget | None
+    worst: tuple[WorstPart, ...]
+    notes: tuple[Text, ...]
+    seconds: NotNegative
+    columns: tuple[Text, ...]
+    table: Annotated[Float[np.ndarray, "parts columns"], Array("parts", "columns", most=MOST_PARTS)]
+    worst_maps: Annotated[Float[np.ndarray, "worst h w"], Array("worst", "h", "w", gaps=False)]
+
+    def column(self, name: str) -> Float[np.ndarray, " parts"]:
+        """One number of every part."""
+        found: Float[np.ndarray, " parts"] = self.table[:, self.columns.index(name)]
+        return found
+
+    def products(self) -> dict[str, bytes]:
+        """The table of parts as CSV."""
+        lines = [",".join(("part", *self.columns))]
+        lines += [f"{number}," + ",".join(f"{value:.9g}" for value in row) for number, row in enumerate(self.table)]
+        return {".csv": ("\n".join(lines) + "\n").encode()}
+
+    def plot(self, axes: "Axes | None" = None, *, metric: str = "nmse") -> "Axes":
+        """Share of the parts whose ``metric`` is at most the value, with the bound that they must keep.
+
+        Raises :class:`InputError` for an unknown one.
+        """
+        from lensforge.figures.plots import plot_distribution, require_choice
+
+        require_choice("metric", metric, tuple(self.metrics))
+        bound = next((each.bound for each in self.bounds if each.metric == metric), None)
+        designed = self.metrics[metric].designed.value
+        return plot_distribution(self.column(metric), metric, axes, designed=designed, bound=bound)

@@ -1,0 +1,209 @@
+"""The yield study: parts drawn from the tolerances, the distribution of their metrics, the share that passes, causes."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import norm
+
+from lensforge.lens import Lens
+from lensforge.records import Metric
+from lensforge.sources.build import build_source
+from lensforge.tolerancing.budget import budget
+from lensforge.tolerancing.contributions import contributions
+from lensforge.tolerancing.feasible_amounts import require_bearable
+from lensforge.tolerancing.measured_parts import MeasuredParts, Progress, Threads, Workers
+from lensforge.tolerancing.part_light import HeldLight
+from lensforge.tolerancing.part_study import PartStudy, Recipe
+from lensforge.tolerancing.yield_result import (
+    MetricSpread,
+    PassRate,
+    ToleranceAmount,
+    WorstPart,
+    Yield,
+)
+
+PARTS, RAYS = 1000, 2**16
+DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all parts
+_MOST_RAYS = 2**20
+_PILOT = 32
+_LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
+_WORST, _WORST_RAYS = 3, 2**19
+_LEVEL = 0.95
+
+
+def measure_yield(
+    lens: Lens,
+    *,
+    parts: int = PARTS,
+    rays: int | None = None,
+    seed: int = 0,
+    with_budget: bool = True,
+    workers: Workers | None = None,
+    file: Path | None = None,
+    progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Yield:
+    """Draw ``parts`` from the tolerances of the lens's spec, and measure the light of each.
+
+    Without ``rays`` as many are traced, from 2^16 to 2^20, as keep the standard error of a part below a tenth of the
+    spread over the parts. ``file``: where measured parts are kept until the study is done. Raises :class:`InputError`
+    for tolerances that the part cannot bear.
+    """
+    started, announce = time.perf_counter(), announce or (lambda _: None)
+    study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
+    require_bearable(lens, study.factors)
+    found = MeasuredParts(study, workers or Threads(study), file, progress, parts)
+    if rays is None:
+        announce("pilot parts")
+        found = _with_enough_rays(found, workers, min(_PILOT, parts))
+    study = found.study
+    announce("parts")
+    measured = found.of(range(parts))
+    metrics = {name: _spread(study.of_design[name], measured[:, number]) for number, name in enumerate(study.names)}
+    passes = (study.excess(measured[..., 0]) <= 0.0).all(axis=1)
+    variance = {
+        name: contributions(study.draws, measured[:, number, 0], float(np.mean(measured[:, number, 1] ** 2)))
+        for number, name in enumerate(study.names)
+        if metrics[name].spread > 0.0
+    }
+    limits = budget(found, announce) if with_budget else None
+    worst = _worst(study, measured)
+    columns, table = _table(study, measured)
+    announce("worst parts")
+    return Yield(
+        inputs={"lens": lens.sha256},
+        parts=parts,
+        rays=len(study.light.held),
+        seed=seed,
+        preset=lens.spec.tolerances.preset,
+        tolerances=tuple(
+            ToleranceAmount(
+                name=factor.name,
+                words=factor.words,
+                unit=factor.unit,
+                amount=factor.amount,
+                distribution="Gaussian field" if factor.kind == "field" else factor.distribution,
+            )
+            for factor in study.factors
+        ),
+        bounds=study.bounds,
+        pass_rate=wilson(int(passes.sum()), parts),
+        metrics=metrics,
+        variance=variance,
+        budget=limits,
+        worst=worst,
+        notes=_notes(study, metrics),
+        seconds=time.perf_counter() - started,
+        columns=columns,
+        table=table,
+        worst_maps=_worst_maps(study, worst),
+    )
+
+
+def wilson(passed: int, count: int, level: float = _LEVEL) -> PassRate:
+    """Share ``passed`` of ``count``, with Wilson's confidence interval (J. Am. Stat. Assoc. 22, 209, 1927)."""
+    z = float(norm.ppf(0.5 + 0.5 * level))
+    share, spread = passed / count, z * z / count
+    middle = (share + 0.5 * spread) / (1.0 + spread)
+    half = z / (1.0 + spread) * np.sqrt(share * (1.0 - share) / count + 0.25 * spread / count)
+    return PassRate(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half))
+
+
+def _with_enough_rays(found: MeasuredParts, workers: Workers | None, pilot: int) -> MeasuredParts:
+    """The same study with as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
+    while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
+        study = found.study
+        more = PartStudy(replace(study.recipe, rays=2 * study.recipe.rays))
+        for name in ("draws", "maker", "designed_light"):  # none of them depends on the rays of the parts
+            more.__dict__[name] = getattr(study, name)
+        found = MeasuredParts(more, workers or Threads(more), found.file, found.progress, found.expected)
+    return found
+
+
+def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
+    """True where a part's standard error is small against the spread over the parts, in all that is judged."""
+    judged = {"nmse", *(bound.metric for bound in study.bounds)}
+    numbers = [number for number, name in enumerate(study.names) if name in judged]
+    spreads = [_true_spread(values[:, number]) for number in numbers]
+    errors = [float(np.median(values[:, number, 1])) for number in numbers]
+    return all(error <= _LARGEST_ERROR * spread for error, spread in zip(errors, spreads, strict=True) if spread > 0.0)
+
+
+def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
+    """Standard deviation over the parts, less the noise of the rays."""
+    variance = float(values[:, 0].var(ddof=1)) - float(np.mean(values[:, 1] ** 2))
+    return float(np.sqrt(max(variance, 0.0)))
+
+
+def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
+    """Distribution of one metric. The scatter that ray noise adds is taken off: values are drawn to their mean."""
+    spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
+    mean = float(values[:, 0].mean())
+    own = mean + (values[:, 0] - mean) * (spread / scatter if scatter > 0.0 else 1.0)
+    p5, p50, p95 = np.percentile(own, [5.0, 50.0, 95.0]).tolist()
+    return MetricSpread(
+        unit=designed.unit,
+        designed=designed,
+        p5=p5,
+        p50=p50,
+        p95=p95,
+        mean=Metric(value=mean, unit=designed.unit, standard_error=scatter / float(np.sqrt(len(values)))),
+        spread=spread,
+        standard_error=float(np.median(values[:, 1])),
+    )
+
+
+def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[WorstPart, ...]:
+    """The parts that miss their bounds by most, in units of the spread over the parts."""
+    excess = study.excess(measured[..., 0])
+    width = excess.std(axis=0)
+    order = np.argsort(-(excess / np.where(width > 0.0, width, 1.0)).max(axis=1), kind="stable")[:_WORST]
+    return tuple(
+        WorstPart(
+            part=int(number),
+            metrics=dict(zip(study.names, measured[number, :, 0].tolist(), strict=True)),
+            passes=bool((excess[number] <= 0.0).all()),
+        )
+        for number in order
+    )
+
+
+def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndarray, "k h w"]:
+    """Light of the worst parts on the first receiver, per measure of its pixels, by more rays."""
+    lens, light = study.recipe.lens, study.light
+    source = build_source(lens.spec.source, lens.dispersion)
+    held = HeldLight.of(source, max(_WORST_RAYS, study.recipe.rays), study.recipe.seed)
+    finer = replace(light, held=held)
+    images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]
+    return np.stack(images) / light.receivers[0].pixel_measure
+
+
+def _table(
+    study: PartStudy, measured: Float[np.ndarray, "n m 2"]
+) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
+    """Numbers drawn for every part, in the unit of the spec, and its metrics."""
+    columns, found = [], []
+    for factor in study.factors:
+        numbers = study.draws.numbers[factor.name] * factor.amount
+        columns += [factor.name if factor.numbers == 1 else f"{factor.name} {k + 1}" for k in range(factor.numbers)]
+        found.append(numbers)
+    return (*columns, *study.names), np.concatenate([*found, measured[..., 0]], axis=1)
+
+
+def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
+    """What a reader must know of how the study was made."""
+    found = []
+    for name, error in study.maker.errors.items():
+        if error.slope > 0.0:
+            words = next(factor.words for factor in study.factors if factor.name == name)
+            found.append(f"{words}: what is too fine for the tables of the faces counts as roughness")
+    for bound in study.bounds:
+        spread = metrics[bound.metric]
+        if spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread > 0.0:
+            share = spread.standard_error / spread.spread
+            found.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
+    return tuple(found)
