@@ -13,6 +13,7 @@ from fuzzing.kind import Files, Kind
 from fuzzing.trees import as_toml, changed_tree, damaged_text
 from lensforge.spec import parse_spec
 from lensforge.spec.feasible import require_base_around_cavity
+from lensforge.spec.files import resolve_files
 
 FILE = "spec.toml"
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -36,9 +37,16 @@ def _texts(every_example: bool = True) -> list[str]:
     """The specs as JSON: short ones as a user writes them, and each again with all of its fields."""
     written = [_with(changes) for changes in ({}, *_samples()["other"])]
     if every_example:
-        written += [tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(EXAMPLES.glob("*.toml"))]
+        written += [_example(path) for path in sorted(EXAMPLES.glob("*.toml"))]
     whole = [_without_none(parse_spec(content, "sample").model_dump(mode="json")) for content in written]
     return [json.dumps(content) for content in (*written, *whole)]
+
+
+def _example(path: Path) -> dict[str, Any]:
+    """A shipped spec, with the files that it names where they lie."""
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    resolve_files(content, EXAMPLES)
+    return content
 
 
 def _with(changes: dict[str, Any]) -> Any:
