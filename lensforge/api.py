@@ -75,10 +75,13 @@ from lensforge.spec.source import (
     RectangleSource,
     SquareSource,
 )
-from lensforge.stages import build, check, design, evaluate, photometry, sensitivity
+from lensforge.spec.tolerances import ToleranceSpec, TolerancesSection
+from lensforge.stages import build, check, design, evaluate, photometry
 from lensforge.studies.sweep.table import Sweep
 from lensforge.studies.tradeoff.record import Tradeoff
+from lensforge.tolerance_stages import sensitivity, tolerance
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.tolerancing.yield_result import Yield
 from lensforge.verbs import handover, rays, sweep, tradeoff
 from lensforge.verdict import Verdict
 from lensforge.verification.proof import Proof
@@ -173,9 +176,12 @@ __all__ = [
     "TableSpectrum",
     "TableTarget",
     "TextTarget",
+    "ToleranceSpec",
+    "TolerancesSection",
     "Tool",
     "Tradeoff",
     "Verdict",
+    "Yield",
     "ZoneLimit",
     "__version__",
     "build",
@@ -194,6 +200,7 @@ __all__ = [
     "sensitivity",
     "stray_light",
     "sweep",
+    "tolerance",
     "tradeoff",
     "verify",
 ]

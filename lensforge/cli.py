@@ -18,7 +18,7 @@ import click
 
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
-from lensforge.commands.part import compare, correct, handover, photometry, sensitivity
+from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
 from lensforge.commands.stages import check, evaluate, export, report, verify
@@ -55,8 +55,8 @@ def cli() -> None:
 
 
 for command in (
-    design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, photometry, handover, compare,
-    correct,
+    design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
+    compare, correct,
 ):  # fmt: skip
     cli.add_command(command)
 

@@ -28,7 +28,6 @@ from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, 
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
-from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
@@ -171,12 +170,6 @@ def run_verify(folder: Path, *, rays: int | None = None) -> Proof:
 def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished", "black"] = "polished") -> StrayLight:
     """Follow rays through the exported part with reflections, base and absorption."""
     return write_result(cast_stages.stray_light(open_run(folder).part, rays=rays, base=base), folder)
-
-
-@in_locked_folder
-def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
-    """Compute the effect of manufacturing and alignment errors on the light."""
-    return write_result(stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
 
 
 @in_locked_folder

@@ -21,6 +21,7 @@ from lensforge.optimisation.design import Design
 from lensforge.records import SimulatedResult, StageResult
 from lensforge.spec import Spec
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.tolerancing.yield_result import Yield
 from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
@@ -38,6 +39,7 @@ EXTRAS: dict[str, type[StageResult]] = {
     "correct_inner": Correction,
     "correct_outer": Correction,
     "sensitivity": Sensitivity,
+    "yield": Yield,
     "photometry": Photometry,
 }
 _FILES: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}

@@ -29,12 +29,11 @@ from lensforge.lens import Lens, load_lens
 from lensforge.lens_at_temperature import at_temperature
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
-from lensforge.other_conditions import light_conditions, photometry_conditions, rays_of
+from lensforge.other_conditions import light_conditions, photometry_conditions
 from lensforge.records.arrays import MOST_PIXELS
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
-from lensforge.tolerancing.sensitivity_table import Sensitivity
 
 
 def design(
@@ -180,18 +179,6 @@ def check(part: Part) -> Check:
     from lensforge.manufacturing.check import check_part
 
     return check_part(require(part, Part, "check"))
-
-
-def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
-    """Compute the effect of small errors of form, position, source and index on the light of ``lens``."""
-    from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
-
-    require(lens, Lens, "sensitivity")
-    source = source_of(lens.spec)
-    count, conditions = rays_of(count_of("rays", rays), RAYS, source)
-    with threads_of_torch(threads):
-        found = measure_sensitivity(lens, source, preset_of(lens.accuracy), rays=count)
-    return found.model_copy(update={"conditions": conditions})
 
 
 def photometry(

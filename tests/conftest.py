@@ -92,7 +92,8 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 
 
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
-    from lensforge.pipeline import run_photometry, run_sensitivity, run_stray
+    from lensforge.pipeline import run_photometry, run_stray
+    from lensforge.toleranced_folder import run_sensitivity
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions

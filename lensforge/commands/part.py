@@ -7,12 +7,15 @@ import click
 
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
-from lensforge.commands.options import FOLDER, RAYS, THREADS
+from lensforge.commands.options import FOLDER, RAYS, SEED, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
+from lensforge.commands.yield_table import print_yield
 from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 from lensforge.errors import InputError
 from lensforge.measured_part import refuse_unused
 from lensforge.other_conditions import unless_own
+from lensforge.spec.tolerances import read_tolerances
+from lensforge.toleranced_folder import run_sensitivity, run_yield
 
 if TYPE_CHECKING:
     _Pixel = click.ParamType[tuple[float, float]]
@@ -27,7 +30,7 @@ else:
 def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
     """Compute how errors of form, position and index of the lens in DIR change its light; writes sensitivity.json."""
     with threads_of_torch(threads):
-        result = pipeline.run_sensitivity(directory, rays=rays)
+        result = run_sensitivity(directory, rays=rays)
     print_conditions(result)
     shown = ("nmse", "uniformity", "rsd", "efficiency")
     print_table({name: each for name, each in result.plain()["nominal"].items() if name in shown}, "as_designed.")
@@ -35,6 +38,47 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
     for row in result.rows:
         changes = (str(getattr(row.change, name)) for name in shown)
         click.echo("\t".join((row.name, f"{row.amount:g}", row.unit, *changes)))
+    conclude(directory, (result,))
+
+
+@click.command("yield")
+@FOLDER
+@click.option("--parts", type=click.IntRange(40, 100_000), default=1000, show_default=True, help="Number of parts.")
+@RAYS
+@SEED
+@click.option(
+    "--tolerances",
+    metavar="PRESET|FILE",
+    help="Others than the spec's: precision, standard, moulded, or a TOML file with [tolerances].",
+)
+@click.option("--budget/--no-budget", default=True, show_default=True, help="Largest amount of each tolerance.")
+@THREADS
+def yield_(
+    directory: Path,
+    parts: int,
+    rays: int | None,
+    seed: int,
+    tolerances: str | None,
+    budget: bool,
+    threads: int | None,
+) -> None:
+    """Draw parts of the lens in DIR from its tolerances: how many pass, what decides; writes yield.json, yield.csv."""
+    from lensforge.commands.progress import PartsBar
+
+    other = None if tolerances is None else read_tolerances(tolerances)
+    with threads_of_torch(threads), PartsBar() as bar:
+        result = run_yield(
+            directory,
+            parts=parts,
+            rays=rays,
+            seed=seed,
+            tolerances=other,
+            budget=budget,
+            progress=bar.on_parts,
+            announce=bar.on_stage,
+        )
+    print_conditions(result)
+    print_yield(result)
     conclude(directory, (result,))
 
 

@@ -1,5 +1,6 @@
 """Progress of a design on stderr: level, loss, efficiency, time left."""
 
+import time
 from collections.abc import Callable
 from types import TracebackType
 
@@ -9,6 +10,8 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from lensforge.commands.printing import warning_line
 from lensforge.optimisation.design import Progress as Step
 from lensforge.spec import Spec
+
+_LINE_SECONDS = 10.0
 
 
 class Reporter:
@@ -78,3 +81,43 @@ class Reporter:
     def on_warning(self, words: str) -> None:
         """Show a warning on the source as one line, above the bar."""
         self._console.print(warning_line(words), soft_wrap=True, markup=False)
+
+
+class PartsBar:
+    """A live bar of measured parts on a terminal; elsewhere a line for each stage, and every ten seconds."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True, highlight=False)
+        self._bar = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed}/{task.total}"),
+            TimeElapsedColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("yield", total=None)
+        self._said = time.monotonic()
+
+    def __enter__(self) -> "PartsBar":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def on_stage(self, words: str) -> None:
+        """Show that a stage begins."""
+        if self._bar.disable:
+            self._console.print(words, soft_wrap=True, markup=False)
+        self._bar.update(self._task, description=words)
+
+    def on_parts(self, done: int, expected: int) -> None:
+        """Show how many parts have been measured."""
+        self._bar.update(self._task, completed=done, total=expected)
+        if self._bar.disable and time.monotonic() - self._said > _LINE_SECONDS:
+            self._said = time.monotonic()
+            self._console.print(f"{done} of {expected} parts")

@@ -67,4 +67,5 @@ def _sobol(dimensions: int, count: int, seed: int) -> Float[np.ndarray, "n d"]:
         return np.zeros((count, 0))
     sequence = qmc.Sobol(dimensions, scramble=True, bits=52, rng=np.random.default_rng(seed))
     points: Float[np.ndarray, "n d"] = sequence.random_base2(int(np.ceil(np.log2(max(count, 1)))))[:count]
-    return np.clip(points, 2.0**-53, 1.0 - 2.0**-53)
+    inside: Float[np.ndarray, "n d"] = np.clip(points, 2.0**-53, 1.0 - 2.0**-53)
+    return inside

@@ -1,4 +1,4 @@
-"""From the deviations of one part to what is traced: tables of its faces, their places, index, and size of the source."""
+"""Parts as they are traced, from their deviations: tables and places of the faces, index, size of the source."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from lensforge.deviations.draws import Deviations
 from lensforge.deviations.factors import Factor
-from lensforge.deviations.form_errors import FormError, low_order, ripple, waviness
+from lensforge.deviations.form_errors import ErrorField, FaceNodes, low_order, ripple, waviness
 from lensforge.lens import Lens
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
@@ -54,7 +54,7 @@ class MadePart:
 class PartMaker:
     """All that is prepared once: the tables of each face's form errors, by the name of the factor."""
 
-    errors: dict[str, FormError]
+    errors: dict[str, ErrorField]
     seat_mm: float
     source_mm: tuple[float, float, float]
 
@@ -64,13 +64,16 @@ class PartMaker:
         section, names = spec.tolerances, {factor.name for factor in factors}
         errors = {}
         for number, (face, surface) in enumerate(zip(("inner", "outer"), surfaces, strict=True)):
+            if not any(f"{face}_{kind}_um" in names for kind in ("form", "waviness", "ripple")):
+                continue
+            sampled = FaceNodes.of(grid, surface)
             if f"{face}_form_um" in names:
-                errors[f"{face}_form_um"] = low_order(grid, surface)
+                errors[f"{face}_form_um"] = low_order(sampled)
             if f"{face}_waviness_um" in names:
                 band = section.waviness_shortest_mm, section.waviness_longest_mm, section.waviness_exponent
-                errors[f"{face}_waviness_um"] = waviness(grid, surface, *band, _SEED + number)
+                errors[f"{face}_waviness_um"] = waviness(sampled, *band, _SEED + number)
             if f"{face}_ripple_um" in names:
-                errors[f"{face}_ripple_um"] = ripple(grid, surface, section.ripple_period_mm)
+                errors[f"{face}_ripple_um"] = ripple(sampled, section.ripple_period_mm)
         return PartMaker(errors, spec.base.seat_mm, spec.source.position_mm)
 
     @staticmethod
@@ -111,7 +114,7 @@ class PartMaker:
             if name in self.errors and name in found:
                 # the numbers of a field are standard normal: their mean square times that of the amount
                 squared += float(np.mean(found[name] ** 2)) * self.errors[name].slope ** 2
-        return squared**0.5
+        return float(np.sqrt(squared))
 
     def _error(self, face: str, found: Deviations) -> Float[np.ndarray, "side side"] | None:
         total = None

@@ -74,6 +74,26 @@ def plot_bars(
     return axes
 
 
+def plot_distribution(
+    values: Float[np.ndarray, " n"],
+    label: str,
+    axes: Axes | None = None,
+    *,
+    designed: float | None = None,
+    bound: float | None = None,
+) -> Axes:
+    """Share of the parts with at most each of ``values``, the value as ``designed``, and a ``bound`` that is kept."""
+    axes = new_axes(axes)
+    axes.step(np.sort(values), 100.0 * np.arange(1, len(values) + 1) / len(values), where="post", label="parts")
+    if designed is not None:
+        axes.axvline(designed, color="black", linewidth=1.0, linestyle=":", label="as designed")
+    if bound is not None:
+        axes.axvline(bound, color="#c62828", linewidth=1.5, label="bound")
+    axes.set(xlabel=label, ylabel="parts with at most this (%)", ylim=(0.0, 100.0))
+    axes.legend()
+    return axes
+
+
 def require_choice(name: str, value: object, allowed: Iterable[str]) -> None:
     """Raise :class:`InputError` unless the argument ``name`` of a plot is one of those ``allowed``."""
     choices = tuple(allowed)

@@ -1,4 +1,4 @@
-"""Faces that do not stand where they were designed, and roughness of a face: what ``trace`` and its adjoint do with them.
+"""Faces that do not stand where they were designed, and rough ones: what ``trace`` and its adjoint do with them.
 
 ``placed`` is ``(frames, factor in, factor out)``. ``frames`` (3, 3, 4): a rotation and, in its last column, a shift
 (mm), each from one frame into the next: from that of the source into the inner face's own, from there into the outer

@@ -82,9 +82,7 @@ class LightPath:
 
     def _part(self, tables: tuple[DeviceTable, DeviceTable], rays: RayBundle) -> tuple[Tensor, ...]:
         inner, outer = (TableSurface(table) for table in tables)
-        on_device = TensorRays.of(
-            rays, self.scene.media, torch.float64, tables[0].coefficients.device, self.scene.made
-        )
+        on_device = TensorRays.of(rays, self.scene.media, torch.float64, tables[0].coefficients.device, self.scene.made)
 
         def light() -> tuple[Tensor, ...]:
             exit_rays = trace_sequence(inner, outer, on_device, self.scene.fresnel)

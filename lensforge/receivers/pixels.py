@@ -122,7 +122,10 @@ def splat_flux(
 
 
 def gaussian3(image: Float[np.ndarray, "*r h w"], variance: float) -> Float[np.ndarray, "*r h w"]:
-    """Convolve an image, or each of several, with the normalised 3 x 3 Gaussian; edge pixels are repeated outwards. Variance 0: unchanged."""
+    """Convolve one or several images with the normalised 3 x 3 Gaussian; edge pixels are repeated outwards.
+
+    Variance 0: unchanged.
+    """
     if variance == 0.0:
         return image
     side = float(np.exp(-0.5 / variance))

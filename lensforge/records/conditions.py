@@ -21,7 +21,8 @@ class Conditions(Record):
 
     ``name``: ends the name of the record's files. ``source``: title of the other source, ``source_sha256``: hash of its
     fields and files, ``warnings``: on that source, or on the temperature. ``pixels``: across the receiver. ``lumens``:
-    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius).
+    flux of the source. ``temperature_c``: of the lens and the air around it (Celsius). ``tolerances``: name of a preset
+    or of a file, ``tolerances_sha256``: hash of their fields.
     """
 
     name: Name
@@ -34,6 +35,8 @@ class Conditions(Record):
     seed: Count | None = None
     lumens: Positive | None = None
     temperature_c: Number | None = None
+    tolerances: Text | None = None
+    tolerances_sha256: Sha256 | None = None
 
     @classmethod
     def of(cls, source_name: str = "", **differing: Any) -> "Conditions | None":
@@ -79,6 +82,8 @@ class Conditions(Record):
             yield f"{self.lumens:g} lm", f"{self.lumens:g}lm".replace("+", "")
         if self.temperature_c is not None:
             yield f"{self.temperature_c:g} °C", f"{self.temperature_c:g}C".replace("-", "minus")
+        if self.tolerances is not None:
+            yield f"tolerances {self.tolerances}", _in_a_name(self.tolerances)
 
 
 def _in_a_name(source: str) -> str:

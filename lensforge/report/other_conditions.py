@@ -18,6 +18,7 @@ from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, receivers_in, top_of
 from lensforge.results import Results
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.tolerancing.yield_result import Yield
 from lensforge.verdict import verdict_on
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
@@ -154,6 +155,9 @@ def _figures(result: SimulatedResult) -> Iterator[str]:
         case Sensitivity():
             yield f"NMSE as designed {number_with_error(result.nominal.nmse, 3)}"
             yield f"efficiency {percent(result.nominal.efficiency.value, 2)}"
+        case Yield():
+            low, high = percent(result.pass_rate.low, 1), percent(result.pass_rate.high, 1)
+            yield f"{percent(result.pass_rate.value, 1)} of {result.parts} parts pass ({low} to {high})"
         case Photometry():
             yield f"{number(result.exit_lm, 4)} lm of {number(result.source_lm, 4)} lm"
             yield f"peak {number(float(result.candela.max()), 4)} cd"

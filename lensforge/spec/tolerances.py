@@ -1,11 +1,14 @@
 """The ``[tolerances]`` of a spec: what may be wrong with a part, its mounting and its LED, and by how much."""
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from lensforge.spec.section import Section
+from lensforge.errors import InputError
+from lensforge.spec.section import Section, spec_error
 from lensforge.spec.tolerance_presets import PRESET_AMOUNTS, TolerancePreset
+from lensforge.spec.toml_file import read_toml
 
 Distribution = Literal["uniform", "normal", "truncated"]
 
@@ -28,7 +31,11 @@ class ToleranceSpec(Section):
 
 
 def _from_number(value: Any) -> Any:
-    return {"amount": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"amount": value}
+    if not isinstance(value, dict | ToleranceSpec):
+        raise ValueError('must be a number, or a table such as { amount = 0.05, distribution = "normal" }')
+    return value
 
 
 _Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number)]
@@ -43,14 +50,14 @@ class TolerancesSection(Section):
 
     What is left out comes from ``preset``. A shift is drawn in x and in y, a tilt about x and about y.
 
-    ``source_*``: the LED against its place in the spec; ``source_flux`` and ``source_size`` are shares. ``outer_*`` and
-    ``gap_mm``: the outer face against the inner one. ``lens_*``: the whole lens against LED and receivers. ``*_form_um``
-    (rms): error of a face as wide as astigmatism and coma. ``*_waviness_um`` (rms): finer errors with periods from
-    ``waviness_shortest_mm`` to ``waviness_longest_mm``, whose spectral density over spatial frequency in the plane
-    falls with the power ``waviness_exponent``. ``*_ripple_um`` (peak to valley): rings of the cutter about the axis,
-    every ``ripple_period_mm``. ``*_roughness_mrad``: rms slope along any line. All of these but form, waviness and
-    ripple, whose shape and strength are drawn anew for every part, are spread by their distribution; roughness and
-    ripple between none and the amount. ``index``: of the batch. ``shrinkage``: change of all lengths, as a share.
+    ``source_*``: the LED against its place in the spec; ``source_flux`` and ``source_size`` are shares. ``outer_*``,
+    ``gap_mm``: the outer face against the inner one. ``lens_*``: the whole lens against LED and receivers.
+    ``*_form_um`` (rms): error of a face as wide as astigmatism and coma. ``*_waviness_um`` (rms): finer errors with
+    periods from ``waviness_shortest_mm`` to ``waviness_longest_mm``, whose spectral density over spatial frequency in
+    the plane falls with the power ``waviness_exponent``. ``*_ripple_um`` (peak to valley): rings of the cutter about
+    the axis, every ``ripple_period_mm``. ``*_roughness_mrad``: rms slope along any line. Roughness and ripple are
+    between none and their amount; the shapes of form and waviness are drawn anew for every part, and their amounts are
+    the rms over parts and face. ``index``: of the batch. ``shrinkage``: change of all lengths, as a share.
     """
 
     preset: TolerancePreset = "standard"
@@ -109,3 +116,19 @@ class TolerancesSection(Section):
         """The tolerance ``name``: as given, or that of the preset."""
         given: ToleranceSpec | None = getattr(self, name)
         return ToleranceSpec(amount=PRESET_AMOUNTS[self.preset][name]) if given is None else given
+
+
+def read_tolerances(name: str) -> TolerancesSection:
+    """Tolerances of a preset, or of a TOML file with a section of that name.
+
+    Raises :class:`InputError` where there is neither.
+    """
+    if name in PRESET_AMOUNTS:
+        return TolerancesSection(preset=name)
+    content = read_toml(Path(name), f"give {', '.join(PRESET_AMOUNTS)}, or a TOML file").get("tolerances")
+    if not isinstance(content, dict):
+        raise InputError(f"{name}: has no [tolerances]; give {', '.join(PRESET_AMOUNTS)}, or a file that has")
+    try:
+        return TolerancesSection.model_validate(content)
+    except ValidationError as error:
+        raise spec_error(error, f"{name}: tolerances") from None

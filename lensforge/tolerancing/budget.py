@@ -1,4 +1,4 @@
-"""What each tolerance may be at most so that a share of the parts passes: the others as specified, and all together.
+"""Budget of tolerances: the largest amount of each at which enough parts pass, alone, and of all together.
 
 The parts of a study are drawn once; scaling one of their deviations leaves all other numbers as they are. So the share
 that passes is a smooth function of the scale, whose root is bracketed by traced parts, and then closed in by parts
@@ -81,7 +81,7 @@ class ScaleSearch:
                 high = middle
         error = float(np.sqrt(PASS_RATE * (1.0 - PASS_RATE) / self.count))
         root = self._scale_at(PASS_RATE, low, high)
-        return root, self._scale_at(min(PASS_RATE + error, 1.0), 0.0, high), self._scale_at(PASS_RATE - error, low, None)
+        return root, self._scale_at(PASS_RATE + error, 0.0, high), self._scale_at(PASS_RATE - error, low, None)
 
     def _scale_at(self, rate: float, low: float, high: float | None) -> float:
         """The scale at which ``rate`` pass, linear between those that are known from ``low`` to ``high``."""

@@ -1,4 +1,4 @@
-"""Which tolerance makes how much of a metric's spread: first-order shares of its variance (Sobol 1993).
+"""Causes of a metric's spread: the first-order share of its variance that each tolerance makes (Sobol 1993).
 
 The share of a factor is the part of the variance that its numbers alone explain. It is the sum of the squared products
 of the metric with polynomials that are orthonormal over the parts; a sum over pairs of different parts has no bias by

@@ -14,10 +14,14 @@ _DIRECTIONS = 4000
 # Farthest that a drawn number lies: a normal one beyond twice its amount in one part of 30,000.
 _FARTHEST = {"uniform": 1.0, "truncated": 1.0, "normal": 2.0}
 _RMS_TO_PEAK = 3.0
-_OF_FACES = ("outer_shift_mm", "gap_mm", "outer_tilt_deg", "inner_form_um", "outer_form_um")
-_OF_FACES += ("inner_waviness_um", "outer_waviness_um")
-_OF_SOURCE = ("source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size")
-_OF_SOURCE += ("lens_shift_mm", "lens_height_mm", "lens_tilt_deg")
+_OF_FACES = (
+    "outer_shift_mm", "gap_mm", "outer_tilt_deg", "inner_form_um", "outer_form_um", "inner_waviness_um",
+    "outer_waviness_um",
+)  # fmt: skip
+_OF_SOURCE = (
+    "source_shift_mm", "source_height_mm", "source_tilt_deg", "source_size", "lens_shift_mm", "lens_height_mm",
+    "lens_tilt_deg",
+)  # fmt: skip
 
 
 def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:

@@ -25,7 +25,7 @@ Progress = Callable[[int, int], object]  # parts measured, and of all; False can
 
 
 class Workers(Protocol):
-    """Where parts are measured."""
+    """Interface of threads or processes that measure parts."""
 
     def measure(
         self, recipe: Recipe, chunks: Sequence[tuple[Job, ...]]
@@ -100,7 +100,8 @@ class MeasuredParts:
         try:
             for number, found in self.workers.measure(self.study.recipe, chunks) if chunks else ():
                 self.known.update(zip(chunks[number], found, strict=True))
-                if self.progress is not None and self.progress(len(self.known), max(self.expected, len(self.known))) is False:
+                done = len(self.known)
+                if self.progress is not None and self.progress(done, max(self.expected, done)) is False:
                     raise Cancelled("yield: cancelled")
                 if time.monotonic() - saved > _SAVE_SECONDS:
                     self.save()
@@ -114,10 +115,9 @@ class MeasuredParts:
         if self.file is None or not self.known:
             return
         jobs = json.dumps([[number, scales] for number, scales in self.known])
-        with replacing(self.file) as temporary:
-            with temporary.open("wb") as stream:
-                values = np.stack(list(self.known.values()))
-                np.savez(stream, key=study_key(self.study.recipe), jobs=jobs, values=values)
+        with replacing(self.file) as temporary, temporary.open("wb") as stream:
+            values = np.stack(list(self.known.values()))
+            np.savez(stream, key=study_key(self.study.recipe), jobs=jobs, values=values)
 
     def _read(self, file: Path) -> dict[Job, Float[np.ndarray, "m 2"]]:
         """What an earlier run of the same study has measured; nothing where it was another study."""

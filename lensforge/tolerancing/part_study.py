@@ -33,7 +33,7 @@ Scales = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Recipe:
-    """What decides the metrics of every part of a study."""
+    """All that decides the metrics of every part of a study."""
 
     lens: Lens
     parts: int
@@ -93,8 +93,8 @@ class PartStudy:
         found = []
         for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
             found += [f"{light.name}: {name}" if number else name for name in each]
-        for number in limits:
-            limit = self.designed_light.limits[int(number)]
+        for key in limits:
+            limit = self.designed_light.limits[int(key)]
             words = f"{limit.name}: {limit.quantity}"
             both = sum(f"{each.name}: {each.quantity}" == words for each in self.designed_light.limits) > 1
             found.append(f"{words} ({'least' if limit.sense == '>=' else 'most'})" if both else words)
@@ -112,7 +112,7 @@ class PartStudy:
 
     @cached_property
     def bounds(self) -> tuple[MetricBound, ...]:
-        """What a part must keep: the limits of the spec or, without any, what the verdict on the light asks."""
+        """Bounds that a part must keep: the limits of the spec or, without any, what the verdict on the light asks."""
         lens, light = self.recipe.lens, self.designed_light
         if light.limits:
             names = self.names[-len(light.limits) :]

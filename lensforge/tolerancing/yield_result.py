@@ -25,7 +25,7 @@ class PassRate(Record):
 
 
 class MetricBound(Record):
-    """What a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
+    """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
 
     metric: Text
     sense: Sense
@@ -89,7 +89,7 @@ class BudgetRow(Record):
 
 
 class Budget(Record):
-    """What each tolerance may be at most so that ``pass_rate`` of the parts pass, by the first ``parts`` of them.
+    """Largest amount of each tolerance at which ``pass_rate`` of the parts pass, by the first ``parts`` of them.
 
     ``together``: the factor, in the place of an amount, by which all of them may be scaled at once.
     """

@@ -1,4 +1,4 @@
-"""The yield study: parts drawn from the tolerances, the distribution of their metrics, the share that passes, causes."""
+"""The yield study: parts drawn from the tolerances, the spread of their metrics, the share that passes, the causes."""
 
 import time
 from collections.abc import Callable
@@ -182,9 +182,7 @@ def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndar
     return np.stack(images) / light.receivers[0].pixel_measure
 
 
-def _table(
-    study: PartStudy, measured: Float[np.ndarray, "n m 2"]
-) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
+def _table(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[tuple[str, ...], Float[np.ndarray, "n c"]]:
     """Numbers drawn for every part, in the unit of the spec, and its metrics."""
     columns, found = [], []
     for factor in study.factors:
@@ -195,7 +193,7 @@ def _table(
 
 
 def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...]:
-    """What a reader must know of how the study was made."""
+    """Remarks on how the study was made."""
     found = []
     for name, error in study.maker.errors.items():
         if error.slope > 0.0:

@@ -42,7 +42,7 @@ class Displacement:
     def shift(self) -> Float[np.ndarray, "3"]:
         """Image (mm) of the origin."""
         centre = np.array(self.centre_mm)
-        moved: Float[np.ndarray, "3"] = centre - self.rotation @ centre + np.array(self.shift_mm)
+        moved: Float[np.ndarray, 3] = centre - self.rotation @ centre + np.array(self.shift_mm)
         return moved
 
 

@@ -86,7 +86,9 @@ class TensorRays:
         absorptions = None if clear else torch.as_tensor(rays.absorptions(media)).to(flux)
         if made is not None and absorptions is not None:
             absorptions = absorptions * made.scale  # paths are those in the lens as designed
-        return TensorRays(origins, directions, flux, into, out_of, absorptions, RayCoatings.of(rays, media), media, made)
+        return TensorRays(
+            origins, directions, flux, into, out_of, absorptions, RayCoatings.of(rays, media), media, made
+        )
 
 
 def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays, fresnel: bool = True) -> ExitRays:
@@ -157,16 +159,15 @@ def _above_plane(
     return raised, ~below | (rising & inside)
 
 
-def _roughened(
-    normals: Float[Tensor, "n 3"], rays: TensorRays, alive: Tensor, is_outer: bool
-) -> Float[Tensor, "n 3"]:
+def _roughened(normals: Float[Tensor, "n 3"], rays: TensorRays, alive: Tensor, is_outer: bool) -> Float[Tensor, "n 3"]:
     """Unit normals where the rays ``alive`` meet a face, tilted by its roughness."""
     rough = None if rays.made is None else rays.made.rough(len(rays.flux))
     if rough is None:
         return normals
     noise, slope = (rough[0][:, 3:], rough[2]) if is_outer else (rough[0][:, :3], rough[1])
     tilted = normals + slope * torch.tensor(noise[alive.cpu().numpy()]).to(normals)
-    return tilted / torch.linalg.norm(tilted, dim=1, keepdim=True)
+    unit: Tensor = tilted / torch.linalg.norm(tilted, dim=1, keepdim=True)
+    return unit
 
 
 def _transmittance(

@@ -10,12 +10,13 @@ from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import load_lens
 from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
-from lensforge.pipeline import run_check, run_evaluate, run_export, run_sensitivity, run_verify, write_design
+from lensforge.pipeline import run_check, run_evaluate, run_export, run_verify, write_design
 from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import build_source
 from lensforge.stages import design
 from lensforge.surfaces.conic import Asphere, sphere
 from lensforge.surfaces.srbf import SrbfSurface
+from lensforge.toleranced_folder import run_sensitivity
 
 SPHERE = {"kind": "sphere", "radius_mm": 3.0, "centre_z_mm": -1.0}
 DOME = {"kind": "asphere", "vertex_z_mm": 6.5, "radius_mm": -6.0, "conic_constant": -0.2, "coefficients": [-1e-5]}

@@ -16,7 +16,7 @@ import pytest
 from scenes import small_spec
 
 import lensforge as lf
-from lensforge import folder_lock, pipeline
+from lensforge import folder_lock, pipeline, toleranced_folder
 from lensforge.compared_folder import run_compare_photo, run_compare_surface
 from lensforge.errors import InputError
 from lensforge.folder_lock import LOCK_FILE, in_locked_folder, locked
@@ -207,7 +207,7 @@ def test_every_stage_that_writes_locks_and_reading_does_not(small_run: lf.Run, t
         "check": lambda: pipeline.run_check(folder),
         "verify": lambda: pipeline.run_verify(folder),
         "stray": lambda: pipeline.run_stray(folder),
-        "sensitivity": lambda: pipeline.run_sensitivity(folder),
+        "sensitivity": lambda: toleranced_folder.run_sensitivity(folder),
         "photometry": lambda: pipeline.run_photometry(folder),
         "photo": lambda: run_compare_photo(folder, on=tmp_path, off=None, corners=None),
         "points": lambda: run_compare_surface(folder, points=tmp_path, surface="inner"),

@@ -61,9 +61,7 @@ def test_a_lens_as_designed_has_the_same_bits() -> None:
 @pytest.mark.parametrize("absorption", [0.0, 0.05])
 def test_the_tracer_in_torch_agrees(absorption: float) -> None:
     media = Media(N, absorption)
-    exact = trace_exact(
-        *_exact(), media, RAYS, ODD
-    )
+    exact = trace_exact(*_exact(), media, RAYS, ODD)
     found = trace_tables(*TABLES, _scene(ODD, media), RAYS)
     assert torch.equal(found.fates, exact.fates)
     for name, most in (("points", 3e-5), ("directions", 1e-4), ("flux", 1e-5)):

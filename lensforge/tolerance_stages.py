@@ -1,0 +1,76 @@
+"""Errors of manufacture and mounting as verbs: one at a time, and all together over many parts."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from lensforge import seeds
+from lensforge.arguments import count_of, path_of, preset_of, require, source_of, threads_of_torch
+from lensforge.lens import Lens
+from lensforge.other_conditions import rays_of, unless_own
+from lensforge.records import Conditions
+from lensforge.spec.files import section_sha256
+from lensforge.spec.tolerances import TolerancesSection
+from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.tolerancing.yield_result import MOST_PARTS, Yield
+
+_LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
+
+
+def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
+    """Compute the effect of small errors of form, position, source and index on the light of ``lens``."""
+    from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
+
+    require(lens, Lens, "sensitivity")
+    source = source_of(lens.spec)
+    count, conditions = rays_of(count_of("rays", rays), RAYS, source)
+    with threads_of_torch(threads):
+        found = measure_sensitivity(lens, source, preset_of(lens.accuracy), rays=count)
+    return found.model_copy(update={"conditions": conditions})
+
+
+def tolerance(
+    lens: Lens,
+    *,
+    parts: int = 1000,
+    rays: int | None = None,
+    seed: int = 0,
+    tolerances: TolerancesSection | None = None,
+    budget: bool = True,
+    checkpoint: Path | str | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Yield:
+    """Draw ``parts`` from the tolerances of the lens's spec: the share that passes, spread of the light, its causes.
+
+    ``rays``: of each part; by default as many as keep its standard error below a tenth of the spread over the parts.
+    ``tolerances``: others than those of the spec. ``budget``: also search for the largest amount of each tolerance.
+    ``checkpoint``: a file of measured parts, with which an interrupted study goes on to the same bits. ``progress`` is
+    called with the number of parts measured and of all, and cancels by returning False. Raises :class:`InputError` for
+    tolerances that the part cannot bear.
+    """
+    from lensforge.tolerancing.yield_study import measure_yield
+
+    require(lens, Lens, "tolerance")
+    parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
+    count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
+    other = tolerances if tolerances is not None and tolerances != lens.spec.tolerances else None
+    drawn = lens if other is None else replace(lens, spec=lens.spec.model_copy(update={"tolerances": other}))
+    with threads_of_torch(threads):
+        found = measure_yield(
+            drawn,
+            parts=parts,
+            rays=count,
+            seed=seed,
+            with_budget=budget,
+            file=path_of("checkpoint", checkpoint),
+            progress=progress,
+            announce=announce,
+        )
+    conditions = Conditions.of(
+        tolerances=None if other is None else other.preset,
+        tolerances_sha256=None if other is None else section_sha256(other),
+        seed=unless_own(seed, 0),
+    )
+    return found.model_copy(update={"inputs": {"lens": lens.sha256}, "conditions": conditions})
