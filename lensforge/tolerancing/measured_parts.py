@@ -120,7 +120,7 @@ class MeasuredParts:
             np.savez(stream, key=study_key(self.study.recipe), jobs=jobs, values=values)
 
     def _read(self, file: Path) -> dict[Job, Float[np.ndarray, "m 2"]]:
-        """What an earlier run of the same study has measured; nothing where it was another study."""
+        """Parts that an earlier run of the same study has measured; none where it was another study."""
         try:
             with np.load(file, allow_pickle=False) as content:
                 if str(content["key"]) != study_key(self.study.recipe):
