@@ -8,7 +8,8 @@ from lensforge.deviations.factors import Factor
 
 _PER_AMOUNT = 2.0  # standard deviations of a normal distribution: 95 % of the parts lie within the amount
 _TAIL = float(norm.cdf(-_PER_AMOUNT))
-_QUADRATURE = 4096  # midpoints of equal probability: moments to degree 8 within 2e-4
+_QUADRATURE = 200  # Gauss points over the width of a distribution: moments to degree 8 are exact
+_WIDEST = 10.0  # standard deviations of a normal distribution: beyond, no part is ever drawn
 
 
 def quantiles(factor: Factor, levels: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -28,8 +29,19 @@ def quantiles(factor: Factor, levels: Float[np.ndarray, "*n"]) -> Float[np.ndarr
 
 def orthonormal(factor: Factor, values: Float[np.ndarray, "*n"], degree: int) -> Float[np.ndarray, "*n d"]:
     """Polynomials of degree 1 to ``degree`` at ``values`` (in units of the amount), orthonormal over the parts."""
-    nodes = quantiles(factor, (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE)
-    _, triangle = np.linalg.qr(np.vander(nodes, degree + 1, increasing=True) / np.sqrt(_QUADRATURE))
+    nodes, weights = _quadrature(factor)
+    _, triangle = np.linalg.qr(np.vander(nodes, degree + 1, increasing=True) * np.sqrt(weights)[:, None])
     powers = values[..., None] ** np.arange(degree + 1)
     found: Float[np.ndarray, "*n d"] = np.linalg.solve(triangle.T, powers.reshape(-1, degree + 1).T).T
     return found.reshape(*values.shape, degree + 1)[..., 1:]
+
+
+def _quadrature(factor: Factor) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, " q"]]:
+    """Values, and the shares of the parts for which each stands."""
+    high = _WIDEST / _PER_AMOUNT if factor.distribution == "normal" else 1.0
+    low = 0.0 if factor.kind == "one-sided" else -high
+    points, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
+    values = low + 0.5 * (high - low) * (points + 1.0)
+    density = np.ones(_QUADRATURE) if factor.distribution == "uniform" else norm.pdf(_PER_AMOUNT * values)
+    shares = weights * density
+    return values, shares / shares.sum()
