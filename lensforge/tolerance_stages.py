@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lensforge import seeds
-from lensforge.arguments import count_of, path_of, preset_of, require, source_of, threads_of_torch
+from lensforge.arguments import count_of, path_of, require, source_of, threads_of_torch
 from lensforge.lens import Lens
 from lensforge.other_conditions import rays_of, unless_own
 from lensforge.records import Conditions
@@ -17,15 +17,23 @@ from lensforge.tolerancing.yield_result import MOST_PARTS, Yield
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
 
 
-def sensitivity(lens: Lens, *, rays: int | None = None, threads: int | None = None) -> Sensitivity:
-    """Compute the effect of small errors of form, position, source and index on the light of ``lens``."""
+def sensitivity(
+    lens: Lens,
+    *,
+    rays: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Sensitivity:
+    """Compute the effect of each tolerance of the spec, at its end, on the light of ``lens``.
+
+    ``progress`` is called with the number of lenses traced and of all.
+    """
     from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    source = source_of(lens.spec)
-    count, conditions = rays_of(count_of("rays", rays), RAYS, source)
+    count, conditions = rays_of(count_of("rays", rays), RAYS, source_of(lens.spec))
     with threads_of_torch(threads):
-        found = measure_sensitivity(lens, source, preset_of(lens.accuracy), rays=count)
+        found = measure_sensitivity(lens, rays=count, progress=progress)
     return found.model_copy(update={"conditions": conditions})
 
 

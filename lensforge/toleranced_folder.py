@@ -16,9 +16,12 @@ YIELD_PARTS = "yield_parts.npz"  # parts that an interrupted study has measured
 
 
 @in_locked_folder
-def run_sensitivity(folder: Path, *, rays: int | None = None) -> Sensitivity:
-    """Compute the effect of manufacturing and alignment errors on the light."""
-    return write_result(tolerance_stages.sensitivity(load_lens(folder / LENS_FILE), rays=rays), folder)
+def run_sensitivity(
+    folder: Path, *, rays: int | None = None, progress: Callable[[int, int], object] | None = None
+) -> Sensitivity:
+    """Compute the effect of each tolerance, at its end, on the light."""
+    lens = load_lens(folder / LENS_FILE)
+    return write_result(tolerance_stages.sensitivity(lens, rays=rays, progress=progress), folder)
 
 
 @in_locked_folder

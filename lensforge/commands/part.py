@@ -28,9 +28,11 @@ else:
 @RAYS
 @THREADS
 def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
-    """Compute how errors of form, position and index of the lens in DIR change its light; writes sensitivity.json."""
-    with threads_of_torch(threads):
-        result = run_sensitivity(directory, rays=rays)
+    """Compute how each tolerance of the lens in DIR, at its end, changes its light; writes sensitivity.json."""
+    from lensforge.commands.progress import PartsBar
+
+    with threads_of_torch(threads), PartsBar("lens by lens") as bar:
+        result = run_sensitivity(directory, rays=rays, progress=bar.on_parts)
     print_conditions(result)
     shown = ("nmse", "uniformity", "rsd", "efficiency")
     print_table({name: each for name, each in result.plain()["nominal"].items() if name in shown}, "as_designed.")

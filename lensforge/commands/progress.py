@@ -86,7 +86,7 @@ class Reporter:
 class PartsBar:
     """A live bar of measured parts on a terminal; elsewhere a line for each stage, and every ten seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, words: str = "yield") -> None:
         self._console = Console(stderr=True, highlight=False)
         self._bar = Progress(
             SpinnerColumn(),
@@ -97,7 +97,7 @@ class PartsBar:
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task("yield", total=None)
+        self._task = self._bar.add_task(words, total=None)
         self._said = time.monotonic()
 
     def __enter__(self) -> "PartsBar":

@@ -32,8 +32,8 @@ class Factor:
 
 _BOTH, _ONE = 2, 1
 _SPREAD = {
-    "source_shift_mm": ("source, shift in x and y", _BOTH),
-    "source_height_mm": ("source, shift in z", _ONE),
+    "source_shift_mm": ("source, decentre", _BOTH),
+    "source_height_mm": ("source, height", _ONE),
     "source_tilt_deg": ("source, tilt", _BOTH),
     "source_flux": ("source, flux", _ONE),
     "source_size": ("source, size", _ONE),

@@ -1,4 +1,4 @@
-"""Result of the sensitivity study: metrics of the lens as designed and with each error, and the errors' amounts."""
+"""Result of the sensitivity study: metrics of the lens as designed, and with each tolerance at its end."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
@@ -13,23 +13,11 @@ if TYPE_CHECKING:
 
 MetricName = Literal["uniformity", "rsd", "nmse", "efficiency"]
 
-_MOST_ROWS = 200  # bars of a plot; the study has 15 errors: 4 of form, 5 of position, 4 of the source, 2 of the index
-
-
-class Amounts(Record):
-    """Amount of each error, by default typical of optical shops; lengths in mm, angles in rad."""
-
-    low_order_rms_mm: NotNegative = 1e-3
-    fine_rms_mm: NotNegative = 1e-4
-    decentre_mm: Number = 0.02
-    tilt_rad: Number = 1e-3
-    gap_mm: Number = 0.02
-    source_mm: Number = 0.05
-    index: Number = 1e-3
+_MOST_ROWS = 200  # bars of a plot; the study has 34 errors at most, of 21 tolerances
 
 
 class ErrorRow(Record):
-    """One error of form, position, source or index: its amount, the metrics with it, and their change by it.
+    """One tolerance at its end: its amount, the metrics with it, and their change by it.
 
     ``change`` is the difference from the lens as designed by the same rays, with the standard error of that difference:
     what both have of the noise cancels. That of uniformity cancels least, since each lens has its own darkest pixels.
@@ -43,13 +31,16 @@ class ErrorRow(Record):
 
 
 class Sensitivity(SimulatedResult):
-    """Small manufacturing and alignment errors of given ``amounts``, and the change of the light by each."""
+    """Tolerances of the spec, one at a time at its end, and the change of the light by each.
+
+    ``preset``: that of the tolerances that the spec leaves out.
+    """
 
     stage: ClassVar[str] = "sensitivity"
 
     nominal: LightMetrics
     rows: Annotated[tuple[ErrorRow, ...], Field(max_length=_MOST_ROWS)]
-    amounts: Amounts
+    preset: Text
     rays: Count
     seconds: NotNegative
 

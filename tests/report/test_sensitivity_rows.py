@@ -10,7 +10,7 @@ from lensforge.evaluation.light import LightMetrics
 from lensforge.records import Metric
 from lensforge.report.sensitivity_rows import ChangeRow, change_rows
 from lensforge.results import Results
-from lensforge.tolerancing.sensitivity_table import Amounts, ErrorRow, Sensitivity
+from lensforge.tolerancing.sensitivity_table import ErrorRow, Sensitivity
 
 
 def metrics(nmse, efficiency, *errors):
@@ -27,7 +27,7 @@ def study(change=1.3e-4):
         change=metrics(change, -0.0025, 3.1e-5, 1.2e-4),
     )
     nominal = metrics(0.02, 0.85, 4e-4, 1e-3)
-    return Sensitivity(inputs={}, nominal=nominal, rows=(row,), amounts=Amounts(), rays=4096, seconds=1.0)
+    return Sensitivity(inputs={}, nominal=nominal, rows=(row,), preset="standard", rays=4096, seconds=1.0)
 
 
 def test_changes_are_shown_with_their_errors():

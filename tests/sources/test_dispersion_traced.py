@@ -15,7 +15,6 @@ from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.receiver import Hits
 from lensforge.sources.build import build_source
 from lensforge.surfaces.spline import TableGrid
-from lensforge.tolerancing.perturbations import ShiftedSource
 from lensforge.tracing.exact import ExactSurface, trace_exact
 from lensforge.tracing.tables import Scene, trace_tables
 
@@ -28,7 +27,8 @@ def dispersed_rays(material="PC", count=256):
     """A point source off the centre, blue to red; its rays, and the wavelength-free scene index."""
     spectrum = {"kind": "table", "wavelength_nm": [440.0, 460.0, 550.0, 680.0], "weight": [0.0, 1.0, 0.6, 0.0]}
     spec = small_spec(source={"kind": "square", "side_mm": 0.0, "spectrum": spectrum}, lens__material=material)
-    rays = ShiftedSource(build_source(spec.source, spec.lens.dispersion), SHIFT).sample(count, 1)
+    rays = build_source(spec.source, spec.lens.dispersion).sample(count, 1)
+    rays = replace(rays, origins=rays.origins + np.array(SHIFT))
     return rays.take(rays.directions[:, 2] > 0.3), spec.lens.refractive_index
 
 
