@@ -24,6 +24,7 @@ from lensforge.spec import Spec
 from lensforge.targets.limits import LightLimit
 from lensforge.targets.pattern import target_light
 from lensforge.targets.region import in_target, uniform_region
+from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.tables import trace_tables
 
 _COLUMNS = 32  # into which rays are sorted
@@ -77,15 +78,17 @@ class PartLight:
     limits: tuple[LightLimit, ...]
     held: HeldLight
 
+    def exit_rays(self, part: MadePart | None) -> ExitRays:
+        """Rays behind one part; None: behind the lens as designed."""
+        nominal, rays = self.nominal, self.held.rays
+        if part is None:
+            return trace_tables(nominal.inner, nominal.outer, nominal.scene, rays)
+        scene = replace(nominal.scene, media=part.media(nominal.scene.media), made=part.made)
+        return trace_tables(*part.tables(nominal.inner, nominal.outer), scene, part.rays(rays))
+
     def received(self, part: MadePart | None) -> tuple[ReceivedImages, ...]:
         """Light of one part on each receiver; None: of the lens as designed."""
-        nominal, rays = self.nominal, self.held.rays
-        inner, outer, scene, flux = nominal.inner, nominal.outer, nominal.scene, 1.0
-        if part is not None:
-            inner, outer = part.tables(inner, outer)
-            scene = replace(scene, media=part.media(scene.media), made=part.made)
-            rays, flux = part.rays(rays), part.flux
-        exits = trace_tables(inner, outer, scene, rays)
+        exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
         found = []
         for receiver in self.receivers:
             landings = receiver.land(exits)

@@ -31,6 +31,7 @@ DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all par
 _MOST_RAYS = 2**20
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
+_LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST, _WORST_RAYS = 3, 2**19
 _LEVEL = 0.95
 
@@ -128,9 +129,12 @@ def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
     """True where a part's standard error is small against the spread over the parts, in all that is judged."""
     judged = {"nmse", *(bound.metric for bound in study.bounds)}
     numbers = [number for number, name in enumerate(study.names) if name in judged]
-    spreads = [_true_spread(values[:, number]) for number in numbers]
-    errors = [float(np.median(values[:, number, 1])) for number in numbers]
-    return all(error <= _LARGEST_ERROR * spread for error, spread in zip(errors, spreads, strict=True) if spread > 0.0)
+    for number in numbers:
+        least = _LEAST_SPREAD * abs(float(values[:, number, 0].mean()))
+        error = float(np.median(values[:, number, 1]))
+        if error > _LARGEST_ERROR * max(_true_spread(values[:, number]), least):
+            return False
+    return True
 
 
 def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
