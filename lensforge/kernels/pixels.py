@@ -56,3 +56,17 @@ def splat(hits, flux, size, image):
     for k in range(len(flux)):
         if flux[k] != 0.0:
             add_to_pixels(hits[k, 0], hits[k, 1], flux[k], size, image)
+
+
+@kernel
+def add_to_bins(hits, flux, size, replicate, images):
+    """Add every ray's flux to the pixel that it hits in the image (r, rows, columns) of its replicate.
+
+    ``replicate``: the number of each ray's, or one for all.
+    """
+    _, rows, columns = images.shape
+    for k in range(len(flux)):
+        u = floor((hits[k, 0] / size[0] + 0.5) * columns)
+        v = floor((hits[k, 1] / size[1] + 0.5) * rows)
+        if flux[k] > 0.0 and 0 <= u < columns and 0 <= v < rows:
+            images[replicate[min(k, len(replicate) - 1)], int(v), int(u)] += flux[k]

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import convolve1d
 
 from lensforge.kernels.jit import CHUNKS, in_chunks
-from lensforge.kernels.pixels import splat
+from lensforge.kernels.pixels import add_to_bins, splat
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,21 @@ def bin_flux(
     hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], grid: PixelGrid
 ) -> Float[np.ndarray, "h w"]:
     """Flux (W) in each pixel [row y, column x]; rays outside the grid are left out, as they are in a camera."""
-    cell = np.floor((hits / np.array(grid.size) + 0.5) * np.array([grid.columns, grid.rows]))
-    inside = np.all((cell >= 0) & (cell < [grid.columns, grid.rows]), axis=1) & (flux > 0.0)
-    column, row = cell[inside].astype(np.int64).T
-    total = np.bincount(row * grid.columns + column, flux[inside], minlength=grid.rows * grid.columns)
-    return total.astype(np.float64).reshape(grid.shape)  # no ray inside: bincount gives integers
+    image: Float[np.ndarray, "h w"] = bin_replicates(hits, flux, grid, np.zeros(1, dtype=np.int64), 1)[0]
+    return image
+
+
+def bin_replicates(
+    hits: Float[np.ndarray, "n 2"],
+    flux: Float[np.ndarray, " n"],
+    grid: PixelGrid,
+    replicate: Int[np.ndarray, " k"],
+    replicates: int,
+) -> Float[np.ndarray, "r h w"]:
+    """Flux (W) in each pixel of the image of each ray's ``replicate``, a number for each ray or one for all."""
+    images = np.zeros((replicates, *grid.shape))
+    add_to_bins(hits, flux, grid.size, replicate, images)
+    return images
 
 
 def flux_in(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], window: Window) -> float:

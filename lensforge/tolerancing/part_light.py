@@ -16,7 +16,7 @@ from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share
 from lensforge.evaluation.simulate import REPLICATES, TracedLens, bundles
 from lensforge.jackknife import jackknife_error
-from lensforge.receivers.pixels import gaussian3
+from lensforge.receivers.pixels import bin_replicates, gaussian3
 from lensforge.receivers.posed import PosedReceiver
 from lensforge.records import Image, Metric
 from lensforge.sources.bundle import RayBundle, Source
@@ -93,24 +93,13 @@ class PartLight:
         for receiver in self.receivers:
             landings = receiver.land(exits)
             hits, carried = landings.hits.numpy(), landings.flux.numpy() * flux
-            inside = receiver.window.contains(hits)
-            window = np.bincount(self.held.replicate[inside], carried[inside], minlength=self.held.replicates)
-            emitted_w = flux * self.held.emitted_w
-            found.append(ReceivedImages(self._binned(hits, carried, receiver), window / emitted_w, emitted_w))
+            inside, held = receiver.window.contains(hits), self.held
+            window = np.bincount(held.replicate[inside], carried[inside], minlength=held.replicates)
+            images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
+            emitted_w = flux * held.emitted_w
+            smooth = gaussian3(images, self.spec.evaluate.filter_variance)
+            found.append(ReceivedImages(smooth, window / emitted_w, emitted_w))
         return tuple(found)
-
-    def _binned(
-        self, hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], receiver: PosedReceiver
-    ) -> Float[np.ndarray, "r h w"]:
-        """Filtered image of each replicate, as an evaluation has it."""
-        grid, count = receiver.grid, self.held.replicates
-        cell = np.floor((hits / np.array(grid.size) + 0.5) * np.array([grid.columns, grid.rows]))
-        inside = np.all((cell >= 0) & (cell < [grid.columns, grid.rows]), axis=1) & (flux > 0.0)
-        column, row = cell[inside].astype(np.int64).T
-        place = (self.held.replicate[inside] * grid.rows + row) * grid.columns + column
-        found = np.bincount(place, flux[inside], minlength=count * grid.rows * grid.columns)
-        images = found.astype(np.float64).reshape(count, *grid.shape)
-        return gaussian3(images, self.spec.evaluate.filter_variance)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""

@@ -66,7 +66,8 @@ class PartStudy:
         receivers = receivers_of(spec, spec.evaluate.pixels)
         efficacy = summarise(source, spec.source).lumens_per_watt
         limits = light_limits(spec, receivers, efficacy, source.flux_w)
-        nominal = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+        # tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike
+        nominal = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
         return PartLight(spec, nominal, receivers, limits, HeldLight.of(source, recipe.rays, recipe.seed))
 
     @cached_property
@@ -82,9 +83,10 @@ class PartStudy:
     @cached_property
     def designed_light(self) -> Light:
         """The light of the lens as designed, by many rays."""
-        lens, light, recipe = self.recipe.lens, self.light, self.recipe
+        lens, recipe = self.recipe.lens, self.recipe
         source = build_source(lens.spec.source, lens.dispersion)
-        return evaluate_traced(light.nominal, lens.spec, source, recipe.designed_rays, recipe.seed, limits=light.limits)
+        traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
+        return evaluate_traced(traced, lens.spec, source, recipe.designed_rays, recipe.seed, limits=self.light.limits)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
