@@ -54,5 +54,6 @@ def run_yield(
         announce=announce,
     )
     result = write_result(found, folder)
-    kept.unlink(missing_ok=True)
+    for file in (kept, kept.with_name(f"{kept.stem}_budget.npz")):
+        file.unlink(missing_ok=True)
     return result

@@ -17,7 +17,7 @@ from lensforge.tolerancing.yield_result import Budget, BudgetRow
 
 PASS_RATE = 0.95
 MOST_PARTS = 128  # the standard error of a share of 0.95 is then 0.02, that of an amount about a tenth
-_UP = (4.0, 16.0)
+_UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
 _DOWN = (0.25, 0.0)
 _ROUNDS = 3
 
@@ -56,17 +56,25 @@ class ScaleSearch:
 
     def bracket(self) -> tuple[float | None, float | None]:
         """The largest scale tried at which enough parts pass, and the least at which too few do; None for none."""
-        everything, nothing = np.ones(self.count, dtype=bool), np.zeros(self.count, dtype=bool)
-        passes = self.known[1.0].mean() >= PASS_RATE
-        low, high = (1.0, None) if passes else (None, 1.0)
-        for scale in _UP if passes else _DOWN:
-            found = self.passing(scale, everything, nothing).mean() >= PASS_RATE
-            if found:
+        if self.known[1.0].mean() >= PASS_RATE:
+            return self._above()
+        everything = np.ones(self.count, dtype=bool)
+        high = 1.0
+        for scale in _DOWN:
+            if self.passing(scale, everything, self.known[high]).mean() >= PASS_RATE:
+                return scale, high
+            high = scale
+        return None, high
+
+    def _above(self) -> tuple[float, float | None]:
+        """The same where enough parts pass as specified."""
+        high, low, nothing = None, 1.0, np.zeros(self.count, dtype=bool)
+        for scale in _UP:
+            above = nothing if high is None else self.known[high]
+            if self.passing(scale, self.known[1.0], above).mean() >= PASS_RATE:
                 low = scale
-            else:
-                high = scale
-            if low is not None and high is not None:
                 break
+            high = scale
         return low, high
 
     def root(self, low: float, high: float) -> tuple[float, float, float]:
@@ -127,6 +135,6 @@ def _row(
         at_most=at_most,
         low=least,
         high=most,
-        searched_to=_UP[-1] * amount,
+        searched_to=max(_UP) * amount,
         unlimited=high is None,
     )

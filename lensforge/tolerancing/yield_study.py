@@ -31,6 +31,8 @@ DESIGNED_RAYS = 2**20  # of the lens as designed: its error is common to all par
 _MOST_RAYS = 2**20
 _PILOT = 32
 _LARGEST_ERROR = 0.1  # of a part's metric, as a share of the spread over the parts
+_FEWEST_RAYS = 2**14  # of a part in the budget, which only asks whether it passes
+_OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST, _WORST_RAYS = 3, 2**19
 _LEVEL = 0.95
@@ -71,7 +73,7 @@ def measure_yield(
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    limits = budget(found, announce) if with_budget else None
+    limits = budget(_for_budget(found, measured, workers), announce) if with_budget else None
     worst = _worst(study, measured)
     columns, table = _table(study, measured)
     announce("worst parts")
@@ -117,12 +119,33 @@ def wilson(passed: int, count: int, level: float = _LEVEL) -> PassRate:
 def _with_enough_rays(found: MeasuredParts, workers: Workers | None, pilot: int) -> MeasuredParts:
     """The same study with as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
     while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
-        study = found.study
-        more = PartStudy(replace(study.recipe, rays=2 * study.recipe.rays))
-        for name in ("draws", "maker", "designed_light"):  # none of them depends on the rays of the parts
-            more.__dict__[name] = getattr(study, name)
+        more = _with_rays(found.study, 2 * found.study.recipe.rays)
         found = MeasuredParts(more, workers or Threads(more), found.file, found.progress, found.expected)
     return found
+
+
+def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"], workers: Workers | None) -> MeasuredParts:
+    """The same parts by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
+    study, rays = found.study, found.study.recipe.rays
+    columns = [study.names.index(bound.metric) for bound in study.bounds]
+    errors = np.median(measured[:, columns, 1], axis=0)
+    apart = np.abs(study.excess(measured[..., 0])).mean(axis=0) * _OF_DISTANCE
+    scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
+    while rays > _FEWEST_RAYS and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
+        rays, errors = rays // 2, np.sqrt(2.0) * errors
+    if rays == study.recipe.rays:
+        return found
+    fewer = _with_rays(study, rays)
+    file = None if found.file is None else found.file.with_name(f"{found.file.stem}_budget.npz")
+    return MeasuredParts(fewer, workers or Threads(fewer), file, found.progress)
+
+
+def _with_rays(study: PartStudy, rays: int) -> PartStudy:
+    """The same study by other rays; what does not depend on them is taken over."""
+    other = PartStudy(replace(study.recipe, rays=rays))
+    for name in ("draws", "maker", "designed_light"):
+        other.__dict__[name] = getattr(study, name)
+    return other
 
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
