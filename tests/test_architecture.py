@@ -18,7 +18,7 @@ ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "point_cloud",
     "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files", "optics",
     "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources", "tracing",
-    "receivers", "targets", "geometry", "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing",
+    "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "tolerancing", "far_field", "manufacturing",
     "verification", "screens", "emissions", "measurement", "agreement", "verdict", "results", "report", "drawings",
     "arguments", "other_conditions", "stages", "cast_stages", "measured_part", "corrected_part", "run_record",
     "run_folder", "compared_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
