@@ -9,6 +9,7 @@ _RANGE = 2**40
 _EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN, _PARTS = (
     k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128, 256)
 )
+_PARTS_OF_STEPS, _HELD_PARTS = (k * _RANGE for k in (512, 1024))
 
 
 def of_step(seed: int, step: int) -> int:
@@ -59,3 +60,13 @@ def of_preset_error(seed: int, scrambles: int, scramble: int) -> int:
 def of_parts(seed: int) -> int:
     """Seed for the parts that are drawn from the tolerances."""
     return _PARTS + seed
+
+
+def of_parts_of_steps(seed: int, block: int) -> int:
+    """Seed for one block of the parts that a robust search draws for its steps."""
+    return _PARTS_OF_STEPS + seed * _STEPS + block
+
+
+def of_held_parts(seed: int) -> int:
+    """Seed for the parts by which a robust search judges its progress."""
+    return _HELD_PARTS + seed

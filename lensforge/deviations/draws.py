@@ -28,16 +28,21 @@ class Draws:
 
     @staticmethod
     def of(factors: tuple[Factor, ...], parts: int, seed: int) -> "Draws":
-        """The first ``parts`` of the endless row of parts with this ``seed``."""
+        """The first ``parts`` of the endless row of parts of a yield study with this ``seed``."""
+        return Draws.seeded(factors, parts, seeds.of_parts(seed))
+
+    @staticmethod
+    def seeded(factors: tuple[Factor, ...], parts: int, own_seed: int) -> "Draws":
+        """The first ``parts`` of the row of parts with ``own_seed``, one of :mod:`lensforge.seeds`."""
         spread = [factor for factor in factors if factor.kind != "field"]
-        points = _sobol(sum(factor.numbers for factor in spread), parts, seeds.of_parts(seed))
+        points = _sobol(sum(factor.numbers for factor in spread), parts, own_seed)
         numbers, first = {}, 0
         for factor in spread:
             numbers[factor.name] = quantiles(factor, points[:, first : first + factor.numbers])
             first += factor.numbers
         for factor in factors:
             if factor.kind == "field":  # a seed of its own: another tolerance given or left out changes no other
-                rng = np.random.default_rng([seeds.of_parts(seed), *factor.name.encode()])
+                rng = np.random.default_rng([own_seed, *factor.name.encode()])
                 numbers[factor.name] = rng.standard_normal((parts, factor.numbers))
         return Draws(factors, numbers)
 

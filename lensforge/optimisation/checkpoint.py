@@ -30,7 +30,8 @@ CHECKPOINT = "checkpoint.bin"  # its name in a result folder
 _FORMAT = b"lensforge checkpoint 3\n"  # 1: a file of torch, in version 0.1.0; 2: without judgements
 _ANEW = "delete it, or start anew without resume"
 _COMPUTE = ("torch", "numpy", "numba")  # another version of these may round differently
-_NOT_SEARCHED = ("evaluate", "base", "manufacture")  # sections that a search does not depend on
+_NOT_SEARCHED = ("evaluate", "base", "manufacture", "tolerances")  # sections that a search does not depend on
+_NOT_ROBUST = ("evaluate", "manufacture")  # the same where it is robust: the lens shrinks about its seat
 _MOST_HEAD_BYTES = 2**18  # a search that judges itself a thousand times
 _MOST_BYTES = 2**30  # a million steps, the most there are, leave 100 MB
 
@@ -55,7 +56,8 @@ def fingerprint(spec: Spec, seed: int, accuracy: str, start: Lens | None, device
 
     The content of every file that the spec names counts, and its name; not its folder.
     """
-    searched, files = section_sha256(spec, without=_NOT_SEARCHED), input_hashes(spec)
+    without = _NOT_ROBUST if spec.optimise.robust else _NOT_SEARCHED
+    searched, files = section_sha256(spec, without=without), input_hashes(spec)
     text = f"{files}|{searched}|{spec.manufacture.make}|{seed}|{accuracy}|{start.sha256 if start else None}|{device}"
     return hashlib.sha256(text.encode()).hexdigest()
 

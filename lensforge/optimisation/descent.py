@@ -17,6 +17,7 @@ from lensforge.optimisation.judgement import Outcome
 from lensforge.optimisation.merit import Evaluated
 from lensforge.optimisation.problem import Problem, Problems
 from lensforge.optimisation.schedule import Schedule, Stage, Turn, rays_ahead
+from lensforge.optimisation.search_parts import Pair
 from lensforge.optimisation.search_state import Parameters, SearchState, moments_of, resume_adam
 from lensforge.sources.bundle import Source
 from lensforge.spec import Accuracy
@@ -79,7 +80,12 @@ class Descent:
             problem = self.problems.of(stage.levels)
             weights, offsets = (each.clone().requires_grad_() for each in (self.state.weights, self.state.offsets))
             one = held.samples[0].take(slice(0, 1))
-            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform).loss.backward()
+            pair = self._pair(problem, 0)
+            problem.merit.evaluate(weights, offsets, one, problem.constraints, stage.uniform, pair).loss.backward()
+
+    def _pair(self, problem: Problem, step: int) -> Pair | None:
+        """Parts of a robust search for ``step``, counted over all levels; None for any other."""
+        return None if problem.parts is None else problem.parts.of_step(self.seed, step)
 
     def _is_over(self, stage: Stage, state: SearchState) -> bool:
         """True for ``state`` after the last step of ``stage``, or where the time of the search is up before."""
@@ -104,7 +110,8 @@ class Descent:
             with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
                 uniform = step >= stage.uniformity_from
                 every = torch.cat([weights, still]) if still.any() else weights
-                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform)
+                pair = self._pair(problem, earlier + step)
+                result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform, pair)
             optimiser.zero_grad()
             result.loss.backward()
             optimiser.step()

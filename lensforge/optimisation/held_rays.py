@@ -4,8 +4,8 @@ Of a source with a limited number of rays a fifth is kept from the search: a len
 shows it there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from lensforge.errors import InputError
 from lensforge.optimisation.judgement import SLICES, Judgement
 from lensforge.optimisation.merit import MeritFunction, SampledLight
 from lensforge.optimisation.problem import Problem
+from lensforge.optimisation.search_parts import Pair
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.measured_rays import divided, smoothed
 
@@ -26,9 +27,13 @@ _OF_FILE = 0.2  # of measured rays: with as many, two halves of 10,000 judge a f
 
 @dataclass(frozen=True)
 class HeldRays:
-    """Two independent samples, the same for every judgement: a gain has less noise than an error."""
+    """Two independent samples, the same for every judgement: a gain has less noise than an error.
+
+    ``seed``: of the search, whose parts judge a robust one, two for each slice of the rays.
+    """
 
     samples: tuple[RayBundle, RayBundle]
+    seed: int = 0
 
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> tuple["HeldRays", Source]:
@@ -40,7 +45,7 @@ class HeldRays:
         steps, held = divided(source, 1.0 - _OF_FILE, seeds.of_held(seed, 0))
         if held.ray_count is None:
             samples = held.sample(rays, seeds.of_held(seed, 0)), held.sample(rays, seeds.of_held(seed, 1))
-            return HeldRays(samples), steps
+            return HeldRays(samples, seed), steps
         if held.ray_count < 2 * SLICES:
             raise InputError(
                 f"{source.ray_count} rays: too few to judge a search by a fifth of them, at least "
@@ -50,7 +55,7 @@ class HeldRays:
         first, second = (half.sample(min(rays, half.ray_count or rays), seeds.of_held(seed, 0)) for half in halves)
         order = np.random.default_rng(seeds.of_held(seed, 1))  # a file may be sorted, its slices must not be
         shuffled = first.take(order.permutation(len(first))), second.take(order.permutation(len(second)))
-        return HeldRays(shuffled), smoothed(steps)
+        return HeldRays(shuffled, seed), smoothed(steps)
 
     def judge(
         self, problem: Problem, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"], even: bool
@@ -60,15 +65,20 @@ class HeldRays:
         with torch.no_grad():
             tables = merit.parametrisation.tables(weights, offsets)
             missing = float(constraints.penalty_alone(constraints.fields(*tables)))
-            lights = [[merit.light_of(*tables, part) for part in _slices(sample)] for sample in self.samples]
+            pairs = _pairs(problem, self.seed)
+            lights = [
+                [merit.light_of(*tables, part, pair) for part, pair in zip(sample.divided(SLICES), pairs, strict=True)]
+                for sample in self.samples
+            ]
             judged = [_judgement(merit, lights, missing, uniform) for uniform in ([False, True] if even else [False])]
         return judged[0], judged[1] if even else None
 
 
-def _slices(sample: RayBundle) -> list[RayBundle]:
-    """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
-    edges = np.linspace(0, len(sample), SLICES + 1).astype(int)
-    return [sample.take(slice(start, stop)) for start, stop in pairwise(edges)]
+def _pairs(problem: Problem, seed: int) -> Sequence[Pair | None]:
+    """The pair of parts for each slice in a robust search, the same for both samples."""
+    if problem.parts is None:
+        return [None] * SLICES
+    return problem.parts.held(seed, SLICES)
 
 
 def _judgement(merit: MeritFunction, lights: list[list[SampledLight]], missing: float, uniform: bool) -> Judgement:

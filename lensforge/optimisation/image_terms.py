@@ -53,7 +53,11 @@ class ImageTerms:
 
     def image(self, light: Collected) -> Image:
         """Flux (W) on each pixel, as the mean over the mirror images."""
-        return mirrored_light(light.image, self.mirrors)
+        return self.mirrored(light.image)
+
+    def mirrored(self, image: Image) -> Image:
+        """Mean over the mirror images."""
+        return mirrored_light(image, self.mirrors)
 
     def loss(self, flux: Image, uniform: bool) -> Float[Tensor, ""]:
         """Error of the image; with ``uniform`` that of the mask comes first."""

@@ -5,7 +5,7 @@ exit ray from its path lengths. On another device torch does all, in chunks of r
 backward pass: only the start and the two crossings of each ray are kept, 84 bytes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
+from lensforge.deviations.made_part import MadePart
 from lensforge.optimisation.collect import Collected, collected, collected_on_device
 from lensforge.receivers.receiver import Landings, Receiver
 from lensforge.sources.bundle import RayBundle
@@ -59,6 +60,18 @@ class LightPath:
     receivers: tuple[Receiver, ...]
     device: torch.device | None = None
     chunk: int = _CHUNK
+
+    def through(
+        self,
+        inner: Float[Tensor, "side side"],
+        outer: Float[Tensor, "side side"],
+        rays: RayBundle,
+        part: MadePart,
+    ) -> tuple[Collected, ...]:
+        """The same for one part of the lens with these tables, whose source has its own flux."""
+        scene = replace(self.scene, media=part.media(self.scene.media), made=part.made)
+        own = part.rays(replace(rays, flux=part.flux * rays.flux))
+        return replace(self, scene=scene).collect(*part.tables(inner, outer), own)
 
     def collect(
         self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle

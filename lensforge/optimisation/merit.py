@@ -1,7 +1,8 @@
 """Merit function: from parameters and rays to the loss that a search minimises, and its parts for the history."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import mean
 
 import torch
 from jaxtyping import Float
@@ -10,10 +11,11 @@ from torch import Tensor
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
-from lensforge.optimisation.image_terms import Images, ImageTerms, nmse_loss
+from lensforge.optimisation.image_terms import Image, Images, ImageTerms, nmse_loss
 from lensforge.optimisation.light_path import LightPath
 from lensforge.optimisation.limit_terms import LimitTerm, limit_terms
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.search_parts import Pair
 from lensforge.receivers.build import receivers_of
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import RayBundle, Source
@@ -38,18 +40,36 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class SampledLight:
-    """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted."""
+    """Light of a sample of rays: flux (W) on each receiver's pixels, the terms of the flux (W), and that emitted.
+
+    ``halves``: in a robust search, half of the difference between the images of two opposite parts, for each pair; the
+    images are then the mean over all parts.
+    """
 
     images: Images
     terms: Float[Tensor, ""]
     emitted_w: float
+    halves: tuple[Images, ...] = ()
+
+    def of_parts(self) -> list[Images]:
+        """The images of every part: of the lens as designed alone, unless the search is robust."""
+        if not self.halves:
+            return [self.images]
+        return [
+            tuple(mean + sign * half for mean, half in zip(self.images, halves, strict=True))
+            for halves in self.halves
+            for sign in (1.0, -1.0)
+        ]
 
     @staticmethod
     def joined(parts: "Sequence[SampledLight]", emitted_w: float) -> "SampledLight":
         """The light of all ``parts``, in proportion, as a sample of ``emitted_w``."""
         share = emitted_w / sum(part.emitted_w for part in parts)
         images = tuple(share * torch.stack(same).sum(dim=0) for same in zip(*(p.images for p in parts), strict=True))
-        return SampledLight(images, share * torch.stack([part.terms for part in parts]).sum(dim=0), emitted_w)
+        halves = tuple(
+            tuple(emitted_w / part.emitted_w * half for half in each) for part in parts for each in part.halves
+        )
+        return SampledLight(images, share * torch.stack([part.terms for part in parts]).sum(dim=0), emitted_w, halves)
 
 
 @dataclass(frozen=True)
@@ -90,35 +110,75 @@ class MeritFunction:
         rays: RayBundle,
         constraints: AugmentedLagrangian,
         uniform: bool,
+        pair: Pair | None = None,
     ) -> Evaluated:
-        """Trace ``rays``; ``uniform`` puts the uniformity of the masks before the images."""
+        """Trace ``rays``; ``uniform`` puts the uniformity of the masks before the images.
+
+        With a ``pair`` of opposite parts the mean over both.
+        """
         inner, outer = self.parametrisation.tables(weights, offsets)
-        light = self.light.collect(inner, outer, rays)
-        images, emitted_w = self._images(light), float(rays.flux.sum())
-        pairs = list(zip(self.terms, images, strict=True))
-        efficiency = sum(terms.share * float(image.detach().sum()) for terms, image in pairs) / emitted_w
-        nmse = sum(terms.share * nmse_loss(image.detach(), terms.wanted).item() for terms, image in pairs)
-        loss = torch.stack([terms.share * terms.loss(image, uniform) for terms, image in pairs]).sum()
-        loss = loss + self._flux_term(light) / emitted_w + self._limit_term(images)
+        light = self.light_of(inner, outer, rays, pair)
+        efficiency = self._weighted(light.images, lambda terms, image: float(image.detach().sum())) / light.emitted_w
+        parts = light.of_parts()
+        nmse = mean(
+            self._weighted(images, lambda terms, image: nmse_loss(image.detach(), terms.wanted).item())
+            for images in parts
+        )
+        loss = torch.stack([self._image_loss(images, uniform) for images in parts]).mean()
+        limits = torch.stack([self._limit_term(images) for images in parts]).mean()
+        loss = loss + light.terms / light.emitted_w + limits
         fields = constraints.fields(inner, outer)
         return Evaluated(loss + constraints.term(fields), nmse, efficiency, fields)
 
     def light_of(
-        self, inner: Float[Tensor, "side side"], outer: Float[Tensor, "side side"], rays: RayBundle
+        self,
+        inner: Float[Tensor, "side side"],
+        outer: Float[Tensor, "side side"],
+        rays: RayBundle,
+        pair: Pair | None = None,
     ) -> SampledLight:
-        """The light of ``rays`` through the lens with these tables."""
-        light = self.light.collect(inner, outer, rays)
-        return SampledLight(self._images(light), self._flux_term(light), float(rays.flux.sum()))
+        """The light of ``rays`` through the lens with these tables, or through a ``pair`` of its parts.
+
+        Both parts are traced with all rays: fewer in their difference from the lens as designed save time, but where
+        the change moves rays to other pixels the gradient's noise is that of few rays.
+        """
+        emitted_w = float(rays.flux.sum())
+        if pair is None:
+            light = self.light.collect(inner, outer, rays)
+            return SampledLight(self._images(light), self._flux_term(light), emitted_w)
+        one, other = (self.light.through(inner, outer, rays, part) for part in pair)
+        both = list(zip(self.terms, one, other, strict=True))
+        # only the mean over all parts has the symmetry of the scene: each part alone has none
+        images = tuple(terms.mirrored(0.5 * (a.image + b.image)) for terms, a, b in both)
+        halves = tuple(0.5 * (a.image - b.image) for _, a, b in both)
+        flux = 0.5 * (self._flux_term(one) + self._flux_term(other))
+        return SampledLight(images, flux, emitted_w, (halves,))
 
     def judge(self, first: SampledLight, second: SampledLight, uniform: bool) -> tuple[float, float]:
-        """Merit without constraints from two independent samples, without their noise, and its part of the images."""
-        parts = zip(self.terms, first.images, second.images, strict=True)
-        error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
+        """Merit without constraints from two independent samples, without their noise, and its part of the images.
+
+        Of a robust search the error of the mean image: gains are relative to it, and no lens lowers the spread of its
+        parts by much.
+        """
+        both = zip(first.of_parts(), second.of_parts(), strict=True)
+        error = torch.stack([self._judged(one, other, uniform) for one, other in both]).mean()
         of_flux = 0.5 * (first.terms / first.emitted_w + second.terms / second.emitted_w)
-        error = error + self._limit_term(
-            tuple(0.5 * (one + other) for one, other in zip(first.images, second.images, strict=True))
-        )
-        return float(error + of_flux), float(error)
+        of_images = self._judged(first.images, second.images, uniform) if first.halves else error
+        return float(error + of_flux), float(of_images)
+
+    def _judged(self, first: Images, second: Images, uniform: bool) -> Float[Tensor, ""]:
+        """The error of the images of one part by two samples."""
+        parts = zip(self.terms, first, second, strict=True)
+        error = torch.stack([terms.share * terms.judge(one, other, uniform) for terms, one, other in parts]).sum()
+        return error + self._limit_term(tuple(0.5 * (one + other) for one, other in zip(first, second, strict=True)))
+
+    def _weighted(self, images: Images, value: Callable[[ImageTerms, Image], float]) -> float:
+        """Mean of ``value`` over the receivers by their shares."""
+        return sum(terms.share * value(terms, image) for terms, image in zip(self.terms, images, strict=True))
+
+    def _image_loss(self, images: Images, uniform: bool) -> Float[Tensor, ""]:
+        pairs = zip(self.terms, images, strict=True)
+        return torch.stack([terms.share * terms.loss(image, uniform) for terms, image in pairs]).sum()
 
     def _limit_term(self, images: Images) -> Float[Tensor, ""]:
         """Excess over the limits; that of the joined picture, whose noise is small, in a judgement."""

@@ -9,18 +9,23 @@ from torch import Tensor
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.merit import MeritFunction
 from lensforge.optimisation.parameters import Parametrisation
+from lensforge.optimisation.search_parts import SearchParts
 from lensforge.sources.bundle import Source
 from lensforge.spec import Spec
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Merit function and constraints for the levels of ``spec``, numbers here; ``sparse``: the latter at few points."""
+    """Merit function and constraints for the levels of ``spec``, numbers here; ``sparse``: the latter at few points.
+
+    ``parts``: of a robust search.
+    """
 
     spec: Spec
     merit: MeritFunction
     constraints: AugmentedLagrangian
     sparse: bool = False
+    parts: SearchParts | None = None
 
     @property
     def parametrisation(self) -> Parametrisation:
@@ -64,5 +69,6 @@ class Problems:
             parametrisation = make(spec, self.nodes_per_sigma)
             merit = MeritFunction.of(spec, self.source, parametrisation, self.device)
             constraints = AugmentedLagrangian.of(spec, parametrisation.grid, sparse=automatic)
-            self._last = Problem(spec, merit, constraints, automatic)
+            parts = SearchParts.of(spec, parametrisation) if spec.optimise.robust else None
+            self._last = Problem(spec, merit, constraints, automatic, parts)
         return self._last

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -32,6 +33,11 @@ class RayBundle:
         """Select some of the rays."""
         own = (None if each is None else each[rows] for each in self._own)
         return RayBundle(self.origins[rows], self.directions[rows], self.flux[rows], *own)
+
+    def divided(self, parts: int) -> list["RayBundle"]:
+        """Consecutive parts: those of a low-discrepancy sample are such samples themselves."""
+        edges = np.linspace(0, len(self), parts + 1).astype(int)
+        return [self.take(slice(start, stop)) for start, stop in pairwise(edges)]
 
     @property
     def _own(self) -> tuple[Float[np.ndarray, " n"] | None, ...]:

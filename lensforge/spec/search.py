@@ -100,6 +100,9 @@ class OptimiseSection(Section):
     With automatic levels ``seconds`` is the time that the search may take, set-up included; by default it goes on for
     as long as it gains. ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
 
+    With ``robust`` it searches for the lens whose parts are best on average: every gradient step sees other parts,
+    drawn from the tolerances of the spec. Without it the tolerances have no effect on the lens.
+
     Without ``fresnel`` the search neglects what both surfaces reflect, coated or not, and a cover glass; the evaluation
     never does.
     """
@@ -110,6 +113,7 @@ class OptimiseSection(Section):
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
     uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
+    robust: bool = False
     fresnel: bool = True
 
 
