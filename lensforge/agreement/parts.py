@@ -122,9 +122,9 @@ def _variance(found: Yield) -> Iterator[str]:
         "variance", sorted(found.variance), sorted(name for name in found.metrics if found.metrics[name].spread > 0.0),
         "the metrics that scatter are",
     )  # fmt: skip
-    names = sorted(each.name for each in found.tolerances)
+    names = sorted((each.name, each.words) for each in found.tolerances)
     for metric, variance in found.variance.items():
-        if sorted(cause.tolerance for cause in variance.causes) != names:
+        if sorted((cause.tolerance, cause.words) for cause in variance.causes) != names:
             yield f"variance.{metric}: not the tolerances that were drawn"
         shares = [cause.share for cause in variance.causes]
         if shares != sorted(shares, reverse=True):
@@ -143,6 +143,9 @@ def _budget(found: Yield) -> Iterator[str]:
         yield "budget.alone: not the tolerances that were drawn"
     together = found.budget.together
     yield from unlike("budget.together", (together.tolerance, together.specified), ("all", 1.0), "it must be")
+    times = {round(row.searched_to / row.specified, 6) for row in (*found.budget.alone, together) if row.specified > 0.0}
+    if len(times) > 1:
+        yield "budget: not all tolerances were searched to the same multiple"
     for row in (*found.budget.alone, together):
         yield from _budget_row(f"budget: {row.tolerance}", row)
 

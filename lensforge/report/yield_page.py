@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Float
 
 from lensforge.evaluation.light import Light
 from lensforge.figures.chart import Chart
+from lensforge.records import Metric
 from lensforge.report.cards import Card
 from lensforge.report.irradiance_figures import irradiance_map
 from lensforge.report.numerals import number, percent, unit_of_light
@@ -24,6 +26,7 @@ from lensforge.report.yield_rows import (
     judged,
     metric_words,
     pass_sentence,
+    share_words,
     spread_rows,
     with_unit,
     worst_words,
@@ -33,6 +36,7 @@ from lensforge.tolerancing.yield_result import Yield
 from lensforge.version import __version__
 
 YIELD_PAGE = "yield.html"
+_CERTAIN = 2.0  # standard errors
 _MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
 
 
@@ -67,7 +71,10 @@ def _cards(result: Yield) -> list[Card]:
     cards = [Card("Parts that pass", percent(result.pass_rate.value), "", f"95 % confidence: {low} to {high}")]
     for name in [name for name in _first(result) if name in result.variance][:2]:
         cause = result.variance[name].causes[0]
-        cards.append(Card(f"Main cause, {_lower(metric_words(name))}", percent(cause.share, 0), "", cause.words))
+        share = Metric(value=cause.share, standard_error=cause.standard_error)
+        certain = cause.share > _CERTAIN * cause.standard_error
+        note = cause.words if certain else f"{cause.words}; not certain by so few parts"
+        cards.append(Card(f"Main cause, {_lower(metric_words(name))}", share_words(share), "", note))
     if result.budget is not None:
         together, wanted = budget_lines(result)[-1], percent(result.budget.pass_rate, 0)
         note = f"all tolerances by one factor, so that {wanted} pass; {together.interval}"
@@ -97,7 +104,7 @@ def _shown_metrics(result: Yield) -> list[str]:
 def _distributions(result: Yield) -> list[PagePicture]:
     found = []
     for index, name in enumerate(_shown_metrics(result)):
-        values, spread = result.column(name), result.metrics[name]
+        values, spread = _without_noise(result, name), result.metrics[name]
         bounds = [bound for bound in result.bounds if bound.metric == name]
         label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
         figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
@@ -105,6 +112,14 @@ def _distributions(result: Yield) -> list[PagePicture]:
         caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
         found.append(picture(f"distribution{index}", figure, metric_words(name), caption))
     return found
+
+
+def _without_noise(result: Yield, name: str) -> Float[np.ndarray, " n"]:
+    """A metric of every part, drawn to the mean by what the noise of the rays adds, as its percentiles are."""
+    values, spread = result.column(name), result.metrics[name].spread
+    mean, scatter = values.mean(), float(values.std(ddof=1))
+    own: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 else 1.0)
+    return own
 
 
 def _cause_pictures(result: Yield) -> list[PagePicture]:
