@@ -143,8 +143,8 @@ def _budget(found: Yield) -> Iterator[str]:
         yield "budget.alone: not the tolerances that were drawn"
     together = found.budget.together
     yield from unlike("budget.together", (together.tolerance, together.specified), ("all", 1.0), "it must be")
-    times = {round(row.searched_to / row.specified, 6) for row in (*found.budget.alone, together) if row.specified > 0.0}
-    if len(times) > 1:
+    rows = [row for row in (*found.budget.alone, together) if row.specified > 0.0]
+    if len({round(row.searched_to / row.specified, 6) for row in rows}) > 1:
         yield "budget: not all tolerances were searched to the same multiple"
     for row in (*found.budget.alone, together):
         yield from _budget_row(f"budget: {row.tolerance}", row)
