@@ -66,7 +66,7 @@ def tolerance_table(lens: Lens, found: Yield | None) -> ToleranceTable:
 def _row(lens: Lens, factor: Factor, budget: BudgetRow | None) -> ToleranceRow:
     section = lens.spec.tolerances
     given = getattr(section, factor.name) is not None
-    words = amount(factor.amount, factor.unit)
+    words = amount(factor.name, factor.amount, factor.unit)
     if factor.name.endswith(_RMS):
         words = f"{words} rms"
     elif factor.name.endswith(_PEAK):

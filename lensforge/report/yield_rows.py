@@ -8,6 +8,7 @@ from lensforge.report.numerals import NOTHING, number, percent
 from lensforge.report.shown_receivers import capitalised
 from lensforge.tolerancing.yield_result import BudgetRow, MetricBound, Variance, WorstPart, Yield
 
+_IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
 SHARES = ("efficiency", "share_in_target")  # shown in per cent
 _WORDS = {
     "nmse": "error of the pattern (NMSE)",
@@ -105,10 +106,10 @@ def with_unit(words: str, unit: str) -> str:
     return f"{words}{'' if unit in ('', '°') else ' '}{unit}"
 
 
-def amount(value: float, unit: str) -> str:
-    """Amount of a tolerance with its unit; degrees by their sign, micrometres by their letter, ratios in per cent."""
-    if not unit:
-        return number(value, 3)
+def amount(name: str, value: float, unit: str) -> str:
+    """Amount of the tolerance ``name`` with its unit; shares in per cent."""
+    if name in _IN_PER_CENT:
+        return f"{number(100.0 * value, 3)}\u2009%"
     return with_unit(number(value, 3), {"deg": "°", "um": "µm"}.get(unit, unit))
 
 
@@ -201,10 +202,10 @@ def budget_lines(result: Yield) -> list[BudgetLine]:
 def budget_line(row: BudgetRow) -> BudgetLine:
     """The line of one tolerance."""
     factor = row.tolerance == "all"
-    specified = "× 1" if factor else amount(row.specified, row.unit)
+    specified = "× 1" if factor else amount(row.tolerance, row.specified, row.unit)
 
     def words(value: float) -> str:
-        return f"× {number(value, 3)}" if factor else amount(value, row.unit)
+        return f"× {number(value, 3)}" if factor else amount(row.tolerance, value, row.unit)
 
     if row.unlimited:
         times = f" ({number(row.searched_to / row.specified, 3)} times)" if row.specified > 0.0 and not factor else ""
@@ -221,7 +222,7 @@ def drawn_rows(result: Yield) -> list[DrawnRow]:
     return [
         DrawnRow(
             each.words,
-            amount(each.amount, each.unit),
+            amount(each.name, each.amount, each.unit),
             _DRAWN.get(each.distribution, each.distribution),
             _DISTRIBUTIONS.get(each.distribution, ""),
         )

@@ -14,7 +14,7 @@ from result_folders import make_results, page_of, small_lens
 from lensforge.drawings.tolerance_table import tolerance_table
 from lensforge.report.numerals import percent
 from lensforge.report.yield_page import render_yield
-from lensforge.report.yield_rows import budget_lines, causes_words, metric_words, shown
+from lensforge.report.yield_rows import amount, budget_lines, causes_words, metric_words, shown
 from lensforge.results import Results
 from lensforge.spec.tolerances import TolerancesSection
 
@@ -64,11 +64,16 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
     for line, row in zip(lines, (*found.budget.alone, found.budget.together), strict=True):
         assert row.words == line.name
         for words in (line.name, line.specified, line.at_most, line.interval):
-            assert words in page.text, words
+            assert folded(words) in page.text, words
     assert [line.at_most for line in lines[:3]] == ["0.075 mm", "above 0.8 mm", "–"]
     assert "none is small enough" in lines[2].interval
     assert [line.tight for line in lines[:3]] == [False, False, True]
     assert lines[-1].at_most == "× 0.875" and lines[-1].tight
+
+
+def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
+    assert amount("source_flux", 0.05, "") == "5\u2009%" and amount("index", 0.001, "") == "0.001"
+    assert amount("source_tilt_deg", 0.5, "deg") == "0.5°" and amount("inner_form_um", 1.0, "um") == "1 µm"
 
 
 def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, found):
