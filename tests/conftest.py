@@ -92,6 +92,8 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 
 
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
+    from undrawn import undrawn
+
     from lensforge.pipeline import run_photometry, run_stray
     from lensforge.toleranced_folder import run_sensitivity, run_yield
 
@@ -104,7 +106,8 @@ def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
         patch.setattr("lensforge.tolerancing.yield_study._WORST_RAYS", 512)
         patch.setattr("lensforge.tolerancing.budget.MOST_PARTS", 8)
         run_sensitivity(folder)
-        run_yield(folder, parts=40, rays=512)
+        with undrawn():
+            run_yield(folder, parts=40, rays=512)
     run_photometry(folder)
     _measure_part(small_run, folder)
     return lensforge.load(folder)

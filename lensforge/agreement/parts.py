@@ -12,7 +12,8 @@ from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.tolerancing.yield_result import BudgetRow, MetricSpread, ToleranceAmount, WorstPart, Yield
 
-_LEVEL = 0.95
+_LEVEL = 0.95  # of the interval of the pass rate
+_WANTED = 0.95  # share of the parts that a budget lets pass
 _TABLE = "the table of parts"
 
 
@@ -28,7 +29,7 @@ def yield_contradictions(found: Yield, lens: Lens) -> Iterator[str]:
     for name, spread in found.metrics.items():
         yield from _spread(f"metrics.{name}", spread, found.column(name))
     yield from _variance(found)
-    yield from _budget(found)
+    yield from _budget(found, passes)
     if len(found.worst) != len(found.worst_maps):
         yield f"worst: {len(found.worst)} parts, but pictures of {len(found.worst_maps)}"
     for index, worst in enumerate(found.worst):
@@ -106,6 +107,7 @@ def _spread(name: str, stated: MetricSpread, values: Float[np.ndarray, " n"]) ->
     """Mean and percentiles of the column; these after the noise of the rays was taken off it."""
     mean, scatter = float(values.mean()), float(values.std(ddof=1))
     yield from unlike(f"{name}.unit", stated.unit, stated.designed.unit, "as designed it is")
+    yield from unlike(f"{name}.mean.unit", stated.mean.unit, stated.unit, "the metric has")
     yield from differing(f"{name}.mean", stated.mean.value, mean, _TABLE)
     error = scatter / float(np.sqrt(len(values)))
     yield from differing(f"{name}.mean.standard_error", stated.mean.standard_error, error, _TABLE)
@@ -133,10 +135,12 @@ def _variance(found: Yield) -> Iterator[str]:
         yield from differing(f"variance.{metric}.interactions", variance.interactions.value, rest, "its shares")
 
 
-def _budget(found: Yield) -> Iterator[str]:
+def _budget(found: Yield, passes: Bool[np.ndarray, " n"]) -> Iterator[str]:
     """A row for each tolerance as it was drawn, and an interval around each amount."""
     if found.budget is None:
         return
+    yield from unlike("budget.pass_rate", found.budget.pass_rate, _WANTED, "it must be")
+    enough = bool(passes[: found.budget.parts].mean() >= _WANTED) if found.budget.parts else False
     yield from beyond("budget.parts", found.budget.parts, 1, found.parts, _TABLE)
     drawn = [(each.name, each.words, each.unit, each.amount) for each in found.tolerances]
     if [(row.tolerance, row.words, row.unit, row.specified) for row in found.budget.alone] != drawn:
@@ -147,14 +151,16 @@ def _budget(found: Yield) -> Iterator[str]:
     if len({round(row.searched_to / row.specified, 6) for row in rows}) > 1:
         yield "budget: not all tolerances were searched to the same multiple"
     for row in (*found.budget.alone, together):
-        yield from _budget_row(f"budget: {row.tolerance}", row)
+        yield from _budget_row(f"budget: {row.tolerance}", row, enough)
 
 
-def _budget_row(name: str, row: BudgetRow) -> Iterator[str]:
+def _budget_row(name: str, row: BudgetRow, enough: bool) -> Iterator[str]:
+    """A row; ``enough``: as specified, so many of the parts pass that an amount without end may be found."""
     amounts = (row.at_most, row.low, row.high)
     if row.at_most is None or row.low is None or row.high is None:
         if amounts != (None, None, None):
             yield f"{name}: an amount without its interval"
+        yield from unlike(f"{name}.unlimited", row.unlimited, enough, f"{_TABLE} and the bounds say")
     else:
         if row.unlimited:
             yield f"{name}: unlimited, but with a largest amount"

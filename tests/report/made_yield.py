@@ -96,10 +96,10 @@ def _variance(factors):
 
 
 def _budget(factors):
-    """The first may be as large as 1.5 times, the second is unlimited, of the third none is small enough."""
+    """The first may be as large as 1.5 times, the second is unlimited; of the first 40 parts 95 % pass."""
     rows = []
     for number, each in enumerate(factors):
-        scales = (1.5, 1.25, 1.75) if number not in (1, 2) else (None, None, None)
+        scales = (1.5, 1.25, 1.75) if number != 1 else (None, None, None)
         at_most, low, high = (None if scale is None else scale * each.amount for scale in scales)
         rows.append(
             BudgetRow(

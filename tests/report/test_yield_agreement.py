@@ -59,6 +59,8 @@ def test_a_record_agrees_with_itself(found, lens):
         ("budget.alone.0.specified", 9.0, "not the tolerances that were drawn"),
         ("budget.alone.0.unlimited", True, "unlimited, but with a largest amount"),
         ("budget.alone.0.searched_to", 9.0, "not all tolerances were searched to the same multiple"),
+        ("budget.alone.1.unlimited", False, "budget: source_height_mm.unlimited = False"),
+        ("budget.pass_rate", 0.5, "budget.pass_rate = 0.5"),
         ("budget.parts", 1000, "budget.parts"),
         ("worst.0.metrics.nmse", 0.05, "worst.0.nmse"),
         ("worst.0.passes", True, "worst.0.passes"),

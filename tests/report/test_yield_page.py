@@ -14,7 +14,7 @@ from result_folders import make_results, page_of, small_lens
 from lensforge.drawings.tolerance_table import tolerance_table
 from lensforge.report.numerals import percent
 from lensforge.report.yield_page import render_yield
-from lensforge.report.yield_rows import amount, budget_lines, causes_words, metric_words, shown
+from lensforge.report.yield_rows import amount, budget_line, budget_lines, causes_words, metric_words, shown
 from lensforge.results import Results
 from lensforge.spec.tolerances import TolerancesSection
 
@@ -65,10 +65,16 @@ def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
         assert row.words == line.name
         for words in (line.name, line.specified, line.at_most, line.interval):
             assert folded(words) in page.text, words
-    assert [line.at_most for line in lines[:3]] == ["0.075 mm", "above 0.8 mm", "–"]
-    assert "none is small enough" in lines[2].interval
-    assert [line.tight for line in lines[:3]] == [False, False, True]
+    assert [line.at_most for line in lines[:3]] == ["0.075 mm", "above 0.8 mm", "0.75°"]
+    assert [line.tight for line in lines[:3]] == [False, False, False]
     assert lines[-1].at_most == "× 0.875" and lines[-1].tight
+
+
+def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
+    row = found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None})
+    line = budget_line(row)
+    assert line.interval == "none is small enough: the others alone let too few parts pass"
+    assert line.at_most == "–" and line.tight
 
 
 def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
@@ -125,7 +131,6 @@ def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
     rows = {row.name: row for rows in table.groups.values() for row in rows}
     assert rows["source, shift in x and y"].at_most == "0.075 mm"
     assert rows["source, shift in z"].at_most == "above 0.8 mm"
-    assert "none is small enough" in rows["source, tilt"].at_most
     assert table.sentence.startswith("95.0\u2009% of 40 parts")
     assert any("at most 0.075 mm" in line for line in table.lines)
 
