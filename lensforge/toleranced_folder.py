@@ -7,7 +7,9 @@ from lensforge import tolerance_stages
 from lensforge.folder_lock import in_locked_folder
 from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import load_lens
-from lensforge.run_folder import write_result
+from lensforge.report.ownership import require_own
+from lensforge.results import stem_of
+from lensforge.run_folder import open_run, write_result
 from lensforge.spec.tolerances import TolerancesSection
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.yield_result import Yield
@@ -36,11 +38,13 @@ def run_yield(
     progress: Callable[[int, int], object] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Yield:
-    """Draw parts from the tolerances, and write the distribution of their light; arguments as of ``tolerance``.
+    """Draw parts from the tolerances, and write the record, the table of parts (CSV) and the page.
 
-    Measured parts are kept in the folder until the study is done: an interrupted one goes on where it was. Other
-    ``tolerances`` than the spec's go to ``yield_<preset>.json``.
+    Arguments are those of ``tolerance``. Measured parts are kept in the folder until the study is done: an interrupted
+    one goes on where it was. With other ``tolerances`` than the spec's the files are ``yield_<preset>.json`` and so on.
     """
+    if tolerances is None:
+        require_own(folder / f"{Yield.stage}.html")  # said before the study, not after it
     kept = folder / YIELD_PARTS
     found = tolerance_stages.tolerance(
         load_lens(folder / LENS_FILE),
@@ -54,6 +58,17 @@ def run_yield(
         announce=announce,
     )
     result = write_result(found, folder)
+    _write_page(result, folder)
     for file in (kept, kept.with_name(f"{kept.stem}_budget.npz")):
         file.unlink(missing_ok=True)
     return result
+
+
+def _write_page(result: Yield, folder: Path) -> None:
+    """Write the table of parts, and the page, beside the record."""
+    from lensforge.report.page import write_page
+    from lensforge.report.yield_page import render_yield
+
+    stem = stem_of(result)
+    result.save(folder / f"{stem}.csv")
+    write_page(render_yield(result, open_run(folder), f"{stem}.csv"), folder / f"{stem}.html")

@@ -92,15 +92,22 @@ def whole_run(small_run: lensforge.Run, shared: Path) -> lensforge.Run:
 
 
 def _with_every_result(small_run: lensforge.Run, folder: Path) -> lensforge.Run:
+    from undrawn import undrawn
+
     from lensforge.pipeline import run_photometry, run_stray
-    from lensforge.toleranced_folder import run_sensitivity
+    from lensforge.toleranced_folder import run_sensitivity, run_yield
 
     shutil.copytree(small_run.folder, folder)
     with pytest.MonkeyPatch.context() as patch:  # as few rays as tests need, and yet the lens's own conditions
         patch.setattr("lensforge.cast_stages._STRAY_RAYS", 512)
         patch.setattr("lensforge.tolerancing.sensitivity.RAYS", 512)
         run_stray(folder)
+        patch.setattr("lensforge.tolerancing.yield_study.DESIGNED_RAYS", 2048)
+        patch.setattr("lensforge.tolerancing.yield_study._WORST_RAYS", 512)
+        patch.setattr("lensforge.tolerancing.budget.MOST_PARTS", 8)
         run_sensitivity(folder)
+        with undrawn():
+            run_yield(folder, parts=40, rays=512)
     run_photometry(folder)
     _measure_part(small_run, folder)
     return lensforge.load(folder)

@@ -18,7 +18,8 @@ _MODULES = {
     ),
     "photometric_files": ("ies", "ldt", "spectrum", "points"),
     "records": (
-        "lens", "run", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "photometry",
+        "lens", "run", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "yield",
+        "photometry",
         "compare",
         "compare_inner", "compare_outer", "correct_inner", "correct_outer", "sweep", "level-0",
     ),

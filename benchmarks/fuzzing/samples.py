@@ -11,6 +11,7 @@ from lensforge.spec import parse_spec
 
 BASE_FILE, SNAPSHOT = "base.step", "level-0"
 _FOLDER: list[Path] = []
+_PARTS = 40  # of the yield study: two to four seconds
 _RINGS = 24  # of triangles on each face: an STL of 100 kB, which is read in a millisecond
 
 
@@ -40,6 +41,7 @@ def make_folder(folder: Path) -> None:
     pipeline.run_verify(folder)
     pipeline.run_stray(folder)
     toleranced_folder.run_sensitivity(folder)
+    toleranced_folder.run_yield(folder, parts=_PARTS, rays=512, budget=False)
     pipeline.run_photometry(folder)
     _measure_part(folder)
     add_samples(folder)

@@ -9,6 +9,7 @@ from lensforge.agreement.correction import correction_contradictions
 from lensforge.agreement.cutting import check_contradictions
 from lensforge.agreement.light import light_contradictions
 from lensforge.agreement.part import part_contradictions
+from lensforge.agreement.parts import yield_contradictions
 from lensforge.agreement.proof import proof_contradictions, stray_contradictions
 from lensforge.agreement.search import design_contradictions
 from lensforge.agreement.studies import (
@@ -27,6 +28,7 @@ from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+from lensforge.tolerancing.yield_result import Yield
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
@@ -65,6 +67,8 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             yield from photometry_contradictions(result)
         case Sensitivity():
             yield from sensitivity_contradictions(result)
+        case Yield():
+            yield from yield_contradictions(result, lens)
         case PhotoComparison():
             yield from photo_contradictions(result)
         case SurfaceComparison():

@@ -25,6 +25,7 @@ from lensforge.drawings.handover import POINTS_FILE, SAG_FILE, Handover, PointGr
 from lensforge.drawings.offset_face import offset_faces
 from lensforge.drawings.raster import Raster
 from lensforge.drawings.section import dimensioned_section
+from lensforge.drawings.tolerance_table import ToleranceTable, tolerance_table
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
@@ -32,6 +33,7 @@ from lensforge.report.figure_style import to_svg
 from lensforge.report.ownership import pdf_mark
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
+from lensforge.tolerancing.yield_result import Yield
 
 _TEMPLATES = Path(__file__).with_name("templates")
 _A4 = (8.27, 11.69)
@@ -50,6 +52,7 @@ class _Content:
     facts: Facts
     datum: str
     dimensions: list[Dimension]
+    tolerances: ToleranceTable
     faces: dict[str, Facts]
     grids: Facts
     verdicts: tuple[Finding, ...]
@@ -72,7 +75,7 @@ def make_handover(results: Results, request: GridRequest | None = None) -> Hando
     }
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in tables.items()}
-    content, figures = _content(lens, part, check, grids, hashes), _pictures(lens, check)
+    content, figures = _content(results, grids, hashes), _pictures(lens, check)
     title = f"{content.name}: for manufacture"
     return Handover(
         name=title,
@@ -103,12 +106,14 @@ def _point_grid(measured: MeasuredGrid, lens: Lens, part: Part, request: GridReq
     )
 
 
-def _content(lens: Lens, part: Part, check: Check, grids: tuple[PointGrid, ...], hashes: Mapping[str, str]) -> _Content:
+def _content(results: Results, grids: tuple[PointGrid, ...], hashes: Mapping[str, str]) -> _Content:
+    lens, part, check = results.lens, results.part, results.check
     return _Content(
         name=lens.spec.name,
         facts=part_facts(lens, part, check),
         datum=datum_text(lens),
         dimensions=dimensions(lens),
+        tolerances=tolerance_table(lens, results.find(Yield)),
         faces={"outer": face_facts(check.outer), "inner": face_facts(check.inner)},
         grids={grid.file: grid_facts(grid) for grid in grids},
         verdicts=check.verdicts,
@@ -139,6 +144,7 @@ def _page(content: _Content, figures: Pictures) -> str:
 def _as_text(title: str, content: _Content) -> list[str]:
     lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datum", content.datum]
     lines += ["", "Dimensions (mm)", *(f"{d.value_mm:10.4f}  {d.name}" for d in content.dimensions)]
+    lines += ["", "Tolerances", *content.tolerances.lines]
     for name, facts in content.faces.items():
         lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
     lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]

@@ -29,6 +29,7 @@ from lensforge.report.solid_view import Rendering, SolidViews
 from lensforge.report.stray_light import stray_pictures, stray_sentence
 from lensforge.report.tables import Row, rows
 from lensforge.report.task import task
+from lensforge.report.yield_section import yield_section
 from lensforge.results import REPORT_FILE, Results
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.proof import Proof
@@ -93,6 +94,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "stray_sentence": stray_sentence(results),
         "measured": measured(results),
         "changes": change_rows(results),
+        "parts": yield_section(results, folder),
         "other_lights": light_rows(results),
         "other_results": result_rows(results),
         "outline_known": pictures.source_outline(results) is not None,

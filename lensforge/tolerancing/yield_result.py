@@ -1,5 +1,7 @@
 """Result of the yield study: how many parts pass, how far their metrics scatter, which tolerance decides."""
 
+import csv
+import io
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -151,9 +153,11 @@ class Yield(SimulatedResult):
 
     def products(self) -> dict[str, bytes]:
         """The table of parts as CSV."""
-        lines = [",".join(("part", *self.columns))]
-        lines += [f"{number}," + ",".join(f"{value:.9g}" for value in row) for number, row in enumerate(self.table)]
-        return {".csv": ("\n".join(lines) + "\n").encode()}
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")  # names of receivers and limits may hold commas
+        writer.writerow(("part", *self.columns))
+        writer.writerows((number, *(f"{value:.9g}" for value in row)) for number, row in enumerate(self.table))
+        return {".csv": buffer.getvalue().encode()}
 
     def plot(self, axes: "Axes | None" = None, *, metric: str = "nmse") -> "Axes":
         """Share of the parts whose ``metric`` is at most the value, with the bound that they must keep.

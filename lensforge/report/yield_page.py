@@ -1,0 +1,152 @@
+"""``yield.html``: how many parts pass, how far their light scatters and why, and what each tolerance may be."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from lensforge.evaluation.light import Light
+from lensforge.figures.chart import Chart
+from lensforge.records import Metric
+from lensforge.report.cards import Card
+from lensforge.report.irradiance_figures import irradiance_map
+from lensforge.report.numerals import number, percent, unit_of_light
+from lensforge.report.page import template
+from lensforge.report.pictures import PagePicture, picture
+from lensforge.report.shown_receivers import top_of
+from lensforge.report.task import task
+from lensforge.report.yield_figures import beyond, cause_bars, distribution
+from lensforge.report.yield_rows import (
+    bound_rows,
+    bound_words,
+    budget_lines,
+    budget_sentence,
+    drawn_rows,
+    is_share,
+    judged,
+    metric_words,
+    pass_sentence,
+    share_words,
+    spread_rows,
+    with_unit,
+    worst_words,
+)
+from lensforge.results import Results
+from lensforge.tolerancing.yield_result import Yield
+from lensforge.version import __version__
+
+YIELD_PAGE = "yield.html"
+_CERTAIN = 2.0  # standard errors
+_MOST_PLOTS = 9  # of distributions: a spec may have hundreds of limits, all of which are in the tables
+
+
+def render_yield(result: Yield, results: Results, table: str) -> str:
+    """One self-contained page on ``result``; ``results``: of its lens; ``table``: name of the file with all parts."""
+    return template(YIELD_PAGE).render(
+        name=results.spec.name,
+        subtitle=task(results.spec),
+        conditions="" if result.conditions is None else str(result.conditions),
+        result=result,
+        sentence=pass_sentence(result),
+        budget_sentence=budget_sentence(result),
+        cards=_cards(result),
+        bounds=bound_rows(result),
+        own_limits=bool(results.spec.limits),
+        spreads=spread_rows(result),
+        distributions=_distributions(result),
+        causes=_cause_pictures(result),
+        budget=budget_lines(result),
+        worst=_worst_pictures(result, results),
+        drawn=drawn_rows(result),
+        rays=number(result.rays),
+        seconds=number(result.seconds, 3),
+        table=table,
+        version=__version__,
+    )
+
+
+def _cards(result: Yield) -> list[Card]:
+    """Main numbers: the parts that pass, what decides, and by how much all tolerances may be scaled."""
+    low, high = percent(result.pass_rate.low), percent(result.pass_rate.high)
+    cards = [Card("Parts that pass", percent(result.pass_rate.value), "", f"95 % confidence: {low} to {high}")]
+    for name in [name for name in _first(result) if name in result.variance][:2]:
+        cause = result.variance[name].causes[0]
+        share = Metric(value=cause.share, standard_error=cause.standard_error)
+        certain = cause.share > _CERTAIN * cause.standard_error
+        note = cause.words if certain else f"{cause.words}; not certain by so few parts"
+        cards.append(Card(f"Main cause, {_lower(metric_words(name))}", share_words(share), "", note))
+    if result.budget is not None:
+        together, wanted = budget_lines(result)[-1], percent(result.budget.pass_rate, 0)
+        note = f"all tolerances by one factor, so that {wanted} pass; {together.interval}"
+        cards.append(Card("Tolerances", together.at_most, "", note))
+    return cards
+
+
+def _first(result: Yield) -> list[str]:
+    """Metrics with bounds, that with the most failing parts first."""
+    failing = dict.fromkeys(judged(result), 0.0)
+    for bound in result.bounds:
+        values = result.column(bound.metric)
+        missed = values > bound.bound if bound.sense == "<=" else values < bound.bound
+        failing[bound.metric] += float(missed.mean())
+    return sorted(failing, key=lambda name: -failing[name])
+
+
+def _lower(words: str) -> str:
+    return words[:1].lower() + words[1:]
+
+
+def _shown_metrics(result: Yield) -> list[str]:
+    """Metrics that are drawn: those with bounds, then the others."""
+    return list(dict.fromkeys([*_first(result), *result.metrics]))[:_MOST_PLOTS]
+
+
+def _distributions(result: Yield) -> list[PagePicture]:
+    found = []
+    for index, name in enumerate(_shown_metrics(result)):
+        values, spread = _without_noise(result, name), result.metrics[name]
+        bounds = [bound for bound in result.bounds if bound.metric == name]
+        label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
+        figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
+        far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
+        caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
+        found.append(picture(f"distribution{index}", figure, metric_words(name), caption))
+    return found
+
+
+def _without_noise(result: Yield, name: str) -> Float[np.ndarray, " n"]:
+    """A metric of every part, drawn to the mean by what the noise of the rays adds, as its percentiles are."""
+    values, spread = result.column(name), result.metrics[name].spread
+    mean, scatter = values.mean(), float(values.std(ddof=1))
+    own: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 else 1.0)
+    return own
+
+
+def _cause_pictures(result: Yield) -> list[PagePicture]:
+    names = [name for name in _shown_metrics(result) if name in result.variance]
+    shown = [name for name in names if name in judged(result)] or names
+    return [
+        picture(f"causes{index}", cause_bars(result.variance[name]), metric_words(name))
+        for index, name in enumerate(shown)
+    ]
+
+
+def _worst_pictures(result: Yield, results: Results) -> list[PagePicture]:
+    """Light of the lens as designed, where it was evaluated, and of the worst parts, with the same colours."""
+    section, unit = results.spec.all_receivers[0], unit_of_light(results)
+    chart = Chart(*section.size, section.kind == "far_field")
+    light = results.find(Light)
+    maps = list(_worst_maps(result))
+    designed = [] if light is None else [("As designed", "", light.receivers[0].map)]
+    top = top_of(each for _, _, each in (designed or maps))
+    return [
+        picture(f"worst{index}", irradiance_map(image, chart, top, unit=unit), title, caption)
+        for index, (title, caption, image) in enumerate((*designed, *maps))
+    ]
+
+
+def _worst_maps(result: Yield) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Title, caption and light of each of the worst parts."""
+    for worst, image in zip(result.worst, result.worst_maps, strict=True):
+        state = "passes" if worst.passes else "fails"
+        yield f"Part {worst.part}: {state}", f"{worst_words(result, worst)}.", image

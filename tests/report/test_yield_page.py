@@ -1,0 +1,155 @@
+"""The page on the yield, its section of the report, and the drawing's tolerances say what the record holds."""
+
+import csv
+import io
+import re
+from html import unescape
+
+import numpy as np
+import pytest
+from made_yield import PARTS, make_yield
+from page_text import Page, folded
+from result_folders import make_results, page_of, small_lens
+
+from lensforge.drawings.tolerance_table import tolerance_table
+from lensforge.report.numerals import percent
+from lensforge.report.yield_page import render_yield
+from lensforge.report.yield_rows import amount, budget_line, budget_lines, causes_words, metric_words, shown
+from lensforge.results import Results
+from lensforge.spec.tolerances import TolerancesSection
+
+
+@pytest.fixture(scope="module")
+def lens():
+    return small_lens()
+
+
+@pytest.fixture(scope="module")
+def found(lens):
+    return make_yield(lens)
+
+
+@pytest.fixture(scope="module")
+def html(lens, found):
+    return render_yield(found, make_results(("evaluate",), lens), "yield.csv")
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_who_passes_is_said_first_with_its_interval(page, found):
+    rate = found.pass_rate
+    assert rate.value == 38 / PARTS
+    interval = f"{percent(rate.low)} to {percent(rate.high)}".replace("\u2009", " ")
+    text = page.text.replace("\u2009", " ")
+    assert (
+        f"Of {PARTS} parts drawn from the tolerances 38 keep every bound: 95.0 % (95 % confidence: {interval})." in text
+    )
+    assert text.index("keep every bound") < text.index("How far the light scatters")
+
+
+def test_every_percentile_and_bound_is_on_the_page(page, found):
+    for name, spread in found.metrics.items():
+        assert metric_words(name) in page.text
+        for value in (spread.designed.value, spread.p5, spread.p50, spread.p95, spread.spread):
+            assert folded(shown(name, value)) in page.text, (name, value)
+    assert "≤ 0.0985" in page.text
+
+
+def test_every_tolerance_is_on_the_page_with_its_largest_amount(page, found):
+    lines = budget_lines(found)
+    assert len(lines) == len(found.tolerances) + 1
+    for line, row in zip(lines, (*found.budget.alone, found.budget.together), strict=True):
+        assert row.words == line.name
+        for words in (line.name, line.specified, line.at_most, line.interval):
+            assert folded(words) in page.text, words
+    assert [line.at_most for line in lines[:3]] == ["0.075 mm", "above 0.8 mm", "0.75°"]
+    assert [line.tight for line in lines[:3]] == [False, False, False]
+    assert lines[-1].at_most == "× 0.875" and lines[-1].tight
+
+
+def test_a_tolerance_of_which_no_amount_is_small_enough_is_named(found):
+    row = found.budget.alone[0].model_copy(update={"at_most": None, "low": None, "high": None})
+    line = budget_line(row)
+    assert line.interval == "none is small enough: the others alone let too few parts pass"
+    assert line.at_most == "–" and line.tight
+
+
+def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
+    assert amount("source_flux", 0.05, "") == "5\u2009%" and amount("index", 0.001, "") == "0.001"
+    assert amount("source_tilt_deg", 0.5, "deg") == "0.5°" and amount("inner_form_um", 1.0, "um") == "1 µm"
+
+
+def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, found):
+    assert causes_words(found.variance["nmse"]).startswith("source, shift in x and y 50\u2009% ± 6\u2009%; ")
+    assert f"Part {PARTS - 1}: fails" in page.text
+    assert "a &lt;remark&gt; of the study" in html and "a <remark>" not in html
+    assert html.count("<details") == 2
+    assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", html), "one page, nothing fetched"
+
+
+def test_other_conditions_and_no_budget_are_said(lens, found):
+    from lensforge.records import Conditions
+
+    other = Conditions.of(tolerances="moulded", tolerances_sha256="ab" * 32)
+    plain = found.model_copy(update={"conditions": other, "budget": None, "variance": {}})
+    text = Page(render_yield(plain, Results(lens, {}), "yield_moulded.csv")).text
+    assert "tolerances moulded" in text and "yield_moulded.csv" in text
+    assert "How large each tolerance may be" not in text
+    assert "no more than the noise of the rays" in text
+
+
+def test_the_report_has_a_section_and_a_link_only_where_there_is_a_page(lens, found, tmp_path, undrawn):
+    without = page_of(make_results((), lens))
+    assert 'id="yield"' not in without
+    lens.save(tmp_path / "lens.json")
+    results = Results(lens, {"yield": found})
+    assert 'href="yield.html"' not in page_of(results, tmp_path)
+    (tmp_path / "yield.html").write_text("", encoding="utf-8")
+    report = page_of(results, tmp_path)
+    assert 'href="yield.html"' in report and "38 keep every bound" in unescape(report)
+    assert "above 0.8 mm" in unescape(report)
+
+
+def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from(lens):
+    given = TolerancesSection(preset="precision", gap_mm=0.0123)
+    own = lens.spec.model_copy(update={"tolerances": given})
+    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"), None)
+    rows = {row.name: row for rows in table.groups.values() for row in rows}
+    gap, decentre = rows["outer face against inner, gap"], rows["outer face against inner, decentre"]
+    assert (gap.amount, gap.source, gap.at_most) == ("± 0.0123 mm", "specification", "")
+    assert (decentre.amount, decentre.source) == ("± 0.005 mm", "preset “precision”")
+    assert rows["form, inner face"].amount == "0.3 µm rms" and rows["form, inner face"] in table.lens
+    assert rows["source, tilt"] in table.assembly
+    assert "has not been computed" in table.sentence
+
+
+def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
+    table = tolerance_table(lens, found)
+    rows = {row.name: row for rows in table.groups.values() for row in rows}
+    assert rows["source, shift in x and y"].at_most == "0.075 mm"
+    assert rows["source, shift in z"].at_most == "above 0.8 mm"
+    assert table.sentence.startswith("95.0\u2009% of 40 parts")
+    assert any("at most 0.075 mm" in line for line in table.lines)
+
+
+def test_a_spec_without_tolerances_has_no_table(lens):
+    section = TolerancesSection(**dict.fromkeys(_names(), 0.0))
+    own = lens.spec.model_copy(update={"tolerances": section})
+    table = tolerance_table(type(lens)(lens.inner, lens.outer, own, 0, "draft"), None)
+    assert table.groups == {} and table.lines == ["The specification sets no tolerances."]
+
+
+def _names():
+    from lensforge.spec.tolerance_presets import PRESET_AMOUNTS
+
+    return PRESET_AMOUNTS["standard"]
+
+
+def test_the_table_of_parts_keeps_names_with_commas_whole(found):
+    renamed = found.model_copy(update={"columns": (*found.columns[:-1], 'wall, left: "share"')})
+    rows = list(csv.reader(io.StringIO(renamed.products()[".csv"].decode())))
+    assert rows[0] == ["part", *renamed.columns] and len(rows) == PARTS + 1
+    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], found.table, rtol=1e-8)
