@@ -30,6 +30,7 @@ def run_yield(
     seed: int = 0,
     tolerances: TolerancesSection | None = None,
     budget: bool = True,
+    scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Yield:
@@ -47,6 +48,7 @@ def run_yield(
         tolerances=tolerances,
         budget=budget,
         checkpoint=kept,
+        scheduler=scheduler,
         progress=progress,
         announce=announce,
     )

@@ -116,10 +116,7 @@ def wilson(passed: int, count: int, level: float = _LEVEL) -> PassRate:
 def _with_enough_rays(found: MeasuredParts, workers: Workers | None, pilot: int) -> MeasuredParts:
     """The same study with as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
     while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
-        study = found.study
-        more = PartStudy(replace(study.recipe, rays=2 * study.recipe.rays))
-        for name in ("draws", "maker", "designed_light"):  # none of them depends on the rays of the parts
-            more.__dict__[name] = getattr(study, name)
+        more = found.study.with_rays(2 * found.study.recipe.rays)
         found = MeasuredParts(more, workers or Threads(more), found.file, found.progress, found.expected)
     return found
 
