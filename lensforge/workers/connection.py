@@ -1,8 +1,10 @@
 """Connection with a Dask cluster: with one that is there, by its address, or with processes of this machine."""
 
+import asyncio
 import logging
 import re
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -58,12 +60,31 @@ def _remote(address: str) -> Iterator["Client"]:
     from distributed import Client
 
     try:
+        with ThreadPoolExecutor(1) as pool:  # a loop of its own: a notebook has one running in this thread
+            kind = pool.submit(asyncio.run, asyncio.wait_for(_kind(address), _SECONDS)).result()
+        if kind != "Scheduler":
+            raise OSError(f"it is a {kind}")
         client = Client(address, timeout=_SECONDS, set_as_default=False)
     except Exception as error:  # of sockets, of TLS, of whatever else speaks at that port
         words = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"scheduler = {address}: no Dask scheduler answers ({words[:120]})") from None
+        raise InputError(
+            f"scheduler = {address}: no Dask scheduler answers ({words[:120]}); `dask scheduler` starts one"
+        ) from None
     with client:
         yield client
+
+
+async def _kind(address: str) -> str:
+    """Kind of server at ``address``; a client would wait without end for one that keeps silent."""
+    from distributed import Security
+    from distributed.core import connect
+
+    comm = await connect(address, timeout=_SECONDS, **Security().get_connection_args("client"))
+    try:
+        await comm.write({"op": "identity", "reply": True})
+        return str((await comm.read())["type"])
+    finally:
+        comm.abort()
 
 
 @contextmanager
