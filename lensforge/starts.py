@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from lensforge import seeds, stages
 from lensforge.arguments import count_of, preset_of, threads_of_torch, warned_source
-from lensforge.errors import Cancelled, InputError
+from lensforge.errors import InputError
 from lensforge.optimisation.design import Design, Observer, Start
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
@@ -15,12 +15,13 @@ MOST_STARTS = 1000
 
 
 @dataclass(frozen=True)
-class _Search:
+class SeededSearch:
     """A search but for its seed; ``progress`` is called in this process only."""
 
     spec: Spec
     accuracy: Accuracy
-    progress: Observer | None = None
+    anyway: bool
+    progress: Observer | None
 
 
 def best_design(
@@ -48,7 +49,7 @@ def best_design(
     if first + count - 1 > seeds.MOST:
         raise InputError(f"seed = {seed}: with {count} starts the last seed is above {seeds.MOST}")
     warned_source(spec, warn, stages.start_of(spec, None), anyway=anyway)
-    search = _Search(spec, accuracy, progress if scheduler is None else None)
+    search = SeededSearch(spec, accuracy, anyway, progress if scheduler is None else None)
     found: dict[int, tuple[Design, Start]] = {}
     for number, each in _all(search, tuple(range(first, first + count)), threads, scheduler):
         found[number] = each
@@ -60,7 +61,7 @@ def best_design(
 
 
 def _all(
-    search: _Search, numbers: tuple[int, ...], threads: int | None, scheduler: str | None
+    search: SeededSearch, numbers: tuple[int, ...], threads: int | None, scheduler: str | None
 ) -> Iterator[tuple[int, tuple[Design, Start]]]:
     """Every search, as it ends: its number from 0 on, and what it found."""
     if scheduler is not None:
@@ -72,7 +73,7 @@ def _all(
             yield number, searched(search, seed)
 
 
-def searched(search: _Search, seed: int) -> tuple[Design, Start]:
+def searched(search: SeededSearch, seed: int) -> tuple[Design, Start]:
     """One search, and the light of its lens."""
     design = stages.design(
         search.spec,
@@ -80,11 +81,17 @@ def searched(search: _Search, seed: int) -> tuple[Design, Start]:
         seed=seed,
         progress=search.progress,
         warn=lambda _: None,  # once is enough
-        anyway=True,  # it was asked for before the first start
+        anyway=search.anyway,
     )
-    light = stages.evaluate(design.lens, seed=search_seed_of(search))
+    light = stages.evaluate(design.lens)
     missed = sum(not criterion.passed for criterion in design.criteria)
     missed += sum(limit.state == "missed" for limit in light.limits)
+    errors = [each.nmse.value for each in light.receivers if each.nmse is not None]
     return design, Start(
-        seed=seed, nmse=light.nmse, efficiency=light.efficiency, missed=missed, seconds=design.seconds
+        seed=seed,
+        nmse=light.nmse,
+        efficiency=light.efficiency,
+        merit=sum(errors) / len(errors),
+        missed=missed,
+        seconds=design.seconds,
     )

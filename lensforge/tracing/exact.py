@@ -254,7 +254,7 @@ def trace_exact(
 ) -> ExitRays:
     """Trace ``rays`` through exact surfaces, in their precision; differentiable in their weights and offsets.
 
-    Slow by design: a dense scan evaluates all functions 300 times for each ray. Rays with an index of their own keep it.
+    Slow by design: a dense scan evaluates all functions 300 times for each ray. Rays with their own index keep it.
     """
     like = next((each.weights_mm for each in (inner, outer) if isinstance(each, ExactSurface)), _DOUBLE)
     return trace_sequence(inner, outer, TensorRays.of(rays, media, like.dtype, like.device, made))

@@ -77,7 +77,7 @@ def _remote(address: str) -> Iterator["Client"]:
 async def _kind(address: str) -> str:
     """Kind of server at ``address``; a client would wait without end for one that keeps silent."""
     from distributed import Security
-    from distributed.core import connect
+    from distributed.comm.core import connect
 
     comm = await connect(address, timeout=_SECONDS, **Security().get_connection_args("client"))
     try:

@@ -68,6 +68,15 @@ def test_one_worker_four_and_one_killed_give_the_bits_of_this_process(cluster, f
     assert len(killed) == 1
 
 
+def test_searches_from_several_starts_have_the_bits_of_this_process(cluster):
+    here = lf.best_design(small_spec(), starts=2, accuracy="draft")
+    there = lf.best_design(small_spec(), starts=2, accuracy="draft", scheduler=cluster.scheduler_address)
+    assert there.lens == here.lens
+    assert [(start.nmse, start.missed) for start in there.starts] == [
+        (start.nmse, start.missed) for start in here.starts
+    ]
+
+
 def test_a_worker_with_other_versions_is_named_in_one_line(cluster, few_rays, monkeypatch):
     other = {**versions(), "numba": "0.1"}
     monkeypatch.setattr("lensforge.workers.cluster.versions", lambda: other)
