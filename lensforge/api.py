@@ -77,6 +77,7 @@ from lensforge.spec.source import (
 )
 from lensforge.spec.tolerances import ToleranceSpec, TolerancesSection
 from lensforge.stages import build, check, design, evaluate, photometry
+from lensforge.starts import best_design
 from lensforge.studies.sweep.table import Sweep
 from lensforge.studies.tradeoff.record import Tradeoff
 from lensforge.tolerance_stages import sensitivity, tolerance
@@ -184,6 +185,7 @@ __all__ = [
     "Yield",
     "ZoneLimit",
     "__version__",
+    "best_design",
     "build",
     "check",
     "compare",

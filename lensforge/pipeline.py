@@ -28,6 +28,7 @@ from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, 
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
+from lensforge.starts import best_design
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
@@ -52,6 +53,8 @@ def run(
     announce: Announce | None = None,
     warn: Callable[[str], None] | None = None,
     anyway: bool = False,
+    starts: int = 1,
+    scheduler: str | None = None,
 ) -> Run:
     """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
 
@@ -59,25 +62,43 @@ def run(
     in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
     the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``. Raises
     :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage below.
+    ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
     """
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
+    several = starts != 1 or scheduler is not None
+    if several and (start is not None or checkpoint is not None or device != "cpu"):
+        raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
     folder, announce = folder_of(folder), announce or (lambda _: None)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with locked(folder, create=True), threads_of_torch(threads):
         require_own(folder / REPORT_FILE)
-        result = stages.design(
-            spec,
-            accuracy=accuracy,
-            seed=seed,
-            start=start,
-            checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
-            resume=checkpoint is not None,
-            progress=progress,
-            device=device,
-            warn=warn,
-            anyway=anyway,
+        result = (
+            best_design(
+                spec,
+                starts=starts,
+                accuracy=accuracy,
+                seed=seed,
+                scheduler=scheduler,
+                progress=progress,
+                announce=announce,
+                warn=warn,
+                anyway=anyway,
+            )
+            if several
+            else stages.design(
+                spec,
+                accuracy=accuracy,
+                seed=seed,
+                start=start,
+                checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
+                resume=checkpoint is not None,
+                progress=progress,
+                device=device,
+                warn=warn,
+                anyway=anyway,
+            )
         )
         write_design(result, folder)
         for name, stage in _AFTER_DESIGN.items():

@@ -69,7 +69,7 @@ def design(
     seed, path = count_of("seed", seed, 0) or 0, path_of("checkpoint", checkpoint)
     if progress is not None and not callable(progress):
         raise InputError(f"progress = {progress!r}: a function that takes a Progress")
-    start = _start_of(spec, start)
+    start = start_of(spec, start)
     if spec.base.file is not None:  # an invalid base is reported before the search, not after it
         from lensforge.geometry.custom_base import read_custom_base
 
@@ -94,7 +94,7 @@ def design(
         )
 
 
-def _start_of(spec: Spec, start: Lens | None) -> Lens | None:
+def start_of(spec: Spec, start: Lens | None) -> Lens | None:
     """The lens from which a search goes on: ``start``, or the one that the spec names; None for hemispheres."""
     if start is not None:
         require(start, Lens, "start")

@@ -1,8 +1,10 @@
 """Errors of manufacture and mounting as verbs: one at a time, and all together over many parts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lensforge import seeds
 from lensforge.arguments import count_of, path_of, require, source_of, threads_of_torch
@@ -13,6 +15,10 @@ from lensforge.spec.files import section_sha256
 from lensforge.spec.tolerances import TolerancesSection
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.yield_result import MOST_PARTS, Yield
+from lensforge.workers.connection import connected
+
+if TYPE_CHECKING:
+    from lensforge.tolerancing.cluster_parts import ClusterParts
 
 _LEAST_PARTS = 40  # two in each block by which the shares of the variance have their errors
 
@@ -47,6 +53,7 @@ def tolerance(
     budget: bool = True,
     checkpoint: Path | str | None = None,
     threads: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Yield:
@@ -54,9 +61,11 @@ def tolerance(
 
     ``rays``: of each part; by default as many as keep its standard error below a tenth of the spread over the parts.
     ``tolerances``: others than those of the spec. ``budget``: also search for the largest amount of each tolerance.
-    ``checkpoint``: a file of measured parts, with which an interrupted study goes on to the same bits. ``progress`` is
-    called with the number of parts measured and of all, and cancels by returning False. Raises :class:`InputError` for
-    tolerances that the part cannot bear.
+    ``checkpoint``: a file of measured parts, with which an interrupted study goes on to the same bits. ``scheduler``:
+    a Dask cluster that measures the parts, to the same bits: its address, such as ``tcp://10.0.0.5:8786``, or
+    ``local:4`` for processes of this machine. ``progress`` is called with the number of parts measured and of all, and
+    cancels by returning False. Raises :class:`InputError` for tolerances that the part cannot bear, and where no
+    scheduler answers.
     """
     from lensforge.tolerancing.yield_study import measure_yield
 
@@ -65,13 +74,14 @@ def tolerance(
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
     other = tolerances if tolerances is not None and tolerances != lens.spec.tolerances else None
     drawn = lens if other is None else replace(lens, spec=lens.spec.model_copy(update={"tolerances": other}))
-    with threads_of_torch(threads):
+    with threads_of_torch(threads), _part_workers(scheduler) as workers:
         found = measure_yield(
             drawn,
             parts=parts,
             rays=count,
             seed=seed,
             with_budget=budget,
+            workers=workers,
             file=path_of("checkpoint", checkpoint),
             progress=progress,
             announce=announce,
@@ -82,3 +92,15 @@ def tolerance(
         seed=unless_own(seed, 0),
     )
     return found.model_copy(update={"inputs": {"lens": lens.sha256}, "conditions": conditions})
+
+
+@contextmanager
+def _part_workers(scheduler: str | None) -> "Iterator[ClusterParts | None]":
+    """Workers of the cluster of ``scheduler``; None for the threads of this process."""
+    if scheduler is None:
+        yield None
+        return
+    from lensforge.tolerancing.cluster_parts import ClusterParts
+
+    with connected(scheduler) as cluster:
+        yield ClusterParts(cluster)

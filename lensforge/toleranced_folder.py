@@ -35,6 +35,7 @@ def run_yield(
     seed: int = 0,
     tolerances: TolerancesSection | None = None,
     budget: bool = True,
+    scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Yield:
@@ -54,6 +55,7 @@ def run_yield(
         tolerances=tolerances,
         budget=budget,
         checkpoint=kept,
+        scheduler=scheduler,
         progress=progress,
         announce=announce,
     )

@@ -18,16 +18,16 @@ ORDER = [
     "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "point_cloud",
     "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files", "optics",
     "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
-    "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "tolerancing",
+    "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers", "tolerancing",
     "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement", "verdict",
-    "results", "report", "drawings", "arguments", "other_conditions", "stages", "cast_stages",
+    "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts", "cast_stages",
     "tolerance_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder",
     "toleranced_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
     "torch", "numba", "scipy", "cadquery", "OCP", "trimesh", "manifold3d", "lib3mf", "pyvista", "matplotlib",
-    "skimage", "PIL", "jinja2", "rich", "mitsuba", "yaml",
+    "skimage", "PIL", "jinja2", "rich", "mitsuba", "yaml", "dask", "distributed",
 }  # fmt: skip
 # Rooms of many modules that few scripts need: together they would be a sixth of what importing the library takes.
 SELDOM = ("lensforge.sources.rayfiles", "lensforge.studies")

@@ -12,6 +12,11 @@ from lensforge.spec import Spec
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by spec or preset.")
 THREADS = click.option("--threads", type=click.IntRange(1, 256), help="Threads; default: all cores.")
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Dask cluster that computes: tcp://HOST:8786, or local:N for N processes of this machine; default: this one.",
+)
 ACCURACY = click.option(
     "--accuracy",
     type=click.Choice(["draft", "standard", "reference"]),

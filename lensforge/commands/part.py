@@ -7,7 +7,7 @@ import click
 
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
-from lensforge.commands.options import FOLDER, RAYS, SEED, THREADS
+from lensforge.commands.options import FOLDER, RAYS, SCHEDULER, SEED, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
 from lensforge.commands.yield_table import print_yield
 from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
@@ -55,6 +55,7 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
 )
 @click.option("--budget/--no-budget", default=True, show_default=True, help="Largest amount of each tolerance.")
 @THREADS
+@SCHEDULER
 def yield_(
     directory: Path,
     parts: int,
@@ -63,6 +64,7 @@ def yield_(
     tolerances: str | None,
     budget: bool,
     threads: int | None,
+    scheduler: str | None,
 ) -> None:
     """Draw parts of the lens in DIR from its tolerances: how many pass, what decides; writes yield.json, yield.csv."""
     from lensforge.commands.progress import PartsBar
@@ -76,6 +78,7 @@ def yield_(
             seed=seed,
             tolerances=other,
             budget=budget,
+            scheduler=scheduler,
             progress=bar.on_parts,
             announce=bar.on_stage,
         )

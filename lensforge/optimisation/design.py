@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from statistics import stdev
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.lens import Lens
-from lensforge.records import Count, Given, NotNegative, Number, Point, Positive, Record, StageResult, Text
+from lensforge.records import Count, Given, Metric, NotNegative, Number, Point, Positive, Record, StageResult, Text
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import Accuracy
 from lensforge.surfaces.srbf import MOST_LEVELS
@@ -61,12 +62,38 @@ class Level(Record):
         return self
 
 
+class Start(Record):
+    """One of several searches, by its seed: the light of its lens on the first receiver.
+
+    ``merit``: mean of the NMSE over all receivers. ``missed``: number of constraints and limits that the lens misses.
+    """
+
+    seed: Count
+    nmse: Metric
+    efficiency: Metric
+    merit: NotNegative
+    missed: Count
+    seconds: NotNegative
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Order of the starts, the best first."""
+        return self.missed, self.merit
+
+    @property
+    def words(self) -> str:
+        """The figures in a line."""
+        missed = f", {self.missed} constraints or limits missed" if self.missed else ""
+        return f"NMSE {self.nmse}, efficiency {self.efficiency}{missed}"
+
+
 class Design(StageResult):
     """A finished search.
 
     ``forward_evaluations``: traces of a ray sample, one for each step. ``source_outline_mm``: a polygon around the
     emitting area. ``max_radius_mm``, ``height_mm``: of the outer surface. ``ended``: why a search that chooses its
-    levels went no further. ``seconds``: of the search, set-up included.
+    levels went no further. ``seconds``: of the search, set-up included. ``starts``: all searches of which this was the
+    best, where there were several.
     """
 
     stage: ClassVar[str] = "design"
@@ -84,6 +111,7 @@ class Design(StageResult):
     source_outline_mm: tuple[Point, ...]
     history: Annotated[tuple[Level, ...], Field(max_length=MOST_LEVELS)]
     ended: Text | None = None
+    starts: tuple[Start, ...] = ()
     criteria: tuple[Criterion, ...]
 
     @model_validator(mode="after")
@@ -93,6 +121,11 @@ class Design(StageResult):
             if set(level.constraints) != names:
                 raise ValueError(f"history: level {level.level}: its constraints must be {', '.join(sorted(names))}")
         return self
+
+    @property
+    def spread(self) -> float | None:
+        """Standard deviation of the merit over the starts; None for a single one."""
+        return stdev(start.merit for start in self.starts) if len(self.starts) > 1 else None
 
     def plot(self, axes: "Axes | None" = None, *, quantity: Quantity = "nmse") -> "Axes":
         """``quantity`` at every step of the search, one line for each level.

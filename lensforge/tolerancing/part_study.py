@@ -5,7 +5,7 @@ whenever they are computed.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -129,6 +129,13 @@ class PartStudy:
             found.append(MetricBound(metric=f"{prefix}nmse", sense="<=", bound=LARGEST_NMSE, unit=""))
             found.append(MetricBound(metric=f"{prefix}share_in_target", sense=">=", bound=least, unit=""))
         return tuple(found)
+
+    def with_rays(self, rays: int) -> "PartStudy":
+        """The same study with other ``rays`` of each part; what does not depend on them is kept."""
+        other = PartStudy(replace(self.recipe, rays=rays))
+        for name in ("draws", "maker", "designed_light"):
+            other.__dict__[name] = getattr(self, name)
+        return other
 
     def part(self, number: int, scales: Scales | None = None) -> MadePart:
         """One part, some of its deviations scaled."""

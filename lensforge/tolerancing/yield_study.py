@@ -119,7 +119,7 @@ def wilson(passed: int, count: int, level: float = _LEVEL) -> PassRate:
 def _with_enough_rays(found: MeasuredParts, workers: Workers | None, pilot: int) -> MeasuredParts:
     """The same study with as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
     while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
-        more = _with_rays(found.study, 2 * found.study.recipe.rays)
+        more = found.study.with_rays(2 * found.study.recipe.rays)
         found = MeasuredParts(more, workers or Threads(more), found.file, found.progress, found.expected)
     return found
 
@@ -135,17 +135,9 @@ def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"], work
         rays, errors = rays // 2, np.sqrt(2.0) * errors
     if rays == study.recipe.rays:
         return found
-    fewer = _with_rays(study, rays)
+    fewer = study.with_rays(rays)
     file = None if found.file is None else found.file.with_name(f"{found.file.stem}_budget.npz")
     return MeasuredParts(fewer, workers or Threads(fewer), file, found.progress)
-
-
-def _with_rays(study: PartStudy, rays: int) -> PartStudy:
-    """The same study by other rays; what does not depend on them is taken over."""
-    other = PartStudy(replace(study.recipe, rays=rays))
-    for name in ("draws", "maker", "designed_light"):
-        other.__dict__[name] = getattr(study, name)
-    return other
 
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:

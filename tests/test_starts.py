@@ -1,0 +1,45 @@
+"""The best of several searches, and what is stated of all of them."""
+
+import pytest
+from scenes import small_spec
+
+import lensforge as lf
+from lensforge.errors import InputError
+from lensforge.given_faces.lens_face import LENS_FILE
+from lensforge.optimisation.design import Start
+from lensforge.results import load_results
+
+
+def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
+    spec, said = small_spec(), []
+    found = lf.best_design(spec, starts=2, seed=5, accuracy="draft", announce=said.append)
+    assert [start.seed for start in found.starts] == [5, 6]
+    best = min(found.starts, key=lambda start: (start.missed, start.merit))
+    alone = lf.design(spec, seed=best.seed, accuracy="draft")
+    assert found.lens == alone.lens
+    light = lf.evaluate(alone.lens)
+    assert (best.nmse, best.efficiency) == (light.nmse, light.efficiency)
+    assert found.spread > 0.0
+    assert alone.spread is None
+    found.lens.save(tmp_path / LENS_FILE)
+    found.write(tmp_path)
+    assert load_results(tmp_path).design == found
+    assert len(said) == 2
+    assert said[0].startswith("start 1 of 2: seed 5, NMSE ")
+
+
+def test_a_lens_that_misses_a_constraint_is_no_better_for_its_light():
+    light = lf.Metric(value=0.1)
+    figures = {"seed": 0, "nmse": light, "efficiency": light, "seconds": 0.0}
+    assert Start(merit=2.0, missed=0, **figures).rank < Start(merit=1.0, missed=1, **figures).rank
+
+
+@pytest.mark.parametrize(("starts", "seed"), [(0, 0), (1001, 0), (2, 2**64)])
+def test_starts_out_of_range_are_refused(starts, seed):
+    with pytest.raises(InputError):
+        lf.best_design(small_spec(), starts=starts, seed=seed)
+
+
+def test_several_starts_do_not_resume(tmp_path):
+    with pytest.raises(InputError, match="without start, checkpoint"):
+        lf.run(small_spec(), tmp_path, starts=2, checkpoint=tmp_path / "checkpoint.bin")
