@@ -85,7 +85,7 @@ def versions() -> dict[str, str]:
 
 
 def _kept(shared: object) -> object:
-    """What all items share, in the memory of a worker."""
+    """Keep what all items share in the memory of a worker."""
     return shared
 
 
