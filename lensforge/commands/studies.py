@@ -6,7 +6,7 @@ import click
 
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.design import run_with_progress
-from lensforge.commands.options import ACCURACY, RAYS, SEED, THREADS, resume_after_interrupt, with_rays
+from lensforge.commands.options import ACCURACY, RAYS, SCHEDULER, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.commands.printing import print_table
 from lensforge.criteria import require
 from lensforge.spec import Accuracy, Spec, load_spec
@@ -24,6 +24,7 @@ _PRINTED = ("nmse", "uniformity", "efficiency", "max_radius_mm", "height_mm")
 @click.option("--resume", is_flag=True, help="Keep the designs that an earlier call finished, and continue.")
 @RAYS
 @THREADS
+@SCHEDULER
 def sweep(
     spec: Path,
     vary: str,
@@ -34,6 +35,7 @@ def sweep(
     resume: bool,
     rays: int | None,
     threads: int | None,
+    scheduler: str | None,
 ) -> None:
     """Design SPEC for each value of a field; writes sweep.json, sweep.png and sweep.html.
 
@@ -60,6 +62,7 @@ def sweep(
         accuracy=accuracy,
         seed=seed,
         resume=resume,
+        scheduler=scheduler,
         announce=lambda line: click.echo(line, err=True),
     )
     for row in result.designs:

@@ -4,7 +4,7 @@
 within a design from its checkpoint.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -44,19 +44,27 @@ def run_sweep(
     accuracy: Accuracy = "standard",
     seed: int = 0,
     resume: bool = False,
+    scheduler: str | None = None,
     announce: Callable[[str], None] = lambda _: None,
 ) -> Sweep:
     """Make every design of ``variation`` in ``directory``; write sweep.json, .html and .png; return the sweep.
 
-    ``accuracy`` and ``seed``: those that ``run_design`` uses. With ``resume`` designs that sweep.json lists are kept,
-    whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues. Raises
+    ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
+    whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
+    kept, whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues. Raises
     :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of another
     sweep, for a page of another program, and where another process writes in ``directory``.
     """
     variants = variation.variants(spec)
     require_own(directory / PAGE)
     with locked(directory, create=True):
-        return _run(spec, variation, variants, directory, run_design, accuracy, seed, resume, announce)
+        sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
+        wanted = [variant for variant in variants if sweep is None or variant.value not in sweep.values]
+        if scheduler is None:
+            made = _one_by_one(wanted, variation, directory, run_design, resume, announce)
+        else:
+            made = _at_once(wanted, variation, directory, accuracy, seed, scheduler, announce)
+        return _joined(spec, variation, made, directory, sweep)
 
 
 def resumable(directory: Path) -> bool:
@@ -66,26 +74,47 @@ def resumable(directory: Path) -> bool:
     return any(is_checkpoint(checkpoint) for checkpoint in directory.glob(f"*/{CHECKPOINT}"))
 
 
-def _run(
-    spec: Spec,
+def _one_by_one(
+    wanted: Sequence[Variant],
     variation: Variation,
-    variants: Sequence[Variant],
     directory: Path,
     run_design: RunDesign,
-    accuracy: Accuracy,
-    seed: int,
     resume: bool,
     announce: Callable[[str], None],
-) -> Sweep:
-    sweep = _finished(directory, spec, variation, accuracy, seed) if resume else None
-    for number, variant in enumerate(variants, start=1):
-        if sweep is not None and variant.value in sweep.values:
-            continue
-        announce(f"design {number} of {len(variants)}: {variation.field} = {variant.value:g}")
+) -> Iterator[Variant]:
+    """Make every design here; each as soon as its folder is finished."""
+    for number, variant in enumerate(wanted, start=1):
+        announce(f"design {number} of {len(wanted)}: {variation.field} = {variant.value:g}")
         folder = directory / variant.spec.name
         run_design(variant.spec, folder, resume and (folder / CHECKPOINT).exists())
-        made = sweep_of(spec, variation, [(variant, load_results(folder))])
-        sweep = made if sweep is None else sweep.joined(made)
+        yield variant
+
+
+def _at_once(
+    wanted: Sequence[Variant],
+    variation: Variation,
+    directory: Path,
+    accuracy: Accuracy,
+    seed: int,
+    scheduler: str,
+    announce: Callable[[str], None],
+) -> Iterator[Variant]:
+    """Make the designs on the workers of a cluster, and write the folder of each as it comes."""
+    from lensforge.studies.sweep.on_workers import runs_on_workers, write_run
+
+    found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+    for done, (number, files) in enumerate(found, start=1):
+        variant = wanted[number]
+        write_run(files, directory / variant.spec.name)
+        announce(f"design {done} of {len(wanted)}: {variation.field} = {variant.value:g}")
+        yield variant
+
+
+def _joined(spec: Spec, variation: Variation, made: Iterator[Variant], directory: Path, sweep: Sweep | None) -> Sweep:
+    """The sweep with every design that is ``made``, written after each."""
+    for variant in made:
+        one = sweep_of(spec, variation, [(variant, load_results(directory / variant.spec.name))])
+        sweep = one if sweep is None else sweep.joined(one)
         sweep.write(directory)
     assert sweep is not None, "a variation has values"
     _write_page(sweep, directory)
