@@ -88,7 +88,8 @@ def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) ->
     effort, settings = preset.effort.with_rays_of(source.ray_count), spec.optimise
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
-    uniform, images = spec.has_uniform_region, len(group(spec.lens.symmetry))
+    # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images
+    uniform, images = spec.has_uniform_region, 1 if settings.robust else len(group(spec.lens.symmetry))
     stages = AutomaticStages(levels, effort, settings.learning_rate, images, first)
     return AutomaticSchedule(stages, uniform, settings.seconds)
 
