@@ -87,7 +87,7 @@ def tolerance(
             announce=announce,
         )
     conditions = Conditions.of(
-        tolerances=None if other is None else other.preset,
+        tolerances=None if other is None else _name_of(other),
         tolerances_sha256=None if other is None else section_sha256(other),
         seed=unless_own(seed, 0),
     )
@@ -104,3 +104,10 @@ def _part_workers(scheduler: str | None) -> "Iterator[ClusterParts | None]":
 
     with connected(scheduler) as cluster:
         yield ClusterParts(cluster)
+
+
+def _name_of(tolerances: TolerancesSection) -> str:
+    """Name of a preset, or one of its own for each other section: no study takes the place of another."""
+    if tolerances == TolerancesSection(preset=tolerances.preset):
+        return tolerances.preset
+    return f"own_{section_sha256(tolerances)[:8]}"

@@ -9,6 +9,7 @@ from parts import lens_with, study_of
 
 from lensforge.errors import InputError
 from lensforge.receivers.pixels import PixelGrid, splat_flux
+from lensforge.tolerance_stages import _name_of
 from lensforge.tolerancing.part_study import PartStudy, Recipe
 from lensforge.tolerancing.yield_result import Yield
 from lensforge.tolerancing.yield_study import measure_yield, wilson
@@ -181,6 +182,9 @@ def test_other_tolerances_name_themselves() -> None:
     assert own.conditions is None
     assert other.conditions is not None
     assert other.conditions.name == "precision"
+    names = {_name_of(lf.TolerancesSection(preset="precision", gap_mm=gap)) for gap in (0.1, 0.2)}
+    assert len(names) == 2
+    assert "precision" not in names
     assert other.inputs["lens"] == own.inputs["lens"] == lens.sha256
     assert other.metrics["nmse"].spread < own.metrics["nmse"].spread
     assert replace(lens) == lens

@@ -52,8 +52,8 @@ def run_sweep(
     ``accuracy`` and ``seed``: those that ``run_design`` uses. ``scheduler``: a Dask cluster, whose workers then make
     whole runs in its place, several at once, without checkpoints. With ``resume`` designs that sweep.json lists are
     kept, whatever the values are now. A design that misses a criterion is listed with it, and the sweep continues.
-    Raises :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of another
-    sweep, for a page of another program, and where another process writes in ``directory``.
+    Raises :class:`InputError` before the first design for a value that the spec cannot have, for a sweep.json of
+    another sweep, for a page of another program, and where another process writes in ``directory``.
     """
     variants = variation.variants(spec)
     require_own(directory / PAGE)
