@@ -10,7 +10,8 @@ from lensforge.report.snapshots import Snapshot
 
 PLOTTED = (
     lf.Design, lf.Light, lf.Part, lf.Check, lf.Proof, lf.StrayLight, lf.Sensitivity, lf.Photometry, lf.PhotoComparison,
-    lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, Snapshot,
+    lf.SurfaceComparison, lf.Correction, lf.Sweep, lf.Tradeoff, lf.RayFileSummary, lf.PhotometricSummary, lf.Yield,
+    Snapshot,
 )  # fmt: skip
 
 _WRONG = """

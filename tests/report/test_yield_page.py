@@ -83,7 +83,7 @@ def test_shares_are_in_per_cent_and_other_numbers_in_their_unit():
 
 
 def test_causes_worst_parts_and_remarks_are_there_and_text_is_escaped(page, html, found):
-    assert causes_words(found.variance["nmse"]).startswith("source, shift in x and y 50\u2009% ± 6\u2009%; ")
+    assert causes_words(found.variance["nmse"]).startswith("source, decentre 50\u2009% ± 6\u2009%; ")
     assert f"Part {PARTS - 1}: fails" in page.text
     assert "a &lt;remark&gt; of the study" in html and "a <remark>" not in html
     assert html.count("<details") == 2
@@ -129,8 +129,8 @@ def test_the_drawing_has_the_tolerances_of_the_spec_and_says_where_they_are_from
 def test_the_drawing_has_the_largest_amounts_of_the_yield_study(lens, found):
     table = tolerance_table(lens, found)
     rows = {row.name: row for rows in table.groups.values() for row in rows}
-    assert rows["source, shift in x and y"].at_most == "0.075 mm"
-    assert rows["source, shift in z"].at_most == "above 0.8 mm"
+    assert rows["source, decentre"].at_most == "0.075 mm"
+    assert rows["source, height"].at_most == "above 0.8 mm"
     assert table.sentence.startswith("95.0\u2009% of 40 parts")
     assert any("at most 0.075 mm" in line for line in table.lines)
 

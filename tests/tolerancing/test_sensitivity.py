@@ -54,7 +54,7 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
     assert found["outer face against inner, tilt about x", True].made.outer.tilt_rad == (np.radians(0.05), 0.0)
     assert found["refractive index", False].index == -1e-3
     u = fibonacci_hemisphere(3000)
-    for name, rms_mm in (("form, inner face", 1e-3), ("waviness, outer face", 1e-4)):
+    for name, rms_mm in (("form, inner face", 1e-3), ("form, outer face", 1e-3)):
         face = name.split(", ")[1].split()[0]
         surface, table = getattr(lens, face), getattr(found[name, True], f"{face}_error")
         error = evaluate_table(study.light.nominal.scene.grid, table, u) * np.sum(surface.normal(u) * u, axis=1)
@@ -68,8 +68,12 @@ def test_the_lens_as_designed_is_that_of_its_evaluation():
     light = evaluate_lens(lens, source, preset, rays=1024)
     for name, metric in LightMetrics.of(light):
         own = getattr(nominal, name)
-        assert metric is own is None or own.value == pytest.approx(metric.value, rel=1e-9)
-        assert metric is None or own.standard_error == pytest.approx(metric.standard_error, rel=1e-6)
+        if metric is None:
+            assert own is None
+            continue
+        # by other tables: those of the search, as of all parts
+        assert abs(own.value - metric.value) < 0.1 * metric.standard_error
+        assert own.standard_error == pytest.approx(metric.standard_error, rel=0.01)
 
 
 def square_lens():

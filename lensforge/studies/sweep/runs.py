@@ -19,6 +19,7 @@ from lensforge.report.page import write_page
 from lensforge.results import load_results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
+from lensforge.studies.sweep import on_workers
 from lensforge.studies.sweep.page import sweep_page, sweep_png
 from lensforge.studies.sweep.table import Sweep, sweep_of
 from lensforge.studies.sweep.vary import Variant, Variation
@@ -100,12 +101,10 @@ def _at_once(
     announce: Callable[[str], None],
 ) -> Iterator[Variant]:
     """Make the designs on the workers of a cluster, and write the folder of each as it comes."""
-    from lensforge.studies.sweep.on_workers import runs_on_workers, write_run
-
-    found = runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
+    found = on_workers.runs_on_workers([variant.spec for variant in wanted], accuracy, seed, scheduler)
     for done, (number, files) in enumerate(found, start=1):
         variant = wanted[number]
-        write_run(files, directory / variant.spec.name)
+        on_workers.write_run(files, directory / variant.spec.name)
         announce(f"design {done} of {len(wanted)}: {variation.field} = {variant.value:g}")
         yield variant
 
