@@ -25,7 +25,12 @@ if TYPE_CHECKING:
     from lensforge.sources.bundle import Source
 
 _Kind = TypeVar("_Kind")
-_MAKES = {"Lens": "design(spec).lens or load(folder).lens", "Part": "build(lens)", "Light": "evaluate(lens)"}
+_MAKES = {
+    "Lens": "design(spec).lens or load(folder).lens",
+    "Part": "build(lens)",
+    "Light": "evaluate(lens)",
+    "TolerancesSection": 'TolerancesSection(preset="precision")',
+}
 
 
 def source_of(spec: Spec) -> "Source":

@@ -70,6 +70,8 @@ def tolerance(
     from lensforge.tolerancing.yield_study import measure_yield
 
     require(lens, Lens, "tolerance")
+    if tolerances is not None:
+        require(tolerances, TolerancesSection, "tolerance")
     parts = count_of("parts", parts, least=_LEAST_PARTS, most=MOST_PARTS) or parts
     count, seed = count_of("rays", rays), count_of("seed", seed, least=0, most=seeds.MOST) or 0
     other = tolerances if tolerances is not None and tolerances != lens.spec.tolerances else None

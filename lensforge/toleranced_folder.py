@@ -42,7 +42,7 @@ def run_yield(
     """Draw parts from the tolerances, and write the record, the table of parts (CSV) and the page.
 
     Arguments are those of ``tolerance``. Measured parts are kept in the folder until the study is done: an interrupted
-    one goes on where it was. With other ``tolerances`` than the spec's the files are ``yield_<preset>.json`` and so on.
+    one goes on where it was. With other ``tolerances`` than the spec's the files are ``yield_<name>.json`` and so on.
     """
     if tolerances is None:
         require_own(folder / f"{Yield.stage}.html")  # said before the study, not after it
@@ -61,8 +61,7 @@ def run_yield(
     )
     result = write_result(found, folder)
     _write_page(result, folder)
-    for file in (kept, kept.with_name(f"{kept.stem}_budget.npz")):
-        file.unlink(missing_ok=True)
+    kept.unlink(missing_ok=True)
     return result
 
 

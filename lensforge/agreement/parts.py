@@ -1,7 +1,6 @@
 """Agreement of a yield study with its own table of parts, and with the tolerances of the lens's spec."""
 
 from collections.abc import Iterator
-from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,10 +9,18 @@ from lensforge.agreement.comparing import beyond, differing, unlike
 from lensforge.deviations.factors import factors_of
 from lensforge.errors import InputError
 from lensforge.lens import Lens
-from lensforge.tolerancing.yield_result import BudgetRow, MetricSpread, ToleranceAmount, WorstPart, Yield
+from lensforge.spec.tolerance_presets import PRESET_AMOUNTS
+from lensforge.tolerancing.yield_result import (
+    PASS_RATE,
+    BudgetRow,
+    MetricSpread,
+    PassRate,
+    ToleranceAmount,
+    WorstPart,
+    Yield,
+    drawn_to_mean,
+)
 
-_LEVEL = 0.95  # of the interval of the pass rate
-_WANTED = 0.95  # share of the parts that a budget lets pass
 _TABLE = "the table of parts"
 
 
@@ -24,7 +31,7 @@ def yield_contradictions(found: Yield, lens: Lens) -> Iterator[str]:
     if wrong_form:
         return  # columns cannot be told from each other
     yield from _drawn(found, lens)
-    passes = _passing(found)
+    passes = found.passing
     yield from _pass_rate(found, passes)
     for name, spread in found.metrics.items():
         yield from _spread(f"metrics.{name}", spread, found.column(name))
@@ -61,7 +68,8 @@ def _drawn(found: Yield, lens: Lens) -> Iterator[str]:
     conditions = found.conditions
     yield from unlike("seed", found.seed, (conditions.seed if conditions else None) or 0, "its conditions say")
     if conditions is not None and conditions.tolerances is not None:
-        yield from unlike("preset", found.preset, conditions.tolerances, "its conditions say")
+        if conditions.tolerances in PRESET_AMOUNTS:  # a name of one's own says nothing of the preset
+            yield from unlike("preset", found.preset, conditions.tolerances, "its conditions say")
         return
     section = lens.spec.tolerances
     yield from unlike("preset", found.preset, section.preset, "the spec has")
@@ -69,38 +77,16 @@ def _drawn(found: Yield, lens: Lens) -> Iterator[str]:
         factors = factors_of(section)
     except InputError:
         factors = ()
-    wanted = tuple(
-        ToleranceAmount(
-            name=factor.name,
-            words=factor.words,
-            unit=factor.unit,
-            amount=factor.amount,
-            distribution="Gaussian field" if factor.kind == "field" else factor.distribution,
-        )
-        for factor in factors
-    )
+    wanted = tuple(map(ToleranceAmount.of, factors))
     if found.tolerances != wanted:
         yield "tolerances: not those of the spec"
 
 
-def _passing(found: Yield) -> Bool[np.ndarray, " n"]:
-    """Parts that keep every bound."""
-    passes = np.ones(len(found.table), dtype=bool)
-    for bound in found.bounds:
-        values = found.column(bound.metric)
-        passes &= values <= bound.bound if bound.sense == "<=" else values >= bound.bound
-    return passes
-
-
 def _pass_rate(found: Yield, passes: Bool[np.ndarray, " n"]) -> Iterator[str]:
     """The share of rows within all bounds, and its interval by Wilson's score."""
-    count, share, stated = len(passes), float(passes.mean()), found.pass_rate
-    z = NormalDist().inv_cdf(0.5 + 0.5 * _LEVEL)
-    middle = (share + 0.5 * z * z / count) / (1.0 + z * z / count)
-    half = z / (1.0 + z * z / count) * float(np.sqrt(share * (1.0 - share) / count + 0.25 * (z / count) ** 2))
-    yield from differing("pass_rate.value", stated.value, share, f"{_TABLE} and the bounds")
-    yield from differing("pass_rate.low", stated.low, max(0.0, middle - half), f"{_TABLE} and the bounds")
-    yield from differing("pass_rate.high", stated.high, min(1.0, middle + half), f"{_TABLE} and the bounds")
+    derived = PassRate.of(int(passes.sum()), len(passes))
+    for field, stated in found.pass_rate:
+        yield from differing(f"pass_rate.{field}", stated, getattr(derived, field), f"{_TABLE} and the bounds")
 
 
 def _spread(name: str, stated: MetricSpread, values: Float[np.ndarray, " n"]) -> Iterator[str]:
@@ -112,7 +98,7 @@ def _spread(name: str, stated: MetricSpread, values: Float[np.ndarray, " n"]) ->
     error = scatter / float(np.sqrt(len(values)))
     yield from differing(f"{name}.mean.standard_error", stated.mean.standard_error, error, _TABLE)
     yield from beyond(f"{name}.spread", stated.spread, 0.0, scatter, _TABLE)
-    own = mean + (values - mean) * (stated.spread / scatter if scatter > 0.0 else 1.0)
+    own = drawn_to_mean(values, stated.spread)
     for field, share in (("p5", 5.0), ("p50", 50.0), ("p95", 95.0)):
         derived = float(np.percentile(own, share))
         yield from differing(f"{name}.{field}", getattr(stated, field), derived, f"{_TABLE} and the spread")
@@ -139,8 +125,8 @@ def _budget(found: Yield, passes: Bool[np.ndarray, " n"]) -> Iterator[str]:
     """A row for each tolerance as it was drawn, and an interval around each amount."""
     if found.budget is None:
         return
-    yield from unlike("budget.pass_rate", found.budget.pass_rate, _WANTED, "it must be")
-    enough = bool(passes[: found.budget.parts].mean() >= _WANTED) if found.budget.parts else False
+    yield from unlike("budget.pass_rate", found.budget.pass_rate, PASS_RATE, "it must be")
+    enough = bool(passes[: found.budget.parts].mean() >= PASS_RATE) if found.budget.parts else False
     yield from beyond("budget.parts", found.budget.parts, 1, found.parts, _TABLE)
     drawn = [(each.name, each.words, each.unit, each.amount) for each in found.tolerances]
     if [(row.tolerance, row.words, row.unit, row.specified) for row in found.budget.alone] != drawn:

@@ -1,11 +1,20 @@
-"""Progress of a design on stderr: level, loss, efficiency, time left."""
+"""Progress on stderr: of a design by level, loss, efficiency and time left; of a study by its parts."""
 
 import time
 from collections.abc import Callable
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from lensforge.commands.printing import warning_line
 from lensforge.optimisation.design import Progress as Step
@@ -14,33 +23,22 @@ from lensforge.spec import Spec
 _LINE_SECONDS = 10.0
 
 
-class Reporter:
-    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage.
+class LiveBar:
+    """A bar on a terminal's stderr, with ``columns`` after it; elsewhere it is disabled."""
 
-    ``observers`` are called with every step.
-    """
-
-    def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
-        self._observers = observers
+    def __init__(self, words: str, *columns: ProgressColumn) -> None:
         self._console = Console(stderr=True, highlight=False)
-        levels = spec.lens.levels
-        self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
-        self._name = spec.name
-        self._last: Step | None = None
         self._bar = Progress(
             SpinnerColumn(),
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.fields[numbers]}"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            *columns,
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task(self._name, total=None, numbers="")
+        self._task = self._bar.add_task(words, total=None, numbers="")
 
-    def __enter__(self) -> "Reporter":
+    def __enter__(self) -> Self:
         self._bar.start()
         return self
 
@@ -48,6 +46,22 @@ class Reporter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+
+class Reporter(LiveBar):
+    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage.
+
+    ``observers`` are called with every step.
+    """
+
+    def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
+        time_left = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+        super().__init__(spec.name, TextColumn("{task.fields[numbers]}"), *time_left)
+        self._observers = observers
+        levels = spec.lens.levels
+        self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
+        self._name = spec.name
+        self._last: Step | None = None
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step."""
@@ -83,31 +97,12 @@ class Reporter:
         self._console.print(warning_line(words), soft_wrap=True, markup=False)
 
 
-class PartsBar:
+class PartsBar(LiveBar):
     """A live bar of measured parts on a terminal; elsewhere a line for each stage, and every ten seconds."""
 
     def __init__(self, words: str = "yield") -> None:
-        self._console = Console(stderr=True, highlight=False)
-        self._bar = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.completed}/{task.total}"),
-            TimeElapsedColumn(),
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._task = self._bar.add_task(words, total=None)
+        super().__init__(words, TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
         self._said = time.monotonic()
-
-    def __enter__(self) -> "PartsBar":
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
 
     def on_stage(self, words: str) -> None:
         """Show that a stage begins."""

@@ -14,16 +14,6 @@ from lensforge.kernels.jit import inline
 
 
 @inline
-def place(frame, factor, x, y, z):
-    """The point in the next frame."""
-    return (
-        factor * (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) + frame[0, 3],
-        factor * (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) + frame[1, 3],
-        factor * (frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z) + frame[2, 3],
-    )
-
-
-@inline
 def turn(frame, x, y, z):
     """The direction in the next frame."""
     return (
@@ -31,6 +21,13 @@ def turn(frame, x, y, z):
         frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
         frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
     )
+
+
+@inline
+def place(frame, factor, x, y, z):
+    """The point in the next frame."""
+    x, y, z = turn(frame, x, y, z)
+    return factor * x + frame[0, 3], factor * y + frame[1, 3], factor * z + frame[2, 3]
 
 
 @inline

@@ -65,13 +65,14 @@ class Level(Record):
 class Start(Record):
     """One of several searches, by its seed: the light of its lens on the first receiver.
 
-    ``merit``: mean of the NMSE over all receivers. ``missed``: number of constraints and limits that the lens misses.
+    ``merit``: mean of the NMSE over all receivers; without noise, so that it may be below 0. ``missed``: number of
+    constraints and limits that the lens misses.
     """
 
     seed: Count
     nmse: Metric
     efficiency: Metric
-    merit: NotNegative
+    merit: Number
     missed: Count
     seconds: NotNegative
 

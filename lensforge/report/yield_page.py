@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
 
 from lensforge.evaluation.light import Light
 from lensforge.figures.chart import Chart
@@ -86,9 +85,7 @@ def _first(result: Yield) -> list[str]:
     """Metrics with bounds, that with the most failing parts first."""
     failing = dict.fromkeys(judged(result), 0.0)
     for bound in result.bounds:
-        values = result.column(bound.metric)
-        missed = values > bound.bound if bound.sense == "<=" else values < bound.bound
-        failing[bound.metric] += float(missed.mean())
+        failing[bound.metric] += float((~bound.kept_by(result.column(bound.metric))).mean())
     return sorted(failing, key=lambda name: -failing[name])
 
 
@@ -104,7 +101,7 @@ def _shown_metrics(result: Yield) -> list[str]:
 def _distributions(result: Yield) -> list[PagePicture]:
     found = []
     for index, name in enumerate(_shown_metrics(result)):
-        values, spread = _without_noise(result, name), result.metrics[name]
+        values, spread = result.without_noise(name), result.metrics[name]
         bounds = [bound for bound in result.bounds if bound.metric == name]
         label = with_unit(metric_words(name), f"({spread.unit})" if spread.unit else "")
         figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
@@ -112,14 +109,6 @@ def _distributions(result: Yield) -> list[PagePicture]:
         caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
         found.append(picture(f"distribution{index}", figure, metric_words(name), caption))
     return found
-
-
-def _without_noise(result: Yield, name: str) -> Float[np.ndarray, " n"]:
-    """A metric of every part, drawn to the mean by what the noise of the rays adds, as its percentiles are."""
-    values, spread = result.column(name), result.metrics[name].spread
-    mean, scatter = values.mean(), float(values.std(ddof=1))
-    own: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 else 1.0)
-    return own
 
 
 def _cause_pictures(result: Yield) -> list[PagePicture]:

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, number, percent
 from lensforge.report.shown_receivers import capitalised
-from lensforge.tolerancing.yield_result import BudgetRow, MetricBound, Variance, WorstPart, Yield
+from lensforge.tolerancing.yield_result import FIELD, BudgetRow, MetricBound, Variance, WorstPart, Yield
 
 _IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
 SHARES = ("efficiency", "share_in_target")  # shown in per cent
@@ -25,9 +27,9 @@ _DISTRIBUTIONS = {
     "truncated": "Gaussian, 2 σ = the amount, none beyond it",
     "normal": "Gaussian, 2 σ = the amount",
     "uniform": "anywhere within the amount",
-    "Gaussian field": "a new shape for each part; the amount is its rms",
+    FIELD: "a new shape for each part; the amount is its rms",
 }
-_DRAWN = {"truncated": "truncated", "normal": "normal", "uniform": "uniform", "Gaussian field": "random shape"}
+_DRAWN = {"truncated": "truncated", "normal": "normal", "uniform": "uniform", FIELD: "random shape"}
 
 
 @dataclass(frozen=True)
@@ -144,12 +146,11 @@ def bound_rows(result: Yield) -> list[BoundRow]:
 
 def _bound_row(result: Yield, bound: MetricBound) -> BoundRow:
     values, designed = result.column(bound.metric), result.metrics[bound.metric].designed
-    kept = values <= bound.bound if bound.sense == "<=" else values >= bound.bound
     return BoundRow(
         metric_words(bound.metric),
         bound_words(bound),
         shown(bound.metric, designed.value, bound.unit),
-        percent(float(kept.mean())),
+        percent(float(bound.kept_by(values).mean())),
     )
 
 
@@ -234,9 +235,8 @@ def worst_words(result: Yield, worst: WorstPart) -> str:
     """Judged metrics of one of the worst parts, each with its bound where it misses it."""
     found = []
     for name in judged(result):
-        bounds = [bound for bound in result.bounds if bound.metric == name]
         value = worst.metrics[name]
-        missed = [each for each in bounds if (value > each.bound if each.sense == "<=" else value < each.bound)]
+        missed = [each for each in result.bounds if each.metric == name and not each.kept_by(np.array(value))]
         ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
         found.append(f"{metric_words(name)} {shown(name, value, result.metrics[name].unit)}{ends}")
     return "; ".join(found)

@@ -12,10 +12,9 @@ import numpy as np
 from jaxtyping import Bool
 
 from lensforge.deviations.factors import Factor
-from lensforge.tolerancing.measured_parts import MeasuredParts, scaled
-from lensforge.tolerancing.yield_result import Budget, BudgetRow
+from lensforge.tolerancing.measured_parts import MeasuredParts
+from lensforge.tolerancing.yield_result import PASS_RATE, Budget, BudgetRow
 
-PASS_RATE = 0.95
 MOST_PARTS = 128  # the standard error of a share of 0.95 is then 0.02, that of an amount about a tenth
 _UP = (16.0, 4.0)  # most tolerances of most lenses matter little: one look tells
 _DOWN = (0.25, 0.0)
@@ -37,11 +36,9 @@ class ScaleSearch:
     known: dict[float, Passes]
 
     @staticmethod
-    def of(parts: MeasuredParts, names: Sequence[str], count: int) -> "ScaleSearch":
-        """Search from the parts as specified."""
-        search = ScaleSearch(parts, names, count, {})
-        search.passing(1.0, np.ones(count, dtype=bool), np.zeros(count, dtype=bool))
-        return search
+    def of(parts: MeasuredParts, names: Sequence[str], passes: Passes) -> "ScaleSearch":
+        """Search from the parts as specified, of which those in ``passes`` pass."""
+        return ScaleSearch(parts, names, len(passes), {1.0: passes})
 
     def passing(self, scale: float, at_least: Passes, at_most: Passes) -> Passes:
         """Parts that pass at ``scale``; those in both or in neither of the two are taken as known."""
@@ -49,7 +46,7 @@ class ScaleSearch:
             found = at_least & at_most
             open_parts = np.flatnonzero(at_least != at_most)
             if len(open_parts):
-                values = self.parts.of(open_parts.tolist(), scaled(self.names, scale))[..., 0]
+                values = self.parts.of(open_parts.tolist(), dict.fromkeys(self.names, scale))[..., 0]
                 found[open_parts] = (self.parts.study.excess(values) <= 0.0).all(axis=1)
             self.known[scale] = found
         return self.known[scale]
@@ -106,22 +103,22 @@ class ScaleSearch:
         return float(scales[last] + share * (scales[last + 1] - scales[last]))
 
 
-def budget(parts: MeasuredParts, announce: Callable[[str], None]) -> Budget:
-    """Search for the largest amount of each tolerance alone, and of all together."""
-    factors, count = parts.study.factors, min(MOST_PARTS, parts.study.recipe.parts)
+def budget(parts: MeasuredParts, passes: Passes, announce: Callable[[str], None]) -> Budget:
+    """Search for the largest amount of each tolerance alone, and of all together; ``passes``: parts as specified."""
+    factors, first = parts.study.factors, passes[:MOST_PARTS]
     rows = []
     for factor in factors:
         announce(f"budget: {factor.words}")
-        rows.append(_row(parts, (factor,), count, factor.name, factor.words, factor.unit, factor.amount))
+        rows.append(_row(parts, (factor,), first, factor.name, factor.words, factor.unit, factor.amount))
     announce("budget: all tolerances together")
-    together = _row(parts, factors, count, "all", "all tolerances, by one factor", "", 1.0)
-    return Budget(pass_rate=PASS_RATE, parts=count, alone=tuple(rows), together=together)
+    together = _row(parts, factors, first, "all", "all tolerances, by one factor", "", 1.0)
+    return Budget(pass_rate=PASS_RATE, parts=len(first), alone=tuple(rows), together=together)
 
 
 def _row(
-    parts: MeasuredParts, factors: Sequence[Factor], count: int, name: str, words: str, unit: str, amount: float
+    parts: MeasuredParts, factors: Sequence[Factor], passes: Passes, name: str, words: str, unit: str, amount: float
 ) -> BudgetRow:
-    search = ScaleSearch.of(parts, [factor.name for factor in factors], count)
+    search = ScaleSearch.of(parts, [factor.name for factor in factors], passes)
     low, high = search.bracket()
     found: tuple[float, float, float] | None = None
     if low is not None and high is not None:

@@ -7,7 +7,8 @@ from threading import Lock
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.tolerancing.measured_parts import Job, measured, prepare
+from lensforge.tolerancing.kept_parts import Job
+from lensforge.tolerancing.measured_parts import measured, prepare
 from lensforge.tolerancing.part_study import PartStudy, Recipe
 from lensforge.workers.cluster import Cluster
 
@@ -23,10 +24,10 @@ class ClusterParts:
     cluster: Cluster
 
     def measure(
-        self, recipe: Recipe, chunks: Sequence[tuple[Job, ...]]
+        self, study: PartStudy, chunks: Sequence[tuple[Job, ...]]
     ) -> Iterator[tuple[int, Float[np.ndarray, "j m 2"]]]:
         """Measure every chunk, each as one task."""
-        return self.cluster.map(measured_chunk, recipe, chunks)
+        return self.cluster.map(measured_chunk, study.recipe, chunks)
 
 
 def measured_chunk(recipe: Recipe, chunk: tuple[Job, ...]) -> Float[np.ndarray, "j m 2"]:

@@ -7,14 +7,13 @@ one, and together in two variables; the hundred numbers of a form error those of
 near an optimum a figure of merit is quadratic in them.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.deviations.distributions import orthonormal
 from lensforge.deviations.draws import Draws
 from lensforge.deviations.factors import Factor
+from lensforge.jackknife import jackknife_error
 from lensforge.records import Metric
 from lensforge.tolerancing.yield_result import CauseShare, Variance
 
@@ -80,11 +79,4 @@ def _explained(
 
 def _metric(values: Float[np.ndarray, " s"]) -> Metric:
     """The value of all parts, with its jackknife error over the blocks."""
-    rest = values[1:]
-    error = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((rest - rest.mean()) ** 2)))
-    return Metric(value=float(values[0]), standard_error=error)
-
-
-def leading(variance: Mapping[str, Variance], metric: str) -> CauseShare:
-    """The tolerance that makes most of a metric's spread."""
-    return variance[metric].causes[0]
+    return Metric(value=float(values[0]), standard_error=jackknife_error(values[1:]))

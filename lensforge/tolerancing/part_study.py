@@ -29,6 +29,7 @@ from lensforge.tolerancing.part_light import HeldLight, MeasuredPart, PartLight
 from lensforge.tolerancing.yield_result import MetricBound
 
 Scales = Mapping[str, float]
+_SIDES = {">=": "least", "<=": "most"}
 
 
 @dataclass(frozen=True)
@@ -95,11 +96,13 @@ class PartStudy:
         found = []
         for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
             found += [f"{light.name}: {name}" if number else name for name in each]
-        for key in limits:
-            limit = self.designed_light.limits[int(key)]
-            words = f"{limit.name}: {limit.quantity}"
-            both = sum(f"{each.name}: {each.quantity}" == words for each in self.designed_light.limits) > 1
-            found.append(f"{words} ({'least' if limit.sense == '>=' else 'most'})" if both else words)
+        judged = [self.designed_light.limits[int(key)] for key in limits]
+        plain = [f"{limit.name}: {limit.quantity}" for limit in judged]
+        sides = [f"{limit.name}: {limit.quantity} ({_SIDES[limit.sense]})" for limit in judged]
+        for number, (name, side) in enumerate(zip(plain, sides, strict=True)):
+            alike = sides[:number].count(side)  # limits may share their name
+            own = side if plain.count(name) > 1 else name
+            found.append(f"{own} {alike + 1}" if alike else own)
         return tuple(found)
 
     @cached_property

@@ -2,13 +2,16 @@
 
 import csv
 import io
+from math import sqrt
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from pydantic import Field
 
 from lensforge.criteria import Sense
+from lensforge.deviations.factors import Factor
 from lensforge.records import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text
 
 if TYPE_CHECKING:
@@ -16,6 +19,9 @@ if TYPE_CHECKING:
 
 MOST_PARTS = 100_000
 _MOST_FACTORS, _MOST_BOUNDS = 64, 2048
+_CONFIDENCE = 0.95
+PASS_RATE = 0.95  # of the parts, by a budget
+FIELD = "Gaussian field"  # in the place of a distribution
 
 
 class PassRate(Record):
@@ -25,6 +31,15 @@ class PassRate(Record):
     low: Share
     high: Share
 
+    @staticmethod
+    def of(passed: int, count: int) -> "PassRate":
+        """Share ``passed`` of ``count`` parts (Wilson, J. Am. Stat. Assoc. 22, 209, 1927)."""
+        z = NormalDist().inv_cdf(0.5 + 0.5 * _CONFIDENCE)
+        share, spread = passed / count, z * z / count
+        middle = (share + 0.5 * spread) / (1.0 + spread)
+        half = z / (1.0 + spread) * sqrt(share * (1.0 - share) / count + 0.25 * spread / count)
+        return PassRate(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half))
+
 
 class MetricBound(Record):
     """Bound that a part must keep to pass: ``metric``, a name of ``metrics``, ``sense`` ``bound``, in ``unit``."""
@@ -33,6 +48,10 @@ class MetricBound(Record):
     sense: Sense
     bound: Number
     unit: Text
+
+    def kept_by(self, values: Float[np.ndarray, "*n"]) -> Bool[np.ndarray, "*n"]:
+        """True for values of the metric that keep it."""
+        return values <= self.bound if self.sense == "<=" else values >= self.bound
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "°") else self.unit
@@ -70,6 +89,13 @@ class Variance(Record):
 
     causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
     interactions: Metric
+
+
+def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
+    """``values`` drawn to their mean until they scatter by ``spread``: what ray noise has added is taken off."""
+    mean, scatter = float(values.mean()), float(values.std(ddof=1))
+    drawn: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 else 1.0)
+    return drawn
 
 
 class BudgetRow(Record):
@@ -119,6 +145,17 @@ class ToleranceAmount(Record):
     amount: NotNegative
     distribution: Text
 
+    @staticmethod
+    def of(factor: Factor) -> "ToleranceAmount":
+        """The tolerance of ``factor``."""
+        return ToleranceAmount(
+            name=factor.name,
+            words=factor.words,
+            unit=factor.unit,
+            amount=factor.amount,
+            distribution=FIELD if factor.kind == "field" else factor.distribution,
+        )
+
 
 class Yield(SimulatedResult):
     """``parts`` lamps drawn from the tolerances of the spec, and their light.
@@ -150,6 +187,18 @@ class Yield(SimulatedResult):
         """One number of every part."""
         found: Float[np.ndarray, " parts"] = self.table[:, self.columns.index(name)]
         return found
+
+    @property
+    def passing(self) -> Bool[np.ndarray, " parts"]:
+        """Parts that keep every bound."""
+        passes = np.ones(len(self.table), dtype=bool)
+        for bound in self.bounds:
+            passes &= bound.kept_by(self.column(bound.metric))
+        return passes
+
+    def without_noise(self, name: str) -> Float[np.ndarray, " parts"]:
+        """A metric of every part as its percentiles take it, see :func:`drawn_to_mean`."""
+        return drawn_to_mean(self.column(name), self.metrics[name].spread)
 
     def products(self) -> dict[str, bytes]:
         """The table of parts as CSV."""

@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
-from scipy.stats import norm
+from jaxtyping import Bool, Float
 
 from lensforge.lens import Lens
 from lensforge.records import Metric
@@ -15,6 +14,7 @@ from lensforge.sources.build import build_source
 from lensforge.tolerancing.budget import budget
 from lensforge.tolerancing.contributions import contributions
 from lensforge.tolerancing.feasible_amounts import require_bearable
+from lensforge.tolerancing.kept_parts import KeptParts
 from lensforge.tolerancing.measured_parts import MeasuredParts, Progress, Threads, Workers
 from lensforge.tolerancing.part_light import HeldLight
 from lensforge.tolerancing.part_study import PartStudy, Recipe
@@ -24,6 +24,7 @@ from lensforge.tolerancing.yield_result import (
     ToleranceAmount,
     WorstPart,
     Yield,
+    drawn_to_mean,
 )
 
 PARTS, RAYS = 1000, 2**16
@@ -35,7 +36,6 @@ _FEWEST_RAYS = 2**14  # of a part in the budget, which only asks whether it pass
 _OF_DISTANCE, _LARGEST_BUDGET_ERROR = 0.1, 0.3
 _LEAST_SPREAD = 0.01  # of the metric: nobody needs to know a smaller spread to a tenth of it
 _WORST, _WORST_RAYS = 3, 2**19
-_LEVEL = 0.95
 
 
 def measure_yield(
@@ -59,21 +59,22 @@ def measure_yield(
     started, announce = time.perf_counter(), announce or (lambda _: None)
     study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
     require_bearable(lens, study.factors)
-    found = MeasuredParts(study, workers or Threads(study), file, progress, parts)
+    kept = KeptParts.of(file, study.recipe)
+    found = MeasuredParts(study, workers or Threads(), kept, progress, parts)
     if rays is None:
         announce("pilot parts")
-        found = _with_enough_rays(found, workers, min(_PILOT, parts))
+        found = _with_enough_rays(found, min(_PILOT, parts))
     study = found.study
     announce("parts")
     measured = found.of(range(parts))
     metrics = {name: _spread(study.of_design[name], measured[:, number]) for number, name in enumerate(study.names)}
-    passes = (study.excess(measured[..., 0]) <= 0.0).all(axis=1)
+    passes: Bool[np.ndarray, " n"] = np.all(study.excess(measured[..., 0]) <= 0.0, axis=1)
     variance = {
         name: contributions(study.draws, measured[:, number, 0], float(np.mean(measured[:, number, 1] ** 2)))
         for number, name in enumerate(study.names)
         if metrics[name].spread > 0.0
     }
-    limits = budget(_for_budget(found, measured, workers), announce) if with_budget else None
+    limits = budget(_for_budget(found, measured), passes, announce) if with_budget else None
     worst = _worst(study, measured)
     columns, table = _table(study, measured)
     announce("worst parts")
@@ -83,18 +84,9 @@ def measure_yield(
         rays=len(study.light.held),
         seed=seed,
         preset=lens.spec.tolerances.preset,
-        tolerances=tuple(
-            ToleranceAmount(
-                name=factor.name,
-                words=factor.words,
-                unit=factor.unit,
-                amount=factor.amount,
-                distribution="Gaussian field" if factor.kind == "field" else factor.distribution,
-            )
-            for factor in study.factors
-        ),
+        tolerances=tuple(map(ToleranceAmount.of, study.factors)),
         bounds=study.bounds,
-        pass_rate=wilson(int(passes.sum()), parts),
+        pass_rate=PassRate.of(int(passes.sum()), parts),
         metrics=metrics,
         variance=variance,
         budget=limits,
@@ -107,24 +99,14 @@ def measure_yield(
     )
 
 
-def wilson(passed: int, count: int, level: float = _LEVEL) -> PassRate:
-    """Share ``passed`` of ``count``, with Wilson's confidence interval (J. Am. Stat. Assoc. 22, 209, 1927)."""
-    z = float(norm.ppf(0.5 + 0.5 * level))
-    share, spread = passed / count, z * z / count
-    middle = (share + 0.5 * spread) / (1.0 + spread)
-    half = z / (1.0 + spread) * np.sqrt(share * (1.0 - share) / count + 0.25 * spread / count)
-    return PassRate(value=share, low=max(0.0, middle - half), high=min(1.0, middle + half))
-
-
-def _with_enough_rays(found: MeasuredParts, workers: Workers | None, pilot: int) -> MeasuredParts:
-    """The same study with as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
+def _with_enough_rays(found: MeasuredParts, pilot: int) -> MeasuredParts:
+    """The same parts by as many rays as the metrics that are judged need, by the first ``pilot`` parts."""
     while found.study.recipe.rays < _MOST_RAYS and not _is_certain(found.study, found.of(range(pilot))):
-        more = found.study.with_rays(2 * found.study.recipe.rays)
-        found = MeasuredParts(more, workers or Threads(more), found.file, found.progress, found.expected)
+        found = found.with_rays(2 * found.study.recipe.rays)
     return found
 
 
-def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"], workers: Workers | None) -> MeasuredParts:
+def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"]) -> MeasuredParts:
     """The same parts by as few rays as tell whether they pass: a third of what separates metrics and bounds."""
     study, rays = found.study, found.study.recipe.rays
     columns = [study.names.index(bound.metric) for bound in study.bounds]
@@ -133,11 +115,7 @@ def _for_budget(found: MeasuredParts, measured: Float[np.ndarray, "n m 2"], work
     scale = np.maximum(apart, [_true_spread(measured[:, column]) for column in columns])
     while rays > _FEWEST_RAYS and np.all(np.sqrt(2.0) * errors <= _LARGEST_BUDGET_ERROR * scale):
         rays, errors = rays // 2, np.sqrt(2.0) * errors
-    if rays == study.recipe.rays:
-        return found
-    fewer = study.with_rays(rays)
-    file = None if found.file is None else found.file.with_name(f"{found.file.stem}_budget.npz")
-    return MeasuredParts(fewer, workers or Threads(fewer), file, found.progress)
+    return found.with_rays(rays)
 
 
 def _is_certain(study: PartStudy, values: Float[np.ndarray, "n m 2"]) -> bool:
@@ -159,11 +137,10 @@ def _true_spread(values: Float[np.ndarray, "n 2"]) -> float:
 
 
 def _spread(designed: Metric, values: Float[np.ndarray, "n 2"]) -> MetricSpread:
-    """Distribution of one metric. The scatter that ray noise adds is taken off: values are drawn to their mean."""
+    """Distribution of one metric, without the scatter that ray noise adds."""
     spread, scatter = _true_spread(values), float(values[:, 0].std(ddof=1))
     mean = float(values[:, 0].mean())
-    own = mean + (values[:, 0] - mean) * (spread / scatter if scatter > 0.0 else 1.0)
-    p5, p50, p95 = np.percentile(own, [5.0, 50.0, 95.0]).tolist()
+    p5, p50, p95 = np.percentile(drawn_to_mean(values[:, 0], spread), [5.0, 50.0, 95.0]).tolist()
     return MetricSpread(
         unit=designed.unit,
         designed=designed,

@@ -30,6 +30,10 @@ class KnownParts:
     def metric(self, scales: dict[str, float]) -> np.ndarray:
         return sum(np.abs(scales.get(name, 1.0) * w * self.numbers[name]) for name, w in self.widths.items())
 
+    @property
+    def passes(self) -> np.ndarray:
+        return self.study.excess(self.metric({})[:, None])[:, 0] <= 0.0
+
     def of(self, parts, scales=None) -> np.ndarray:
         self.measured += len(parts)
         values = self.metric(scales or {})[list(parts)]
@@ -45,7 +49,7 @@ def _true_scale(known: KnownParts, names: list[str], bound: float) -> float:
 @pytest.mark.parametrize("bound", [1.0, 3.0, 6.0])
 def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
     known = KnownParts(bound, {"one": 0.5, "other": 0.3, "nothing": 0.0})
-    found = budget(known, lambda _: None)
+    found = budget(known, known.passes, lambda _: None)
     rows = {row.tolerance: row for row in (*found.alone, found.together)}
     for name, names in (("one", ["one"]), ("other", ["other"]), ("all", list(known.widths))):
         amount = 1.0 if name == "all" else 0.1
@@ -63,13 +67,13 @@ def test_amounts_are_those_of_the_known_parts(bound: float) -> None:
 
 def test_where_the_others_alone_are_too_much_no_amount_is_small_enough() -> None:
     known = KnownParts(0.5, {"one": 0.5, "other": 3.0})
-    rows = {row.tolerance: row for row in budget(known, lambda _: None).alone}
+    rows = {row.tolerance: row for row in budget(known, known.passes, lambda _: None).alone}
     assert rows["one"].at_most is None
     assert not rows["one"].unlimited
 
 
 def test_a_tolerance_that_does_nothing_has_no_limit() -> None:
     known = KnownParts(10.0, {"one": 0.5, "nothing": 0.0})
-    rows = {row.tolerance: row for row in budget(known, lambda _: None).alone}
+    rows = {row.tolerance: row for row in budget(known, known.passes, lambda _: None).alone}
     assert rows["nothing"].unlimited
     assert rows["nothing"].searched_to == pytest.approx(1.6)

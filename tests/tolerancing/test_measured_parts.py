@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from parts import study_of
+from parts import lens_with, study_of
 
 from lensforge.errors import Cancelled, InputError
+from lensforge.tolerancing.kept_parts import KeptParts
 from lensforge.tolerancing.measured_parts import MeasuredParts, Threads
+from lensforge.tolerancing.yield_study import measure_yield
 
 
 def _parts(study, file=None, progress=None) -> MeasuredParts:
-    return MeasuredParts(study, Threads(study), file, progress)
+    return MeasuredParts(study, Threads(), KeptParts.of(file, study.recipe), progress)
 
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:
@@ -29,16 +31,52 @@ def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:
 def test_parts_of_another_study_do_not_count(tmp_path) -> None:
     file = tmp_path / "parts.npz"
     _parts(study_of(rays=256), file).of(range(4))
-    assert len(_parts(study_of(rays=256), file).known) == 4
-    for other in (study_of(rays=512), study_of(rays=256, seed=1), study_of({"gap_mm": 0.1}, rays=256)):
-        assert len(_parts(other, file).known) == 0
+    assert len(_parts(study_of(rays=256), file).kept.known) == 4
+    for other in (study_of(rays=256, seed=1), study_of({"gap_mm": 0.1}, rays=256)):
+        assert len(_parts(other, file).kept.known) == 0
+
+
+def test_parts_by_other_rays_are_kept_beside_each_other(tmp_path) -> None:
+    """A study begins with few rays and may take more: begun again, it must not lose those of more."""
+    file, measured = tmp_path / "parts.npz", []
+    few = _parts(study_of(rays=256), file)
+    first, second = few.of(range(4)), few.with_rays(512).of(range(4))
+    assert not (first == second).all()
+    again = _parts(study_of(rays=256), file, lambda done, expected: measured.append(done))
+    assert (again.of(range(4)) == first).all()
+    assert (again.with_rays(512).of(range(4)) == second).all()
+    assert again.with_rays(256) is again
+    assert measured == []
+
+
+def test_a_study_that_chooses_its_rays_goes_on_after_an_interrupt(tmp_path, monkeypatch) -> None:
+    for name, value in {"RAYS": 64, "_MOST_RAYS": 256, "DESIGNED_RAYS": 1024, "_WORST_RAYS": 256}.items():
+        monkeypatch.setattr(f"lensforge.tolerancing.yield_study.{name}", value)
+    lens, file, measured = lens_with({"gap_mm": 0.1}), tmp_path / "parts.npz", []
+    whole = measure_yield(lens, parts=40, with_budget=False)
+    assert whole.rays == 256
+
+    def stop(done: int, expected: int) -> bool:
+        measured.append(done)
+        return done < 96
+
+    with pytest.raises(Cancelled):
+        measure_yield(lens, parts=40, with_budget=False, file=file, progress=stop)
+    before = len(measured)
+    again = measure_yield(lens, parts=40, with_budget=False, file=file, progress=lambda done, _: measured.append(done))
+    assert again.model_copy(update={"seconds": whole.seconds}) == whole
+    assert 0 < len(measured) - before < before
 
 
 def test_a_damaged_file_is_one_line(tmp_path) -> None:
     file = tmp_path / "parts.npz"
-    file.write_bytes(b"no archive")
-    with pytest.raises(InputError, match=r"cannot be read .* delete it to begin again"):
-        _parts(study_of(rays=256), file)
+    _parts(study_of(rays=256), file).of(range(2))
+    whole = file.read_bytes()
+    for content in (b"", b"no archive", whole[: len(whole) // 2], whole[:-30], whole.replace(b"jobs", b"jabs")):
+        file.write_bytes(content)
+        with pytest.raises(InputError, match=r"no parts of a study .* delete it to begin again") as error:
+            _parts(study_of(rays=256), file)
+        assert "\n" not in str(error.value)
 
 
 def test_threads_do_not_change_a_bit() -> None:

@@ -7,12 +7,13 @@ import pytest
 from nightly import scaled
 from parts import lens_with, study_of
 
+from lensforge.agreement.parts import yield_contradictions
 from lensforge.errors import InputError
 from lensforge.receivers.pixels import PixelGrid, splat_flux
 from lensforge.tolerance_stages import _name_of
 from lensforge.tolerancing.part_study import PartStudy, Recipe
-from lensforge.tolerancing.yield_result import Yield
-from lensforge.tolerancing.yield_study import measure_yield, wilson
+from lensforge.tolerancing.yield_result import PassRate, Yield
+from lensforge.tolerancing.yield_study import measure_yield
 
 SMALL = {
     "source_shift_mm": 2e-3, "source_height_mm": 2e-3, "source_tilt_deg": 0.1, "source_size": 2e-3,
@@ -101,9 +102,9 @@ def test_flux_of_the_source_scales_light_and_no_share() -> None:
 )
 def test_the_interval_is_that_of_published_examples(passed: int, count: int, low: float, high: float) -> None:
     """Newcombe, Statistics in Medicine 17, 857 (1998), table I, method 3."""
-    found = wilson(passed, count)
+    found = PassRate.of(passed, count)
     assert (found.value, found.low, found.high) == pytest.approx((passed / count, low, high), abs=5e-5)
-    mirrored = wilson(count - passed, count)
+    mirrored = PassRate.of(count - passed, count)
     assert (mirrored.low, mirrored.high) == pytest.approx((1.0 - high, 1.0 - low), abs=5e-5)
 
 
@@ -136,7 +137,8 @@ def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_pa
     for bound in result.bounds:
         column = result.column(bound.metric)
         kept &= column <= bound.bound if bound.sense == "<=" else column >= bound.bound
-    assert result.pass_rate == wilson(int(kept.sum()), 48)
+    assert (kept == result.passing).all()
+    assert result.pass_rate == PassRate.of(int(kept.sum()), 48)
     for name, spread in result.metrics.items():
         column = result.column(name)
         assert spread.mean.value == pytest.approx(column.mean())
@@ -171,6 +173,26 @@ def test_rays_are_doubled_until_a_part_is_certain(monkeypatch: pytest.MonkeyPatc
     nmse = found.metrics["nmse"]
     assert found.rays > 256
     assert found.rays == 2**12 or nmse.standard_error <= 0.15 * max(nmse.spread, 0.01 * nmse.mean.value)
+
+
+def test_limits_of_the_same_name_are_metrics_of_their_own() -> None:
+    at = {"kind": "points", "name": "axis", "at_mm": [[0, 0]]}
+    limits = [{**at, "at_least_w_per_m2": 1.0}, {**at, "at_least_w_per_m2": 2.0}, {**at, "at_most_w_per_m2": 1e6}]
+    study = PartStudy(Recipe(lens_with({"gap_mm": 0.1}, limits=limits), 2, 256, 0, 256))
+    assert study.names[-3:] == ("axis: light (least)", "axis: light (least) 2", "axis: light (most)")
+    assert study.measure(0).shape == (len(study.names), 2)
+    assert len(study.bounds) == 3
+
+
+def test_tolerances_of_ones_own_do_not_contradict_the_record() -> None:
+    import lensforge as lf
+
+    lens, own = lens_with(), lf.TolerancesSection(preset="moulded", gap_mm=0.1)
+    found = lf.tolerance(lens, parts=40, rays=256, budget=False, tolerances=own)
+    assert found.conditions.name.startswith("own_")
+    assert list(yield_contradictions(found, lens)) == []
+    with pytest.raises(InputError, match=r"^tolerance: 'moulded' is .*TolerancesSection\(preset="):
+        lf.tolerance(lens, tolerances="moulded")
 
 
 def test_other_tolerances_name_themselves() -> None:

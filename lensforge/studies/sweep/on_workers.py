@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 
 from lensforge import pipeline
 from lensforge.files import replacing
+from lensforge.folder_lock import locked
 from lensforge.spec import Accuracy, Spec
 from lensforge.workers.connection import connected
 
@@ -31,7 +32,7 @@ def files_of_run(settings: tuple[Accuracy, int], spec: Spec) -> Files:
 
 def write_run(files: Files, folder: Path) -> None:
     """Write the files of a run into its folder, those last that name the hashes of others."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in sorted(files, key=lambda each: (each == "run.json", each.endswith(".json"))):
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(files[name])
+    with locked(folder, create=True):
+        for name in sorted(files, key=lambda each: (each == "run.json", each.endswith(".json"))):
+            with replacing(folder / name) as temporary:
+                temporary.write_bytes(files[name])
