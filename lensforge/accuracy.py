@@ -42,7 +42,8 @@ class Preset:
     ``evaluate_nodes_per_sigma``: the same where the finished lens is evaluated and verified.
     Of a search with given levels, ``design_rays``: rays of a gradient step; ``coarse_steps``, ``fine_steps``: gradient
     steps of every level but the last, and of the last. ``effort``: of one that chooses its levels. ``evaluate_rays``:
-    rays that evaluate the finished lens. ``verify_rays``: rays of the independent ray cast.
+    rays that evaluate the finished lens. ``photometry_rays``: the most that its far field takes by itself.
+    ``verify_rays``: rays of the independent ray cast.
     """
 
     nodes_per_sigma: float
@@ -51,6 +52,7 @@ class Preset:
     coarse_steps: int
     fine_steps: int
     evaluate_rays: int
+    photometry_rays: int
     verify_rays: int
     effort: SearchEffort
 
@@ -67,7 +69,7 @@ _REFERENCE = SearchEffort(
 )
 
 PRESETS: dict[Accuracy, Preset] = {
-    "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**14, _DRAFT),
-    "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**16, _STANDARD),
-    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**17, _REFERENCE),
+    "draft": Preset(2.5, 6.0, 2**14, 60, 120, 2**20, 2**20, 2**14, _DRAFT),
+    "standard": Preset(3.4, 8.0, 2**16, 100, 300, 2**23, 2**22, 2**16, _STANDARD),
+    "reference": Preset(5.0, 12.0, 2**18, 150, 600, 2**24, 2**24, 2**17, _REFERENCE),
 }

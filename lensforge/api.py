@@ -52,6 +52,7 @@ from lensforge.spec.fixed_surface import (
 )
 from lensforge.spec.given_surface import FixedCadFace, FixedLensFace, FixedPoints
 from lensforge.spec.light_limits import BeamAngleLimit, GlareLimit, LineLimit, PointsLimit, ZoneLimit
+from lensforge.spec.photometry import PhotometrySection
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.receivers import CylinderReceiver, FarFieldReceiver, PlaneReceiver, SphereReceiver
@@ -147,6 +148,7 @@ __all__ = [
     "PhotometricSummary",
     "PhotometricTarget",
     "Photometry",
+    "PhotometrySection",
     "PlaneReceiver",
     "PointsLimit",
     "PolygonTarget",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, SupportsFloat, SupportsIndex, TypeVar, cast
 
 from lensforge.accuracy import PRESETS, Preset
 from lensforge.errors import InputError, SourceWarning
+from lensforge.far_field.lumens import SourceLumens
 from lensforge.lens import Lens
 from lensforge.optimisation.source_clearance import source_clearance_warnings
 from lensforge.records.fields import LARGEST_COUNT
@@ -52,10 +53,12 @@ def warned_source(
     from lensforge.sources.build import summarise
 
     source = source_of(spec)
+    summary = summarise(source, spec.source)
+    SourceLumens.of(None, summary).require_known(spec.photometry)  # not after a search
     room = source_clearance_warnings(spec, source)
     scene = SceneCheck.of(spec, source, start)
     scene.require_light(anyway=anyway)
-    for words in (*spec.lens.warnings, *summarise(source, spec.source).warnings, *scene.warnings(), *room):
+    for words in (*spec.lens.warnings, *summary.warnings, *scene.warnings(), *room):
         if warn is None:
             warnings.warn(words, SourceWarning, stacklevel=3)
         else:

@@ -56,7 +56,7 @@ def run(
     starts: int = 1,
     scheduler: str | None = None,
 ) -> Run:
-    """Run every stage and write ``folder``: design, evaluate, export, check, verify, report.
+    """Run every stage and write ``folder``: design, evaluate, export, check, verify, photometry, report.
 
     Arguments are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
     in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
@@ -246,4 +246,5 @@ _AFTER_DESIGN: dict[str, Callable[[Path], StageResult]] = {
     "export": run_export,
     "check": run_check,
     "verify": run_verify,
+    "photometry": run_photometry,
 }

@@ -16,7 +16,12 @@ from lensforge.measurement.comparison import (
     photo_criteria,
     surface_criteria,
 )
+from lensforge.records import Metric
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.beam import BEAM_SHARE, FIELD_SHARE, plane_profile, width_above
 from lensforge.tolerancing.sensitivity_table import Sensitivity
+
+_TABLE = "its table of candela"
 
 
 def photometry_contradictions(found: Photometry) -> Iterator[str]:
@@ -26,9 +31,24 @@ def photometry_contradictions(found: Photometry) -> Iterator[str]:
     yield from differing("source_w", found.source_w, spent, "its shares of flux")
     ratio = found.exit_w.value / found.source_w
     yield from differing("light_output_ratio", found.light_output_ratio.value, ratio, "its fluxes")
-    yield from differing("exit_lm", found.exit_lm, ratio * found.source_lm, "its fluxes")
+    yield from differing("exit_lm", found.exit_lm.value, ratio * found.source_lm, "its fluxes")
+    yield from _beams(found)
     if found.per_1000_lm:
         yield from differing("source_lm", found.source_lm, 1000.0, "candela per 1000 lm")
+
+
+def _beams(found: Photometry) -> Iterator[str]:
+    """Axis, peak direction and widths of the beam as its table has them."""
+    table = TabulatedIntensity(found.c_deg, found.gamma_deg, found.candela)
+    yield from differing("axis_cd", found.axis_cd.value, float(table.values[0, 0]), _TABLE)
+    direction = found.peak_direction
+    there = float(np.interp(direction.gamma_deg, table.gamma_deg, table.at(direction.c_deg)))
+    yield from differing("peak_direction", there, float(table.values.max()), _TABLE)
+    for name, beam in (("beam_c0", found.beam_c0), ("beam_c90", found.beam_c90)):
+        for field, share in (("beam_angle_deg", BEAM_SHARE), ("field_angle_deg", FIELD_SHARE)):
+            stated: Metric | None = getattr(beam, field)
+            width = width_above(*plane_profile(table, beam.c_deg), share * beam.peak_cd.value)
+            yield from differing(f"{name}.{field}", None if stated is None else stated.value, width, _TABLE)
 
 
 def sensitivity_contradictions(found: Sensitivity) -> Iterator[str]:

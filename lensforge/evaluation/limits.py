@@ -7,9 +7,10 @@ from jaxtyping import Float
 
 from lensforge.criteria import Sense
 from lensforge.evaluation.limit_result import LimitResult
-from lensforge.evaluation.minimum import least_without_noise
+from lensforge.evaluation.minimum import largest_without_noise, least_without_noise
 from lensforge.jackknife import jackknife_metric
 from lensforge.records import Metric
+from lensforge.sources.photometric.beam import width_above
 from lensforge.targets.limits import LightLimit
 
 Images = Float[np.ndarray, "_ _ _"]  # of each replicate; each receiver has a shape of its own
@@ -64,10 +65,7 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
 
 def _extreme(readings: Readings, sense: Sense) -> Metric:
     """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
-    if sense == ">=":
-        return least_without_noise(readings)
-    found = least_without_noise(-readings)
-    return found.model_copy(update={"value": -found.value})
+    return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
 
 
 def _ratio(above: Metric, below: Metric) -> Metric:
@@ -83,13 +81,4 @@ def _ratio(above: Metric, below: Metric) -> Metric:
 def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:
     """Full angle (deg) between the outermost places of a cut at ``level`` of its maximum, linear between places."""
     assert limit.angles_deg is not None
-    angles, least = limit.angles_deg, limit.level * float(light.max())
-    bright = np.flatnonzero(light >= least)
-    if not least > 0.0:
-        return 0.0
-    first, last = int(bright[0]), int(bright[-1])
-    left = angles[0] if first == 0 else np.interp(least, light[[first - 1, first]], angles[[first - 1, first]])
-    right = (
-        angles[-1] if last == len(light) - 1 else np.interp(least, light[[last + 1, last]], angles[[last + 1, last]])
-    )
-    return float(right - left)
+    return width_above(limit.angles_deg, light, limit.level * float(light.max())) or 0.0

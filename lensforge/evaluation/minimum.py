@@ -94,6 +94,12 @@ def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
     return _least(readings).metric()
 
 
+def largest_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
+    """Largest of the values at ``k`` places: as :func:`least_without_noise`, which would be too large with noise."""
+    found = least_without_noise(-readings)
+    return found.model_copy(update={"value": -found.value})
+
+
 def _least(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _slope(halves, quarters)

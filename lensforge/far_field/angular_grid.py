@@ -12,9 +12,10 @@ Near the axis the half-planes are closer to each other than the cones: there onl
 that the steps in gamma resolve as well.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +23,9 @@ from jaxtyping import Float, Int
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.surfaces.symmetry import group
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 Axis = Literal["c", "gamma"]
 _GAUSS = 6  # points in a cell of gamma: sin(gamma) times a parabola over 10 degrees is integrated to 1e-16
@@ -42,18 +46,33 @@ class AngularGrid:
     def deposit(self, rays: RayBundle) -> Float[np.ndarray, "c g"]:
         """Split the flux (W) of ``rays``, which go upwards, among the nodes."""
         x, y, z = rays.directions.T
-        azimuth = np.arctan2(y, x) / (2.0 * np.pi) % 1.0 * self.planes
+        azimuth, gamma = np.rad2deg(np.arctan2(y, x)), np.rad2deg(np.arctan2(np.hypot(x, y), z))
+        flux = np.zeros(self.planes * len(self.gamma_deg))
+        for node, share in self._corners(azimuth, gamma):
+            flux += np.bincount(node, rays.flux * share, minlength=len(flux))
+        return flux.reshape(self.planes, len(self.gamma_deg))
+
+    def readings(self, c_deg: Float[np.ndarray, " k"], gamma_deg: Float[np.ndarray, " k"]) -> "sparse.csr_array":
+        """Matrix from the values of a table, in rows of gamma, to the intensity in each of ``k`` directions."""
+        from scipy import sparse
+
+        nodes, shares = zip(*self._corners(c_deg, gamma_deg), strict=True)
+        rows = np.tile(np.arange(len(c_deg)), len(nodes))
+        shape = (len(c_deg), self.planes * len(self.gamma_deg))
+        return sparse.csr_array((np.concatenate(shares), (rows, np.concatenate(nodes))), shape=shape)
+
+    def _corners(
+        self, c_deg: Float[np.ndarray, " k"], gamma_deg: Float[np.ndarray, " k"]
+    ) -> Iterator[tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]]:
+        """The four nodes around each direction, one after the other, and the bilinear share of each."""
         nodes = len(self.gamma_deg)
-        gamma = np.rad2deg(np.arctan2(np.hypot(x, y), z))
-        place = np.interp(gamma, self.gamma_deg, np.arange(nodes))
+        azimuth = c_deg / 360.0 % 1.0 * self.planes
+        place = np.interp(gamma_deg, self.gamma_deg, np.arange(nodes))
         plane, cell = np.floor(azimuth).astype(int), np.minimum(place.astype(int), nodes - 2)
         right, below = azimuth - plane, place - cell
-        flux = np.zeros(self.planes * nodes)
         for next_plane, share_plane in ((0, 1.0 - right), (1, right)):
             for next_cell, share_cell in ((0, 1.0 - below), (1, below)):
-                node = (plane + next_plane) % self.planes * nodes + cell + next_cell
-                flux += np.bincount(node, rays.flux * share_plane * share_cell, minlength=len(flux))
-        return flux.reshape(self.planes, nodes)
+                yield (plane + next_plane) % self.planes * nodes + cell + next_cell, share_plane * share_cell
 
     def images_mean(self, deposits: Float[np.ndarray, "*p c g"], symmetry: str) -> Float[np.ndarray, "*p c g"]:
         """Mean of ``deposits`` and their mirror images under the group ``symmetry``; planes in multiples of 4."""

@@ -19,7 +19,7 @@ PARTS = 16  # independent samples: their spread is the standard error
 _ROUNDS = 32  # at most, of these samples, so that every one has a seed of its own
 _FILE_RAYS = 2**17  # rays of the ray file
 _LARGEST_NODE_ERROR = 0.02  # rms, relative: more rays are traced until then; goniophotometers have about as much
-_MOST_RAYS = 2**24  # unless more are asked for: half a minute on two cores
+_FIRST_RAYS = 2**20  # half a second on two cores; enough for a smooth beam
 _MOST_AT_ONCE = 2**20  # bounds the memory
 _IN_BEAM = 0.995  # of the flux: within the angle that holds it, the grid is fine
 
@@ -36,15 +36,15 @@ class ExitLight:
 
 
 def trace_exit_light(
-    lens: TracedLens, source: Source, symmetry: str, *, rays: int | None, first_rays: int, seed: int, sphere_mm: float
+    lens: TracedLens, source: Source, symmetry: str, *, rays: int | None, most_rays: int, seed: int, sphere_mm: float
 ) -> ExitLight:
-    """Trace ``rays`` rays, or ``first_rays`` and then more until the nodes are known to 2 % rms.
+    """Trace ``rays`` rays, or more and more, to ``most_rays``, until the nodes are known to 2 % rms.
 
     ``symmetry``: mirror group of lens and source, under which the light is averaged. ``sphere_mm``: radius of the
     sphere on which exit rays start. A measured source gives at most its own rays. Raises :class:`InputError` where no
     light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, sphere_mm), rays or first_rays
+    sums, wanted = _Sums(lens, sphere_mm), rays or min(_FIRST_RAYS, most_rays)
     if source.ray_count is not None:
         sums.add(_distributed(source, min(wanted, source.ray_count), seed))
         return sums.light(symmetry)
@@ -54,17 +54,17 @@ def trace_exit_light(
         if sums.rays < wanted:
             continue
         light = sums.light(symmetry)
-        wanted = sums.rays if rays is not None else _rays_needed(light)
+        wanted = sums.rays if rays is not None else _rays_needed(light, most_rays)
         if wanted <= sums.rays:
             break
     return light
 
 
-def _rays_needed(light: ExitLight) -> int:
+def _rays_needed(light: ExitLight, most_rays: int) -> int:
     """Rays that bring the noise of the nodes down to its limit, by doublings: it falls with the root of the number."""
     error, needed = light.intensity.node_error, light.rays
     noise = 0.0 if error is None else error.rms
-    while noise > _LARGEST_NODE_ERROR and 2 * needed <= _MOST_RAYS:
+    while noise > _LARGEST_NODE_ERROR and 2 * needed <= most_rays:
         needed, noise = 2 * needed, noise / np.sqrt(2.0)
     return needed
 

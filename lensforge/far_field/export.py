@@ -14,6 +14,7 @@ from jaxtyping import Float
 from lensforge.accuracy import Preset
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.far_field.beam_figures import PLANES_DEG, CandelaTables
 from lensforge.far_field.exit_light import ExitLight, trace_exit_light
 from lensforge.far_field.files import photometric_files, read_back
 from lensforge.far_field.lumens import SourceLumens
@@ -29,11 +30,10 @@ from lensforge.far_field.spectrum import spectrum_of_source
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.records import Metric
+from lensforge.roadway.road_figures import RoadFigures
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
-from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
-from lensforge.sources.photometric.orientation import turned_over
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.symmetry import NAMES, contains
 
@@ -54,20 +54,21 @@ def measure_photometry(
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
     started = time.perf_counter()
     summary = summarise(source, lens.spec.source)
-    bright = SourceLumens.of(lumens, summary)
+    bright, section = SourceLumens.of(lumens, summary), lens.spec.photometry
+    bright.require_known(section)
     radius_mm = float(lens.outer.radius(fibonacci_hemisphere(20_000)).max())
     light = trace_exit_light(
         TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
         source,
         _symmetry(lens, source),
         rays=rays,
-        first_rays=preset.evaluate_rays,
+        most_rays=preset.photometry_rays,
         seed=lens.seed,
         sphere_mm=_SLACK * radius_mm,
     )
     per_watt, fitted = bright.lumens / source.flux_w, light.intensity
-    table = turned_over(fitted.grid.table(fitted.values))
-    candela = TabulatedIntensity(table.c_deg, table.gamma_deg, table.values * per_watt)
+    tables = CandelaTables.of(fitted, per_watt)
+    candela = tables.whole
     errors, node_error, peak = fitted.standard_errors, fitted.node_error, fitted.peak
     warnings = tuple(_warnings(bright, source, light))
     photometric = PhotometricFile(
@@ -77,7 +78,8 @@ def measure_photometry(
         diameter_mm=2.0 * radius_mm,
         remarks=(*warnings, *_remarks(light, per_watt)),
     )
-    known_lm = None if bright.per_1000_lm else light.exit_w.value * per_watt
+    exit_lm = _scaled(light.exit_w, per_watt, "lm")
+    known_lm = None if bright.per_1000_lm else exit_lm.value
     contents = photometric_files(photometric, light.sample, known_lm, spectrum_of_source(lens.spec.source, summary))
     files = read_back(contents, light.exit_w.value, per_watt)
     return Photometry(
@@ -91,8 +93,13 @@ def measure_photometry(
         source_lm=bright.lumens,
         source_lm_from=bright.origin,
         per_1000_lm=bright.per_1000_lm,
-        exit_lm=light.exit_w.value * per_watt,
+        exit_lm=exit_lm,
+        axis_cd=tables.axis_cd,
         peak_cd=_scaled(peak, per_watt, "cd"),
+        peak_direction=tables.peak_direction,
+        beam_c0=tables.plane(PLANES_DEG[0]),
+        beam_c90=tables.plane(PLANES_DEG[1]),
+        road=RoadFigures.of(section, fitted.grid, fitted.samples * per_watt, exit_lm),
         node_error=node_error,
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from lensforge.errors import InputError
 from lensforge.sources.source_summary import SourceSummary
+from lensforge.spec.photometry import PhotometrySection
 
 _RELATIVE_LM = 1000.0  # of the source where its flux is not known: cd/klm, as relative photometry has it
 
@@ -23,6 +25,14 @@ class SourceLumens:
         if summary.flux_lm:
             return cls(summary.flux_lm, "spec or source file")
         return cls(_RELATIVE_LM, "not known")
+
+    def require_known(self, section: PhotometrySection) -> None:
+        """Raise :class:`InputError` where a lamp for an area or a road has no lumens to be rated by."""
+        if section.use != "general" and self.per_1000_lm:
+            raise InputError(
+                f'photometry.use = "{section.use}": its ratings count lumens, and the source\'s are not known; give '
+                "source.flux_lm, a spectrum or luminous_efficacy_lm_per_w, or take the photometry with --lumens"
+            )
 
     @property
     def per_1000_lm(self) -> bool:

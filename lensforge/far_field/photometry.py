@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from lensforge.criteria import Criterion, at_most
+from lensforge.far_field.beam_figures import Direction, PlaneFigures
 from lensforge.files import MIB
 from lensforge.records import (
     Array,
@@ -20,6 +21,7 @@ from lensforge.records import (
     SimulatedResult,
     Text,
 )
+from lensforge.roadway.road_figures import RoadFigures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +79,8 @@ class Photometry(SimulatedResult):
     ``node_error`` is the same relative to the intensity, where that is above a tenth of the peak: the largest, and the
     root mean square over solid angle; ``interpolation_error``: rms of what a table of half the steps would add there,
     relative to the peak, with its own standard error on top. ``peak_cd`` has the noise taken off by which the largest
-    of many numbers is too large.
+    of many numbers is too large; ``peak_direction``: node with the largest. ``beam_c0``, ``beam_c90``: in the principal
+    planes. ``road``: of a lamp, where the spec says that it is for an area or a road.
 
     ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
     true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
@@ -95,8 +98,13 @@ class Photometry(SimulatedResult):
     source_lm: Positive
     source_lm_from: Literal["given", "spec or source file", "not known"]
     per_1000_lm: Flag
-    exit_lm: NotNegative
+    exit_lm: Metric
+    axis_cd: Metric
     peak_cd: Metric
+    peak_direction: Direction
+    beam_c0: PlaneFigures
+    beam_c90: PlaneFigures
+    road: RoadFigures | None
     node_error: Extent | None
     interpolation_error: NotNegative | None
     warnings: tuple[Text, ...] = ()

@@ -6,17 +6,19 @@ standard error squared is the structure alone. A finer table is taken while it g
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from lensforge.evaluation.minimum import largest_without_noise
 from lensforge.far_field.angular_grid import AngularGrid, Axis
 from lensforge.records import Extent, Metric
+from lensforge.sources.intensity import TabulatedIntensity
 
 _COARSEST = (4, 6)  # halvings of the finest grid in C and in gamma, where the choice begins: 10 by 10 degrees
 _BRIGHT = 0.1  # of the peak: where relative errors are stated
 _LEAST_SAMPLES = 3  # by which an error of interpolation, and the error of that, can be told from noise
-_SPLITS = 32  # of the samples into halves, by which the peak is found
 _RICHARDSON = 4.0 / 3.0  # the error of linear interpolation is 4/3 of what halving its steps changes
 
 Level = tuple[int, int]  # halvings of the finest grid in C and in gamma
@@ -29,11 +31,13 @@ class FittedIntensity:
 
     ``interpolation_error``: rms, relative to the peak, of what a table of half the steps adds where the light is
     brighter than a tenth of the peak, and one standard error of that; None where so few samples cannot tell.
+    ``finer``: the table of half the steps, by all samples: what it changes is the error of a figure by interpolation.
     """
 
     grid: AngularGrid
     samples: Samples
     interpolation_error: float | None
+    finer: TabulatedIntensity
 
     @property
     def values(self) -> Float[np.ndarray, "c g"]:
@@ -62,26 +66,14 @@ class FittedIntensity:
         rms = float(np.sqrt((relative**2 @ weights) / weights.sum()))
         return Extent(max=float(relative.max()), rms=rms)
 
-    @property
+    @cached_property
     def peak(self) -> Metric:
         """Largest intensity (W/sr), noise taken off.
 
-        One half of the samples chooses the node, the other half reads it, for many such halves: the largest of many
-        noisy numbers is too large, one that was chosen without its own noise is not. Standard error: of these nodes.
+        The largest of many noisy numbers is too large: ``evaluation.minimum`` says how that is found.
         """
-        errors, count = self.standard_errors, len(self.samples)
-        if errors is None:
-            return Metric(value=float(self.values.max()), unit="W/sr")
-        random, found = np.random.default_rng(count), []
-        flat = self.samples.reshape(count, -1)
-        for _ in range(_SPLITS):
-            order = random.permutation(count)
-            halves = [flat[rows].mean(axis=0) for rows in np.array_split(order, 2)]
-            for own, other in (halves, halves[::-1]):
-                node = int(own.argmax())
-                found.append((other[node], errors.flat[node]))
-        value, error = np.mean(found, axis=0)
-        return Metric(value=float(value), unit="W/sr", standard_error=float(error))
+        largest = largest_without_noise(self.samples.reshape(len(self.samples), -1))
+        return largest.model_copy(update={"unit": "W/sr"})
 
 
 def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:
@@ -93,7 +85,9 @@ def fit(finest: AngularGrid, deposits: Samples) -> FittedIntensity:
     level: Level = _COARSEST
     while (finer := _worthwhile(pyramid, level)) is not None:
         level = finer
-    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level))
+    half = (level[0] - 1, level[1] - 1)
+    table = pyramid.grid(half).table(pyramid.table(half).mean(axis=0))
+    return FittedIntensity(pyramid.grid(level), pyramid.table(level), _interpolation_error(pyramid, level), table)
 
 
 class _Pyramid:

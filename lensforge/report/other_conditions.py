@@ -159,7 +159,7 @@ def _figures(result: SimulatedResult) -> Iterator[str]:
             low, high = percent(result.pass_rate.low, 1), percent(result.pass_rate.high, 1)
             yield f"{percent(result.pass_rate.value, 1)} of {result.parts} parts pass ({low} to {high})"
         case Photometry():
-            yield f"{number(result.exit_lm, 4)} lm of {number(result.source_lm, 4)} lm"
+            yield f"{number(result.exit_lm.value, 4)} lm of {number(result.source_lm, 4)} lm"
             yield f"peak {number(float(result.candela.max()), 4)} cd"
         case SurfaceComparison():
             yield f"form PV {number(result.form_deviation_um.pv, 3)} µm"

@@ -18,6 +18,7 @@ from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
 from lensforge.spec.light_limits import LightLimitSpec, require_limit_fits
 from lensforge.spec.part import BaseSection, ManufactureSection
+from lensforge.spec.photometry import PhotometrySection, require_seen_from_afar
 from lensforge.spec.receiver_section import Target
 from lensforge.spec.receivers import AnyReceiver
 from lensforge.spec.scene import implied_receiver, named, require_outside
@@ -50,6 +51,7 @@ class Spec(Section):
     base: BaseSection = Field(default_factory=BaseSection)
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
+    photometry: PhotometrySection = Field(default_factory=PhotometrySection)
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -114,6 +116,7 @@ class Spec(Section):
         field = "receivers.centre_mm: distance of the plane" if self.receivers else "target.distance_mm"
         for receiver in self.all_receivers:
             require_outside(receiver, self.constraints, field)
+        require_seen_from_afar(self.photometry, self.all_receivers, self.constraints)
         return self
 
     @model_validator(mode="after")

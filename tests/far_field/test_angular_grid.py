@@ -81,7 +81,7 @@ def test_the_peak_is_not_that_of_the_noise(slope, bias):
     peaks, errors, largest = [], [], []
     for seed in range(60):
         noise = np.random.default_rng(seed).normal(size=(16, 36, 31))
-        found = FittedIntensity(grid, truth + 0.12 * noise, None)
+        found = FittedIntensity(grid, truth + 0.12 * noise, None, grid.table(truth))
         peaks.append(found.peak.value)
         errors.append(found.peak.standard_error)
         largest.append(found.values.max())

@@ -70,7 +70,7 @@ def test_the_file_of_a_point_source_in_concentric_spheres_is_its_cosine():
     assert (np.abs(found.candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
     assert found.peak_cd.value == pytest.approx(truth[0], rel=0.01)
     assert found.node_error.rms < 0.02
-    assert found.exit_lm == pytest.approx(1000.0 * THROUGH, rel=1e-6)
+    assert found.exit_lm.value == pytest.approx(1000.0 * THROUGH, rel=1e-6)
 
 
 def measured(lens, **options):
@@ -85,11 +85,11 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     assert all(criterion.passed for criterion in found.criteria)
     assert len(found.criteria) == 3
     assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
-    assert found.exit_lm == pytest.approx(250.0 * found.exit_w.value)
+    assert found.exit_lm.value == pytest.approx(250.0 * found.exit_w.value)
     assert 0.0 < found.exit_w.standard_error < 1e-3
     for name in ("lens.ies", "lens.ldt"):
         photometric = read_photometric(tmp_path / name)
-        assert photometric.intensity.flux() == pytest.approx(found.exit_lm, rel=1e-6)
+        assert photometric.intensity.flux() == pytest.approx(found.exit_lm.value, rel=1e-6)
         np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(photometric.intensity.gamma_deg, found.gamma_deg)
         assert photometric.lamp_lumens == 250.0
@@ -128,7 +128,7 @@ def test_the_lumens_of_the_source_come_from_its_efficacy():
     assert all("lumin" not in line for line in found.warnings)
     assert found.light_output_ratio.value == pytest.approx(0.5 * found.exit_w.value)
     assert found.light_output_ratio.standard_error == pytest.approx(0.5 * found.exit_w.standard_error)
-    assert found.exit_lm == pytest.approx(600.0 * found.light_output_ratio.value)
+    assert found.exit_lm.value == pytest.approx(600.0 * found.light_output_ratio.value)
 
 
 def test_without_lumens_record_and_files_say_that_candela_are_relative(tmp_path):
@@ -150,11 +150,11 @@ def test_the_ray_file_has_watts_and_lumens_and_the_spectrum(tmp_path):
     found.save(tmp_path / "lens.tm25ray")
     rayfile = read_rayfile(tmp_path / "lens.tm25ray")
     assert rayfile.header_flux_w == pytest.approx(found.exit_w.value, rel=1e-6)
-    assert rayfile.header_flux_lm == pytest.approx(found.exit_lm, rel=1e-6)
+    assert rayfile.header_flux_lm == pytest.approx(found.exit_lm.value, rel=1e-6)
     (table,) = rayfile.spectral_tables
     np.testing.assert_array_equal(table.wavelengths_nm, [430.0, 450.0, 470.0])
     np.testing.assert_array_equal(table.power_density, [0.0, 1.0, 0.5])
-    assert found.files.tm25ray.lumens == pytest.approx(found.exit_lm, rel=1e-6)
+    assert found.files.tm25ray.lumens == pytest.approx(found.exit_lm.value, rel=1e-6)
     line = measured(
         replace(SHELL, spec=small_spec(source__spectrum={"kind": "line", "wavelength_nm": 589.0})), rays=2**10
     )
@@ -235,11 +235,11 @@ def test_other_readers_find_the_same_light(tmp_path):
     found.write(tmp_path)
     c, gamma, candela, lumens = _plain_ies(tmp_path / "lens.ies")
     assert lumens == 250.0
-    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm, rel=1e-4)
+    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm.value, rel=1e-4)
     np.testing.assert_allclose(candela, found.candela, rtol=1e-6, atol=1e-9)
     c, gamma, candela, lumens = _plain_ldt(tmp_path / "lens.ldt")
     assert lumens == 250.0
-    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm, rel=1e-4)
+    assert _zonal_flux(c, gamma, candela) == pytest.approx(found.exit_lm.value, rel=1e-4)
 
 
 @pytest.mark.parametrize("lumens", [0.0, -5.0, np.nan, np.inf])

@@ -25,11 +25,12 @@ class PlaneBeam(Record):
 def beam_in_plane(table: TabulatedIntensity, c_deg: float) -> PlaneBeam:
     """Measure the beam of ``table`` (cd) in one plane, intensities linear between the angles."""
     gamma, profile = plane_profile(table, c_deg)
+    peak = float(profile.max())
     return PlaneBeam(
         c_deg=c_deg,
-        peak_cd=float(profile.max()),
-        beam_angle_deg=_width(gamma, profile, BEAM_SHARE),
-        field_angle_deg=_width(gamma, profile, FIELD_SHARE),
+        peak_cd=peak,
+        beam_angle_deg=width_above(gamma, profile, BEAM_SHARE * peak),
+        field_angle_deg=width_above(gamma, profile, FIELD_SHARE * peak),
     )
 
 
@@ -40,11 +41,13 @@ def plane_profile(table: TabulatedIntensity, c_deg: float) -> tuple[Float[np.nda
     return np.append(-gamma[behind][::-1], gamma), np.append(back[behind][::-1], front)
 
 
-def _width(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], share: float) -> float | None:
-    """Angle between the outermost crossings of ``share`` of the maximum; the table's end where it is above there."""
-    level = share * profile.max()
+def width_above(gamma: Float[np.ndarray, " n"], profile: Float[np.ndarray, " n"], level: float) -> float | None:
+    """Angle between the outermost crossings of ``level``, linear between the angles; to their ends where it is above.
+
+    None where nothing is above it, or it is not above 0.
+    """
     above = np.flatnonzero(profile >= level)
-    if not level > 0.0:
+    if not level > 0.0 or not len(above):
         return None
     first, last = int(above[0]), int(above[-1])
     low = gamma[0] if first == 0 else _crossing(gamma, profile, first - 1, level)

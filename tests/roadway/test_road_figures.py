@@ -1,0 +1,219 @@
+"""Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.far_field.angular_grid import AngularGrid
+from lensforge.records import Metric
+from lensforge.roadway.bug_rating import BugRating, ZoneLumens
+from lensforge.roadway.distribution_type import distribution_type
+from lensforge.roadway.en13201 import c_class, glare_intensities, p_class, road_lighting
+from lensforge.roadway.lamp_light import LampLight
+from lensforge.roadway.road_figures import RoadFigures
+from lensforge.spec.photometry import PhotometrySection
+
+GRID = AngularGrid(144, np.linspace(0.0, 90.0, 181))
+ROAD = PhotometrySection(use="road", pole_height_m=6.0, pole_spacing_m=30.0, road_width_m=7.0)
+
+
+def _lamp(intensity, noise: float = 0.0, street_deg: float = 90.0) -> LampLight:
+    """Lamp of ``intensity`` (lateral angle, gamma; rad), with relative noise at each node of each of 16 samples."""
+    lateral, gamma = np.meshgrid(np.deg2rad(GRID.c_deg - street_deg), np.deg2rad(GRID.gamma_deg), indexing="ij")
+    values = intensity(lateral, gamma)
+    random = np.random.default_rng(0).normal(size=(16, *values.shape))
+    return LampLight(GRID, values * (1.0 + noise * random), street_deg)
+
+
+def _lambertian(axis_cd: float, **options: float) -> LampLight:
+    return _lamp(lambda lateral, gamma: axis_cd * np.cos(gamma), **options)
+
+
+def _lobes(at_lateral_deg: float, at_gamma_deg: float, width_deg: float = 12.0, back: float = 0.0) -> LampLight:
+    """Two lobes along the road, to both sides of the street's direction."""
+
+    def intensity(lateral, gamma):
+        total = back * 1000.0 * np.cos(gamma)
+        for side in (-1.0, 1.0):
+            turn = (
+                np.cos(lateral - side * np.deg2rad(at_lateral_deg)) * np.sin(gamma) * np.sin(np.deg2rad(at_gamma_deg))
+            )
+            away = np.arccos(np.clip(turn + np.cos(gamma) * np.cos(np.deg2rad(at_gamma_deg)), -1.0, 1.0))
+            total = total + 1000.0 * np.exp(-0.5 * (away / np.deg2rad(width_deg)) ** 2)
+        return total
+
+    return _lamp(intensity)
+
+
+@pytest.mark.parametrize("street_deg", [0.0, 90.0, 37.3, -200.0])
+def test_zones_of_a_lambertian_lamp(street_deg: float) -> None:
+    """Half of pi I0 (sin^2 of the upper angle less that of the lower), in front and at the back."""
+    zones = ZoneLumens.of(_lambertian(1000.0, street_deg=street_deg))
+    for name, low, high in (("low", 0, 30), ("mid", 30, 60), ("high", 60, 80), ("very_high", 80, 90)):
+        wanted = 500.0 * np.pi * (np.sin(np.deg2rad(high)) ** 2 - np.sin(np.deg2rad(low)) ** 2)
+        for side in ("forward", "back"):
+            assert getattr(zones, f"{side}_{name}").value == pytest.approx(wanted, rel=1e-4)
+    assert zones.up_low.value == zones.up_high.value == 0.0
+
+
+def test_the_street_is_where_the_spec_says() -> None:
+    """Light to +y alone: in front of a street at +y, behind one at -y, half and half along one at +x."""
+    half = lambda lateral, gamma: np.where(np.cos(lateral) > 0.0, 100.0, 0.0) * np.cos(gamma)  # noqa: E731
+    towards = _lamp(half, street_deg=90.0)
+    shares = {}
+    for street_deg in (90.0, -90.0, 0.0):
+        zones = ZoneLumens.of(LampLight(GRID, towards.samples, street_deg))
+        shares[street_deg] = zones.forward_mid.value / (zones.forward_mid.value + zones.back_mid.value)
+    assert [round(shares[each], 2) for each in (90.0, -90.0, 0.0)] == [0.99, 0.01, 0.5]  # a step is a cell wide
+
+
+def _zones(**lumens: float) -> ZoneLumens:
+    return ZoneLumens(
+        **{name: Metric(value=lumens.get(name, 0.0), unit="lm", standard_error=1.0) for name in ZoneLumens.model_fields}
+    )
+
+
+@pytest.mark.parametrize(
+    ("lumens", "rating", "symmetric"),
+    [
+        ({"back_low": 105.0}, "B0 U0 G0", False),
+        ({"back_low": 115.0}, "B1 U0 G0", False),
+        ({"back_mid": 5100.0, "forward_high": 5100.0}, "B4 U0 G3", False),
+        ({"back_high": 600.0}, "B2 U0 G2", False),
+        ({"back_high": 600.0}, "B2 U0 G0", True),
+        ({"forward_very_high": 800.0, "up_low": 55.0}, "B0 U3 G5", False),
+    ],
+)
+def test_ratings_are_those_of_the_tables(lumens: dict[str, float], rating: str, symmetric: bool) -> None:
+    found = BugRating.of(_zones(**{"up_low": -10.0, "up_high": -10.0, **lumens}), symmetric=symmetric)
+    assert str(found) == rating
+
+
+def test_a_rating_near_its_bound_is_uncertain() -> None:
+    zones = _zones(up_low=-10.0, up_high=-10.0, back_low=109.0)
+    assert str(BugRating.of(zones, symmetric=False)) == "B0 U0 G0 (uncertain)"
+
+
+@pytest.mark.parametrize(
+    ("lateral", "gamma", "wanted"),
+    [
+        (90.0, 60.0, "type I short"),  # along: tan 60 = 1.73 heights, none across
+        (75.0, 70.0, "type II medium"),  # 2.65 along, 0.71 across and the half width of the lobe
+        (55.0, 68.0, "type III short"),
+        (25.0, 70.0, "type IV short"),
+    ],
+)
+def test_types_of_lamps_with_two_lobes(lateral: float, gamma: float, wanted: str) -> None:
+    found = distribution_type(_lobes(lateral, gamma, width_deg=5.0))
+    assert found.along_mh == pytest.approx(np.tan(np.deg2rad(gamma)) * np.sin(np.deg2rad(lateral)), rel=0.02)
+    assert str(found) == wanted
+
+
+def test_a_lamp_that_is_the_same_all_around_is_type_five() -> None:
+    found = distribution_type(_lambertian(100.0))
+    assert str(found) == "type V very short"
+    assert found.roundness.value == pytest.approx(1.0)
+    ring = _lamp(lambda lateral, gamma: np.exp(-(((gamma - 1.2) / 0.1) ** 2)))
+    assert str(distribution_type(ring)) == "type V medium"
+
+
+def test_the_reach_of_half_the_light_is_that_of_the_lobe() -> None:
+    """A lobe of Gaussian shape straight towards the street: half of it is 1.1774 standard deviations out."""
+    found = distribution_type(
+        _lamp(lambda lateral, gamma: np.exp(-0.5 * ((gamma - 0.8) / 0.1) ** 2) * (np.cos(lateral) > 0.9))
+    )
+    assert found.street_mh.value == pytest.approx(np.tan(0.8 + 0.1 * np.sqrt(2.0 * np.log(2.0))), abs=0.02)
+    assert found.house_mh.value == 0.0
+
+
+def test_illuminance_of_a_row_of_lambertian_lamps() -> None:
+    """E = I0 h^2 / (h^2 + x^2 + y^2)^2 of each lamp within five heights."""
+    found = road_lighting(_lambertian(5000.0), ROAD)
+    x, y = np.meshgrid((np.arange(10) + 0.5) * 3.0, (np.arange(5) + 0.5) * 1.4)
+    total = np.zeros_like(x)
+    for lamp in range(-3, 5):
+        square = (x - 30.0 * lamp) ** 2 + y**2
+        total += np.where(square <= 900.0, 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
+    assert found.points == 50
+    assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
+    assert found.least_lx.value == pytest.approx(total.min(), rel=1e-3)
+    assert found.uniformity.value == pytest.approx(total.min() / total.mean(), rel=1e-3)
+
+
+def test_overhang_maintenance_and_long_spacings() -> None:
+    section = ROAD.model_copy(update={"overhang_m": 1.5, "maintenance_factor": 0.8, "pole_spacing_m": 40.0})
+    found = road_lighting(_lambertian(5000.0), section)
+    x, y = np.meshgrid((np.arange(14) + 0.5) * 40.0 / 14, (np.arange(5) + 0.5) * 1.4)
+    total = np.zeros_like(x)
+    for lamp in range(-3, 5):
+        square = (x - 40.0 * lamp) ** 2 + (y - 1.5) ** 2
+        total += np.where(square <= 900.0, 0.8 * 5000.0 * 36.0 / (36.0 + square) ** 2, 0.0)
+    assert found.points == 70
+    assert found.mean_lx.value == pytest.approx(total.mean(), rel=1e-3)
+
+
+def test_noise_is_not_in_the_least_illuminance() -> None:
+    truth = road_lighting(_lambertian(5000.0), ROAD)
+    noisy = road_lighting(_lambertian(5000.0, noise=0.5), ROAD)
+    for name in ("mean_lx", "least_lx", "uniformity"):
+        value, wanted = getattr(noisy, name), getattr(truth, name)
+        assert value.standard_error > 0.0
+        assert abs(value.value - wanted.value) < 4.0 * value.standard_error
+
+
+@pytest.mark.parametrize(
+    ("mean", "least", "wanted"),
+    [(15.0, 3.0, "P1"), (15.0, 2.9, "P2"), (14.9, 3.0, "P2"), (16.0, 2.9, "none"), (7.5, 1.0, "P4"), (1.9, 1.0, "none"),
+     (30.0, 10.0, "none"), (2.9, 0.4, "P6")],
+)  # fmt: skip
+def test_p_classes(mean: float, least: float, wanted: str) -> None:
+    assert p_class(mean, least) == wanted
+
+
+@pytest.mark.parametrize(
+    ("mean", "uniformity", "wanted"), [(50.0, 0.4, "C0"), (49.9, 0.4, "C1"), (7.5, 0.5, "C5"), (20.0, 0.39, "none")]
+)
+def test_c_classes(mean: float, uniformity: float, wanted: str) -> None:
+    assert c_class(mean, uniformity) == wanted
+
+
+def test_glare_is_candela_per_thousand_lumens() -> None:
+    """Lambertian: cos(70) 1000/pi = 108.9 cd/klm, cos(80) 1000/pi = 55.3: the strictest class that asks no more."""
+    found = glare_intensities(_lambertian(1000.0), 1000.0 * np.pi)
+    assert found.above_70.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(70.0)), rel=1e-3)
+    assert found.above_80.value == pytest.approx(1000.0 / np.pi * np.cos(np.deg2rad(80.0)), rel=1e-3)
+    assert found.glare_class == "G*6"
+    assert glare_intensities(_lobes(75.0, 72.0, 8.0), 400.0).glare_class in ("none", "G*1", "G*2", "G*3")
+
+
+def test_a_lamp_of_many_lenses_has_their_light() -> None:
+    lamp, section = _lambertian(10.0), ROAD.model_copy(update={"lenses": 48})
+    one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
+    found = RoadFigures.of(section, GRID, lamp.samples, one)
+    assert found is not None
+    assert found.lumens.value == pytest.approx(480.0 * np.pi)
+    assert found.lumens.standard_error == pytest.approx(4.8)
+    zones = found.bug.zones.model_dump()
+    assert sum(each["value"] for each in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
+    assert found.road is not None
+    area = RoadFigures.of(PhotometrySection(use="area"), GRID, lamp.samples, one)
+    assert area is not None
+    assert area.road is None
+    assert RoadFigures.of(PhotometrySection(), GRID, lamp.samples, one) is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"use": "road", "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"needs pole_height_m; give them"),
+        ({"use": "road"}, r"needs pole_height_m, pole_spacing_m, road_width_m"),
+        ({"use": "area", "pole_height_m": 6.0}, r"pole_height_m is of a road"),
+        ({"maintenance_factor": 0.8}, r"maintenance_factor is of a road"),
+        ({"use": "stadium"}, r"use"),
+        ({"use": "road", "pole_height_m": -1.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}, r"pole_height_m"),
+    ],
+)
+def test_bad_sections_are_one_line(fields: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        PhotometrySection(**fields)
+    assert "\n" not in str(error.value)
