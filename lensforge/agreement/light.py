@@ -4,12 +4,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Bool
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light, light_criteria
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.evaluation.region_light import bright_region
 from lensforge.lens import Lens
 from lensforge.lens_at_temperature import at_temperature
 from lensforge.optics.two_refractions import transmittance_of
@@ -166,6 +168,20 @@ def _pictures(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiv
     for name, metric, known in (("uniformity", light.uniformity, raw.uniformity), ("rsd", light.rsd, raw.rsd)):
         if (metric is None) != (known is None):
             yield f"{name}: {'missing' if metric is None else 'given'}, but not so in raw"
+    yield from _region(light, mask)
+
+
+def _region(light: ReceiverLight, mask: Bool[np.ndarray, "h w"] | None) -> Iterator[str]:
+    """Mean light of the region is that of the picture; the least is below it, the largest above."""
+    found = light.in_region
+    if found is None:
+        return
+    yield from unlike(
+        "in_region.region", found.region, "bright" if mask is None else "uniform", "the spec names one of"
+    )
+    inside = bright_region(light.target_map) if mask is None else mask
+    yield from differing("in_region.mean", found.mean.value, float(light.map[inside].mean()), _PICTURES)
+    yield from beyond("in_region.u1", found.u1.value, -np.inf, found.u0.value, "its uniformity U0")
 
 
 def _noise(light: ReceiverLight) -> Iterator[str]:

@@ -14,8 +14,10 @@ from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.noise_free import Images
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
+from lensforge.evaluation.region_light import RegionLight
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask, mean_share
 from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
+from lensforge.figures.light_unit import light_unit
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
@@ -110,6 +112,7 @@ def receiver_light(
     mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
+    unit = light_unit(None, far_field=receiver.kind == "far_field")
     width, height, radius = (side if np.isfinite(side) else None for side in astuple(receiver.window))
     return ReceiverLight(
         name=section.name or section.kind,
@@ -123,6 +126,7 @@ def receiver_light(
         share_in_target=mean_share(received.images[:, in_target(target)].sum(axis=1) / emitted_w),
         uniformity=metrics.uniformity,
         rsd=metrics.rsd,
+        in_region=RegionLight.of(images / measure, target, mask, unit.symbol),
         raw=_raw(mean, target, mask),
         nmse_of_noise=_noise(images),
         possible=_possible(physics, target, float(mean.sum()) / emitted_w),

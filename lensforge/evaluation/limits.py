@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.criteria import Sense
 from lensforge.evaluation.limit_result import LimitResult
-from lensforge.evaluation.minimum import largest_without_noise, least_without_noise
+from lensforge.evaluation.minimum import largest_without_noise, least_without_noise, ratio_of
 from lensforge.jackknife import jackknife_metric
 from lensforge.records import Metric
 from lensforge.sources.photometric.beam import width_above
@@ -60,22 +60,12 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
             means = readings.mean(axis=1, keepdims=True)
             return _extreme(readings / np.where(means > 0.0, means, 1.0), ">=")
     whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
-    return _ratio(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
+    return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
 
 
 def _extreme(readings: Readings, sense: Sense) -> Metric:
     """The least reading for a lower bound, the largest for an upper one, without the noise that would choose it."""
     return least_without_noise(readings) if sense == ">=" else largest_without_noise(readings)
-
-
-def _ratio(above: Metric, below: Metric) -> Metric:
-    if not below.value > 0.0:
-        return Metric(value=0.0)
-    value = above.value / below.value
-    if above.standard_error is None or below.standard_error is None:
-        return Metric(value=value)
-    error = np.hypot(above.standard_error, value * below.standard_error) / below.value
-    return Metric(value=value, standard_error=float(error))
 
 
 def beam_angle(limit: LightLimit, light: Float[np.ndarray, " k"]) -> float:

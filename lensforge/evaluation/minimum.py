@@ -100,6 +100,17 @@ def largest_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
     return found.model_copy(update={"value": -found.value})
 
 
+def ratio_of(above: Metric, below: Metric) -> Metric:
+    """Ratio of two figures whose errors are independent; 0 where the second is not above 0."""
+    if not below.value > 0.0:
+        return Metric(value=0.0)
+    value = above.value / below.value
+    if above.standard_error is None or below.standard_error is None:
+        return Metric(value=value)
+    error = np.hypot(above.standard_error, value * below.standard_error) / below.value
+    return Metric(value=value, standard_error=float(error))
+
+
 def _least(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _slope(halves, quarters)

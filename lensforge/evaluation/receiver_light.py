@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from lensforge.evaluation.region_light import RegionLight
 from lensforge.figures.chart import Chart
 from lensforge.records import Flag, Irradiance, Metric, NotNegative, Positive, Record, Share, Text
 from lensforge.spec.target import IN_TARGET
@@ -80,7 +81,8 @@ class ReceiverLight(Record):
     before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
     arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
     tenth of its maximum. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in the region of
-    ``uniform_mm`` or ``uniform_deg``; None where the spec names none.
+    ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and uniformities there,
+    or where the target is bright; None where one of the replicates is dark.
 
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
@@ -98,6 +100,7 @@ class ReceiverLight(Record):
     share_in_target: Metric
     uniformity: Metric | None
     rsd: Metric | None
+    in_region: RegionLight | None = None
     raw: RawMetrics
     nmse_of_noise: NotNegative | None
     possible: Possible

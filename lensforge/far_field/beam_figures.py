@@ -107,6 +107,11 @@ class CandelaTables:
         """Step of gamma in the beam: the ends of a width are each known to a step."""
         return float(self.whole.gamma_deg[1] - self.whole.gamma_deg[0])
 
+    @property
+    def _span_deg(self) -> float:
+        """Angle between the table's ends: no width errs by more, where lobes come and go with the noise."""
+        return 2.0 * float(self.whole.gamma_deg[-1])
+
     def _with(self, values: Float[np.ndarray, "c g"]) -> TabulatedIntensity:
         return TabulatedIntensity(self.whole.c_deg, self.whole.gamma_deg, values)
 
@@ -122,5 +127,5 @@ class CandelaTables:
         if found.standard_error is None or peak.standard_error is None:
             return found
         wide, narrow = (width(self.whole, share * (peak.value + side * peak.standard_error)) for side in (-1.0, 1.0))
-        error = float(np.hypot(found.standard_error, 0.5 * (wide - narrow)))
+        error = min(float(np.hypot(found.standard_error, 0.5 * (wide - narrow))), self._span_deg)
         return found.model_copy(update={"standard_error": error})

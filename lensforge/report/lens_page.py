@@ -21,6 +21,7 @@ from lensforge.report.measured import measured
 from lensforge.report.numerals import size
 from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
 from lensforge.report.page import template
+from lensforge.report.photometry_section import photometry_section
 from lensforge.report.receiver_table import receiver_rows
 from lensforge.report.referees import gap_pictures, referee_rows
 from lensforge.report.sensitivity_rows import change_rows
@@ -89,6 +90,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "receivers": receiver_rows(results),
         "limits": limit_rows(results),
         "asked": asked_rows(results),
+        "photometry": photometry_section(results),
         "pictures": _pictures(results, taken),
         "referees": referee_rows(results),
         "stray_sentence": stray_sentence(results),

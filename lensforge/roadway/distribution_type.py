@@ -84,8 +84,8 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     along = float(np.hypot(road.along, road.across if everywhere else 0.0)[peak])
     place = next(number for number, (_, end) in enumerate(_ALONG) if along < end)
     low, high = (0.0 if place == 0 else _ALONG[place - 1][1]), _ALONG[place][1]
-    street = jackknife_metric(samples, lambda light: road.reach(light, low, high, 1.0))
-    house = jackknife_metric(samples, lambda light: road.reach(light, low, high, -1.0))
+    street = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, 1.0)))
+    house = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, -1.0)))
     types = {_lateral(street, roundness, errors) for errors in (-_DOUBT, 0.0, _DOUBT)}
     return DistributionType(
         lateral=_lateral(street, roundness),
@@ -96,6 +96,14 @@ def distribution_type(lamp: LampLight) -> DistributionType:
         house_mh=house,
         roundness=roundness,
     )
+
+
+def _with_step(reach: Metric) -> Metric:
+    """A reach whose error includes half a step of gamma on the road."""
+    if reach.standard_error is None:
+        return reach
+    step = 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2)
+    return reach.model_copy(update={"standard_error": float(np.hypot(reach.standard_error, step))})
 
 
 def _lateral(street: Metric, roundness: Metric, errors: float = 0.0) -> Lateral:

@@ -1,0 +1,127 @@
+"""Figures of the far field: polar diagram, lines of equal intensity, and of equal illuminance on the ground."""
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from lensforge.far_field.photometry import Photometry
+from lensforge.report.figure_style import BLUE, GREY, INK, NARROW, ORANGE, in_report_style, new_figure
+from lensforge.report.irradiance_figures import ISO_SHARES
+from lensforge.report.numerals import number, percent
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.beam import plane_profile
+
+_PLANES = {0.0: (ORANGE, "C 0 – C 180"), 90.0: (BLUE, "C 90 – C 270")}
+_RINGS = 4
+_FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond it
+_SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
+_PIXELS = 241
+
+
+@in_report_style
+def polar_diagram(found: Photometry) -> Figure:
+    """Intensity over gamma in the principal planes, gamma = 0 downwards, as data sheets have it."""
+    figure, axes = new_figure(NARROW, 0.68 * NARROW)
+    profiles = {c_deg: plane_profile(_table(found), c_deg) for c_deg in _PLANES}
+    top = max(float(values.max()) for _, values in profiles.values()) or 1.0
+    for radius in top * np.arange(1, _RINGS + 1) / _RINGS:
+        _ring(axes, radius, from_deg=180.0)
+        axes.text(radius, 0.02 * top, number(radius, 3), fontsize=7.0, ha="center", va="bottom")
+    for degrees in range(-90, 91, 30):
+        angle = np.deg2rad(degrees)
+        axes.plot([0.0, top * np.sin(angle)], [0.0, -top * np.cos(angle)], color=GREY, linewidth=0.4)
+        axes.text(
+            1.08 * top * np.sin(angle), -1.08 * top * np.cos(angle), f"{abs(degrees)}°", fontsize=7.0, ha="center",
+            va="center",
+        )  # fmt: skip
+    for c_deg, (colour, name) in _PLANES.items():
+        gamma, values = profiles[c_deg]
+        angle = np.deg2rad(gamma)
+        axes.plot(values * np.sin(angle), -values * np.cos(angle), color=colour, label=name)
+    axes.set(aspect="equal", xlim=(-1.18 * top, 1.18 * top), ylim=(-1.18 * top, 0.12 * top))
+    axes.set_axis_off()
+    figure.legend(loc="outside upper center", ncols=2)
+    return figure
+
+
+@in_report_style
+def isocandela_diagram(found: Photometry) -> Figure:
+    """Lines of equal intensity over C, counted counterclockwise from the right, and gamma from the centre."""
+    figure, axes = new_figure(NARROW, NARROW)
+    reach = _reach(found)
+    x, y = np.meshgrid(*2 * [np.linspace(-reach, reach, _PIXELS)])
+    light = _at(_table(found), np.rad2deg(np.arctan2(y, x)), np.hypot(x, y))
+    levels, colours = [share * found.peak_cd.value for share in ISO_SHARES], list(ISO_SHARES.values())
+    axes.contour(x, y, light, levels=levels, colors=colours, linewidths=0.9)
+    for (share, colour), level in zip(ISO_SHARES.items(), levels, strict=True):
+        axes.plot([], [], color=colour, label=f"{number(level, 3)} cd ({percent(share, 0)})")
+    for radius in _round_angles(reach):
+        _ring(axes, radius)
+        axes.text(0.0, -radius, f"{radius:g}°", fontsize=7.0, ha="center", va="center")
+    for c_deg in (0, 90, 180, 270):
+        turn = np.deg2rad(c_deg)
+        axes.text(reach * np.cos(turn), reach * np.sin(turn), f"C {c_deg}", fontsize=7.0, ha="center", va="center")
+    axes.set(aspect="equal", xlim=(-1.08 * reach, 1.08 * reach), ylim=(-1.08 * reach, 1.08 * reach))
+    axes.set_axis_off()
+    figure.legend(loc="outside lower center", ncols=3, fontsize=7.0)
+    return figure
+
+
+@in_report_style
+def ground_diagram(found: Photometry, street_deg: float, lenses: int, height_m: float | None) -> Figure:
+    """Illuminance on the ground under one lamp, over places in mounting heights, the street upwards.
+
+    In lux at ``height_m``, or where there is none as a share of the largest.
+    """
+    figure, axes = new_figure(NARROW, NARROW)
+    along, across = np.meshgrid(*2 * [np.linspace(-_SHOWN_HEIGHTS, _SHOWN_HEIGHTS, _PIXELS)])
+    away = np.hypot(along, across)
+    lateral = np.rad2deg(np.arctan2(along, across))
+    c_deg = -(lateral + street_deg)  # the file counts C the other way than the lens its azimuth
+    light = lenses * _at(_table(found), c_deg, np.rad2deg(np.arctan(away))) / (1.0 + away**2) ** 1.5
+    scale, unit = (1.0 / float(light.max()), "of the largest") if height_m is None else (height_m**-2, "lx")
+    top = float(scale * light.max())
+    for share, colour in zip((0.01, 0.05, 0.2, 0.5), ("#6a4fc4", "#2f7fd1", "#1f9e89", "#d18a1f"), strict=True):
+        axes.contour(along, across, scale * light, levels=[share * top], colors=[colour], linewidths=0.9)
+        words = f"{percent(share, 0)} {unit}" if height_m is None else f"{number(share * top, 2)} {unit}"
+        axes.plot([], [], color=colour, label=words)
+    axes.axhline(0.0, color=INK, linewidth=0.5)
+    axes.set(aspect="equal", xlabel="along the road (mounting heights)", ylabel="towards the street")
+    axes.grid(True)
+    figure.legend(loc="outside upper center", ncols=4, fontsize=7.0)
+    return figure
+
+
+def _table(found: Photometry) -> TabulatedIntensity:
+    return TabulatedIntensity(found.c_deg, found.gamma_deg, found.candela)
+
+
+def _at(
+    table: TabulatedIntensity, c_deg: Float[np.ndarray, "n n"], gamma_deg: Float[np.ndarray, "n n"]
+) -> Float[np.ndarray, "n n"]:
+    """Intensities of the table; 0 beyond its last gamma."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    read = RegularGridInterpolator((table.c_deg, table.gamma_deg), table.values, bounds_error=False, fill_value=0.0)
+    found: Float[np.ndarray, "n n"] = read(np.stack([c_deg % 360.0, gamma_deg], axis=-1))
+    return found
+
+
+def _reach(found: Photometry) -> float:
+    """Angle (deg) that the isocandela diagram shows: somewhat more than half the wider field angle."""
+    widths = [
+        beam.field_angle_deg.value for beam in (found.beam_c0, found.beam_c90) if beam.field_angle_deg is not None
+    ]
+    return min(90.0, _FURTHER * 0.5 * max(widths, default=180.0))
+
+
+def _round_angles(reach: float) -> list[float]:
+    """Angles of the rings: three or four, at round numbers."""
+    step = next(step for step in (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0) if reach / step <= 4.5 or step == 30.0)
+    return [float(angle) for angle in np.arange(step, reach, step)]
+
+
+def _ring(axes: Axes, radius: float, from_deg: float = 0.0) -> None:
+    turn = np.deg2rad(np.linspace(from_deg, 360.0, 181))
+    axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=GREY, linewidth=0.4)
