@@ -29,7 +29,7 @@ from lensforge.version import __version__
 
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
-STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof)
+STAGES: tuple[type[StageResult], ...] = (Design, Light, Part, Check, Proof, Photometry)
 # Results on request, and of the machined part, by the stem of their files.
 EXTRAS: dict[str, type[StageResult]] = {
     "stray": StrayLight,
@@ -40,7 +40,6 @@ EXTRAS: dict[str, type[StageResult]] = {
     "correct_outer": Correction,
     "sensitivity": Sensitivity,
     "yield": Yield,
-    "photometry": Photometry,
 }
 _FILES: dict[str, type[StageResult]] = {**{kind.stage: kind for kind in STAGES}, **EXTRAS}
 _HOLD_LENS = (Design, Part)
@@ -103,6 +102,11 @@ class Results:
     def proof(self) -> Proof:
         """The rays cast through the exported part."""
         return self.take(Proof)
+
+    @property
+    def photometry(self) -> Photometry:
+        """The far field, and the files that hold it."""
+        return self.take(Photometry)
 
     @property
     def surfaces(self) -> dict[str, SurfaceComparison]:

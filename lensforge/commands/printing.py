@@ -10,6 +10,7 @@ import click
 from lensforge.criteria import require
 from lensforge.errors import CriterionMissed
 from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
 from lensforge.pipeline import refresh_report
 from lensforge.records import Metric, SimulatedResult, StageResult
 from lensforge.report.ownership import is_free_or_own
@@ -137,7 +138,21 @@ def print_headline(run: Run) -> None:
         if result is not None:
             content = result.model_dump(mode="json", include=set(keys), exclude_none=True)
             print_table({key: content[key] for key in keys if key in content}, f"{stem}.")
+    print_far_field(run)
     print_verdict(run)
+
+
+def print_far_field(run: Run) -> None:
+    """Print lumens, largest candela and beam angles, and what a lamp for an area or a road is rated."""
+    found = run.find(Photometry)
+    if found is None:
+        return
+    angles = {"c0": found.beam_c0.beam_angle_deg, "c90": found.beam_c90.beam_angle_deg}
+    figures = {"exit_lm": found.exit_lm, "peak_cd": found.peak_cd}
+    figures |= {f"beam_angle_{plane}_deg": angle for plane, angle in angles.items() if angle is not None}
+    print_table({name: figure.model_dump(mode="json") for name, figure in figures.items()}, "photometry.")
+    if found.road is not None:
+        print_table({"distribution": str(found.road.distribution), "bug": str(found.road.bug)}, "photometry.")
 
 
 def print_verdict(run: Run) -> None:

@@ -35,6 +35,7 @@ _REMARKS = {
     "export": "There is no export.json: no file for a shop has been written; run lensforge export.",
     "check": "There is no check.json: the lens has not been checked for manufacture; run lensforge check.",
     "verify": "There is no verify.json: the exported part has not been verified; run lensforge verify.",
+    "photometry": "There is no photometry.json: the far field has not been computed; run lensforge photometry.",
 }
 
 

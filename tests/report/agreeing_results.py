@@ -222,7 +222,7 @@ def difference(after, before):
 
 MAKERS = {
     "design": design, "evaluate": light, "export": part, "check": check, "verify": proof, "stray": stray,
-    "compare": compare,
+    "compare": compare, "photometry": lambda result, lens: {},
 }  # fmt: skip
 CRITERIA = {
     "Design": lambda each, lens: {"criteria": constraint_criteria(lens.spec, each.constraints)},

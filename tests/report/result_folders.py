@@ -3,6 +3,7 @@
 import numpy as np
 import trimesh
 from agreeing_results import agreeing, proof_of
+from made_photometry import make_photometry
 from undrawn import without_views
 
 from lensforge.criteria import Criterion
@@ -38,7 +39,7 @@ from lensforge.verification.proof import LandingDeviation, PlainCast, Proof, Rec
 from lensforge.verification.size_result import Faults, SizedFile, Sizes
 
 SIZE = BodySize(volume_mm3=3833.5, area_mm2=1250.5, bounds_mm=((-14.0, -14.0, -2.0), (14.0, 14.0, 13.5)))
-STAGES = ("design", "evaluate", "export", "check", "verify")
+STAGES = ("design", "evaluate", "export", "check", "verify", "photometry")
 PIXELS, NODES = 16, 21
 
 
@@ -420,4 +421,5 @@ MAKERS = {
     "export": make_part,
     "check": make_check,
     "verify": make_proof,
+    "photometry": make_photometry,
 }

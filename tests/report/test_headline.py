@@ -25,15 +25,15 @@ def page():
 
 
 def test_criteria_that_hold_are_said_to_hold(page):
-    assert "All 5 criteria are met." in page.text
+    assert "All 8 criteria are met." in page.text
     table = page.text[page.text.index("All criteria") :]
-    assert table.count("✓ pass") == 5
+    assert table.count("✓ pass") == 8
     assert "✗" not in page.text
 
 
 def test_the_three_verdicts_stand_at_the_top(page):
     for words in ("✓ Light: pass", "✓ Files: pass", "✓ Cutting: pass"):
-        assert page.text.index(words) < page.text.index("All 5 criteria are met.")
+        assert page.text.index(words) < page.text.index("All 8 criteria are met.")
 
 
 def test_a_verdict_that_is_no_pass_comes_with_its_reason():
@@ -45,7 +45,7 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     assert "Light: NMSE = 0.3, at most 0.1" in text
     assert "✗ Cutting: fail" in text
     assert f"Cutting: {reason}" in text
-    assert "All 5 criteria are met." in text, "they are another matter"
+    assert "All 8 criteria are met." in text, "they are another matter"
     assert "✓ Files: pass" in text
 
 
@@ -113,7 +113,7 @@ def test_a_stage_that_has_not_run_is_one_sentence(stage):
 
 def test_an_outdated_stage_is_named_with_its_reason():
     why = "it was made from another lens; run `lensforge evaluate` again"
-    text = text_of(make_results(("design", "export", "check", "verify"), outdated={"evaluate": why}))
+    text = text_of(make_results(("design", "export", "check", "verify", "photometry"), outdated={"evaluate": why}))
     assert f"evaluate.json does not count: {why}." in text
     assert "Out of date: evaluate." in text
     assert "Not run yet" not in text

@@ -56,7 +56,7 @@ def test_every_number_of_every_record_is_on_the_page(page, results):
 def test_all_figures_are_there(page):
     # the first, 3 of light, 3 lines, isolines, circle and flux, 2 sections, 3 per face, 3 of the proof and the gaps,
     # 4 of the search
-    assert page.tags.count("svg") == 1 + 3 + 3 + 3 + 2 + 6 + 4 + 4
+    assert page.tags.count("svg") == 1 + 3 + 3 + 3 + 2 + 2 + 6 + 4 + 4
 
 
 def test_a_lens_alone_makes_a_page():

@@ -42,7 +42,7 @@ def test_results_show_verdicts_numbers_and_pictures(results):
 def test_results_say_why_a_verdict_is_no_pass():
     text = "".join(parsed(results_html(make_results(("design",)))).itertext())
     assert "Light: the light has not been evaluated" in text
-    assert "Not run yet: evaluate, export, check, verify." in text
+    assert "Not run yet: evaluate, export, check, verify, photometry." in text
 
 
 def test_the_plotted_light_is_the_one_of_the_record(results):

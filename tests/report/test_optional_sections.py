@@ -45,18 +45,18 @@ def test_sections_pictures_and_links_are_there(page):
     assert {"stray", "measured"} <= set(page.ids)
     assert {"#stray", "#measured"} <= set(page.references)
     # the whole report's, 3 of stray light, 3 + 3 of the photograph, 3 of the surface
-    assert page.tags.count("svg") == 26 + 3 + 6 + 3
+    assert page.tags.count("svg") == 26 + 2 + 3 + 6 + 3
     for words in ("found in the photograph with the LED off", "12 345 points", "PV 12.5 µm, rms 2.25 µm"):
         assert folded(words.replace("12 345", "12\u2009345")) in page.text
 
 
 def test_criteria_of_these_results_count_under_their_names(page):
-    assert "All 10 criteria are met." in page.text
+    assert "All 13 criteria are met." in page.text
     table = page.text[page.text.index("All criteria") :]
     for stage in ("stray light", "photograph", "outer surface"):
         assert f"mm {stage}" in table
     failing = whole_results(compare={"criteria": (criterion("photo_clipped", 0.5, 0.01),)})
-    assert "1 of 10 criteria is not met: photo clipped." in text_of(failing)
+    assert "1 of 13 criteria is not met: photo clipped." in text_of(failing)
 
 
 def test_each_referee_has_its_row_and_its_verdict(results):

@@ -1,0 +1,67 @@
+"""Photometry of a Lambertian far field of 1000 lm, in closed form, whose figures agree with its table."""
+
+import numpy as np
+
+from lensforge.far_field.angular_grid import AngularGrid
+from lensforge.far_field.beam_figures import Direction, PlaneFigures
+from lensforge.far_field.photometry import LostFlux, Photometry, WrittenFile, WrittenFiles, photometry_criteria
+from lensforge.records import Extent, Metric
+from lensforge.roadway.road_figures import RoadFigures
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.beam import plane_profile, width_above
+
+C_DEG, GAMMA_DEG = np.linspace(0.0, 360.0, 37), np.linspace(0.0, 90.0, 46)
+
+
+def make_photometry(lens, **changes):
+    """The record of a lens that sends 0.9 of 1 W out; ``changes``: of its fields."""
+    table = TabulatedIntensity(C_DEG, GAMMA_DEG, np.tile(1000.0 / np.pi * np.cos(np.deg2rad(GAMMA_DEG)), (37, 1)))
+    written = WrittenFile(lumens=1000.0, watts=0.9, rays=100, relative_error=1e-9)
+    files = WrittenFiles(ies=written, ldt=written, tm25ray=written)
+    lumens = Metric(value=1000.0, unit="lm", standard_error=0.5)
+    samples = np.tile(table.values[None, :-1], (16, 1, 1))
+    content = {
+        "inputs": {"lens": lens.sha256},
+        "rays": 1024,
+        "source_w": 1.0,
+        "exit_w": Metric(value=0.9, unit="W", standard_error=1e-4),
+        "light_output_ratio": Metric(value=0.9, standard_error=1e-4),
+        "lost_w": LostFlux(**dict.fromkeys(LostFlux.model_fields, 0.0)),
+        "reflected_w": 0.1,
+        "source_lm": 1000.0 / 0.9,
+        "source_lm_from": "given",
+        "per_1000_lm": False,
+        "exit_lm": lumens,
+        "axis_cd": _candela(table.values[0, 0]),
+        "peak_cd": _candela(table.values.max()),
+        "peak_direction": Direction(c_deg=0.0, gamma_deg=0.0),
+        "beam_c0": _beam(table, 0.0),
+        "beam_c90": _beam(table, 90.0),
+        "road": RoadFigures.of(lens.spec.photometry, AngularGrid(36, GAMMA_DEG), samples, lumens),
+        "node_error": Extent(max=0.03, rms=0.01),
+        "interpolation_error": 0.002,
+        "files": files,
+        "seconds": 1.0,
+        "criteria": photometry_criteria(files),
+        "c_deg": C_DEG,
+        "gamma_deg": GAMMA_DEG,
+        "candela": table.values,
+        "candela_standard_error": 0.01 * table.values,
+        "ies": b"ies",
+        "ldt": b"ldt",
+        "tm25": b"tm25",
+    }
+    return Photometry(**{**content, **changes})
+
+
+def _candela(value):
+    return Metric(value=float(value), unit="cd", standard_error=2.0)
+
+
+def _beam(table, c_deg):
+    peak = float(table.values.max())
+    angles = {
+        name: Metric(value=width_above(*plane_profile(table, c_deg), share * peak), unit="°", standard_error=0.2)
+        for name, share in (("beam_angle_deg", 0.5), ("field_angle_deg", 0.1))
+    }
+    return PlaneFigures(c_deg=c_deg, peak_cd=_candela(peak), **angles)
