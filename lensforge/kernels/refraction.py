@@ -34,22 +34,27 @@ def transmittance(c, q, ratio):
 def coated_transmittance(c, q, ratio, table, row):
     """Transmittance of a coated face, and its derivative with respect to ``c``.
 
-    ``table``: coefficients of its reflectance, splines over the cosine in the less dense medium, from 0 to 1; ``row``:
-    place among its rows.
+    ``table``: coefficients of its reflectance, splines over the cosine in the less dense medium, from 0 to 1, of one
+    wavelength or in rows; ``row``: place among the rows.
     """
-    cells = table.shape[1] - 3
+    cells = table.shape[-1] - 3
     cosine = c if ratio < 1.0 else q
     position = cosine * cells
     i = min(int(position), cells - 1)
-    low = min(int(row), max(table.shape[0] - 2, 0))
-    high = min(low + 1, table.shape[0] - 1)
-    share = row - low
     w, d, _ = cubic_splines(position - i)
     value, slope = 0.0, 0.0
-    for j in range(4):
-        coefficient = table[low, i + j] + share * (table[high, i + j] - table[low, i + j])
-        value += w[j] * coefficient
-        slope += d[j] * coefficient
+    if table.ndim == 1:  # known to the compiler: it leaves out the other case
+        for j in range(4):
+            value += w[j] * table[i + j]
+            slope += d[j] * table[i + j]
+    else:
+        low = min(int(row), max(table.shape[0] - 2, 0))
+        high = min(low + 1, table.shape[0] - 1)
+        share = row - low
+        for j in range(4):
+            coefficient = table[low, i + j] + share * (table[high, i + j] - table[low, i + j])
+            value += w[j] * coefficient
+            slope += d[j] * coefficient
     by_c = 1.0 if ratio < 1.0 else ratio * ratio * c / q
     return 1.0 - value, -slope * cells * by_c
 

@@ -15,6 +15,9 @@ _EVEN = 1e-9  # relative: of steps that differ by rounding alone
 _FIELDS = {"inner": "lens.inner_coating", "outer": "lens.outer_coating", "glass": "lens.cover_glass.coating"}
 
 
+_Compiled = Float[np.ndarray, "..."] | None
+
+
 @dataclass(frozen=True, eq=False)
 class RayCoatings:
     """Table of each face, as in :class:`CoatingTables`; None: it reflects by Fresnel's formulas, or nothing.
@@ -43,9 +46,24 @@ class RayCoatings:
             rows = _places(waves, tables.wavelengths_nm)
         return RayCoatings(tables.inner, tables.outer, tables.glass, rows)
 
+    @property
+    def for_kernels(self) -> tuple[_Compiled, _Compiled]:
+        """Tables of the inner and the outer face, as the compiled kernels take them."""
+        return _compiled(self.inner), _compiled(self.outer)
+
+    @property
+    def of_glass(self) -> tuple[_Compiled, Float[np.ndarray, " j"]]:
+        """Table of the cover glass as the compiled kernels take it, and the places of the rays among its rows."""
+        return _compiled(self.glass), self.rows
+
     def part(self, part: slice) -> Float[np.ndarray, " i"]:
         """Rows of some of the rays."""
         return self.rows if len(self.rows) <= 1 else self.rows[part]
+
+
+def _compiled(table: Float[np.ndarray, "k m"] | None) -> _Compiled:
+    """A table of one row as that row: numba compiles the kernels for it without the search among rows."""
+    return table[0] if table is not None and len(table) == 1 else table
 
 
 NO_COATINGS = RayCoatings(None, None, None, np.empty(0))

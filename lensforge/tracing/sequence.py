@@ -18,7 +18,7 @@ from lensforge.optics.dielectric import coated_transmittance, fresnel_transmitta
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.as_made import AsMade, through_frame
-from lensforge.tracing.cover_glass import behind_glass
+from lensforge.tracing.cover_glass import behind_glass_in_torch
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.ray_coatings import RayCoatings
 
@@ -139,7 +139,8 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         frames, _, factor = rays.made.placed
         origins, directions = through_frame(frames[2], origins, directions, factor)
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
-    return behind_glass(ExitRays(points, directions, flux, sin2_exit, fates, absorbed), rays.media, fresnel, coatings)
+    exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed)
+    return behind_glass_in_torch(exits, rays.media, fresnel, coatings)
 
 
 def _above_plane(

@@ -82,6 +82,7 @@ class TracedBundle:
         count, (indices, absorptions) = len(rays), scene.body(rays)
         points, directions = np.zeros((count, 3)), np.zeros((count, 3))
         coatings = RayCoatings.of(rays, scene.media, scene.fresnel)
+        faces = coatings.for_kernels
         placed = None if scene.made is None else scene.made.placed
         rough = None if scene.made is None else scene.made.rough(count)
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
@@ -92,7 +93,7 @@ class TracedBundle:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
-                coatings.inner, coatings.outer, coatings.part(part), placed, rough_part(rough, part),
+                *faces, coatings.part(part), placed, rough_part(rough, part),
                 lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
             )  # fmt: skip
 
@@ -111,7 +112,7 @@ class TracedBundle:
         The flux that a lost ray carried counts as a constant.
         """
         rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
-        coatings = self.coatings
+        coatings, faces = self.coatings, self.coatings.for_kernels
         by, by_flux = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
@@ -119,7 +120,7 @@ class TracedBundle:
             trace_adjoint(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part),
-                self.inner, self.outer, self.scene.packed(), coatings.inner, coatings.outer, coatings.part(part),
+                self.inner, self.outer, self.scene.packed(), *faces, coatings.part(part),
                 self.placed, rough_part(self.rough, part), self.lengths[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
                 *totals[:, chunk],
