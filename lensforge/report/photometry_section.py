@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from lensforge.evaluation.region_light import REGIONS
 from lensforge.far_field.photometry import Photometry
 from lensforge.records import Metric
-from lensforge.report.numerals import number, number_with_error
+from lensforge.report.numerals import number, number_with_error, percent
 from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers
@@ -48,7 +48,7 @@ def photometry_section(results: Results) -> ShownPhotometry | None:
 
 def _sentence(found: Photometry) -> str:
     basis = "per 1000 lm of the source, whose own are not known" if found.per_1000_lm else ""
-    noise = "" if found.node_error is None else f"; the table's noise is {found.node_error.rms:.1%} rms"
+    noise = "" if found.node_error is None else f"; the table's noise is {percent(found.node_error.rms)} rms"
     return f"By {number(found.rays)} rays{noise}. Candela and lumens {basis or 'are absolute'}."
 
 

@@ -73,6 +73,36 @@ def test_the_file_of_a_point_source_in_concentric_spheres_is_its_cosine():
     assert found.exit_lm.value == pytest.approx(1000.0 * THROUGH, rel=1e-6)
 
 
+def test_figures_of_a_point_source_in_concentric_spheres_are_lambertian():
+    """pi lumens per axis candela, 120 degrees of beam, 2 arccos(0.1) of field: each within its standard error."""
+    found = measured(replace(SYMMETRIC, spec=small_spec(source__side_mm=0.0)), rays=2**18, lumens=1000.0)
+    _agrees(found.axis_cd, 1000.0 * THROUGH / np.pi)
+    _agrees(found.exit_lm, np.pi * found.axis_cd.value, found.axis_cd.standard_error * np.pi)
+    for plane in (found.beam_c0, found.beam_c90):
+        _agrees(plane.peak_cd, 1000.0 * THROUGH / np.pi)
+        _agrees(plane.beam_angle_deg, 120.0)
+        _agrees(plane.field_angle_deg, 2.0 * np.rad2deg(np.arccos(0.1)))
+        assert plane.beam_angle_deg.standard_error < 2.0
+    assert found.peak_direction.gamma_deg < 15.0
+    assert found.road is None
+
+
+def _agrees(metric, truth, more=0.0):
+    assert abs(metric.value - truth) < 4.0 * np.hypot(metric.standard_error, more) + 1e-9 * truth
+
+
+def test_a_lamp_for_an_area_needs_lumens():
+    spec = small_spec(target__distance_mm=1000.0, photometry={"use": "area"})
+    with pytest.raises(InputError, match="its ratings count lumens") as error:
+        measured(replace(SHELL, spec=spec), rays=1024)
+    assert "\n" not in str(error.value)
+    found = measured(replace(SHELL, spec=spec), rays=2**14, lumens=5000.0)
+    assert found.road.distribution.lateral == "V"
+    assert found.road.road is None
+    zones = sum(each["value"] for each in found.road.bug.zones.model_dump().values())
+    assert zones == pytest.approx(found.exit_lm.value, rel=1e-6)
+
+
 def measured(lens, **options):
     return measure_photometry(lens, build_source(lens.spec.source), PRESETS[lens.accuracy], **options)
 

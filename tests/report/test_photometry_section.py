@@ -1,0 +1,136 @@
+"""Section on photometry: numbers of the record with their errors and units, and pictures that agree with them."""
+
+import numpy as np
+import pytest
+from made_photometry import make_photometry
+from page_text import text_of
+from result_folders import make_results, small_lens
+
+from lensforge.agreement.studies import photometry_contradictions
+from lensforge.evaluation.region_light import RegionLight
+from lensforge.far_field.beam_figures import Direction
+from lensforge.records import Metric
+from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
+from lensforge.report.photometry_section import photometry_section
+
+ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
+
+
+def road_lens(**changes):
+    far = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "half_angle_deg": 80.0}
+    return small_lens(wanted={"target": far, "photometry": {**ROAD, **changes}})
+
+
+def facts_of(lens, **changes):
+    section = photometry_section(make_results(("photometry",), lens, photometry=make_photometry(lens, **changes)))
+    return {name: value for table in section.tables.values() for name, value in table}, section
+
+
+def test_numbers_of_the_far_field_are_those_of_the_record():
+    facts, section = facts_of(small_lens())
+    assert facts["light that leaves the lens"] == "1000 ± 0.5 lm"
+    assert facts["peak intensity"] == "318 ± 2 cd, at C 0, gamma 0°"
+    assert facts["intensity on the axis"] == "318 ± 2 cd"
+    for plane in ("C 0 – C 180", "C 90 – C 270"):
+        assert facts[f"beam angle (50 %), {plane}"] == "120 ± 0.2°"
+        assert facts[f"field angle (10 %), {plane}"] == "168.5 ± 0.2°"
+    assert section.sentence == "By 1024 rays; the table's noise is 1.0\u2009% rms. Candela and lumens are absolute."
+    assert [each.title for each in section.pictures] == ["Polar diagram", "Isocandela"]
+    assert "Lamp" not in section.tables
+
+
+def test_relative_candela_are_said():
+    _, section = facts_of(small_lens(), per_1000_lm=True)
+    assert "per 1000 lm of the source, whose own are not known" in section.sentence
+
+
+def test_numbers_of_a_lamp_are_those_of_the_record():
+    lens = road_lens()
+    record = make_photometry(lens).road
+    facts, section = facts_of(lens)
+    assert facts["light of the lamp"] == "24\u2009000 ± 12 lm"
+    assert facts["IES distribution"] == "V very short"
+    assert facts["BUG rating"] == str(record.bug) == "B4 U0 G3"
+    assert facts["forward, 30° to 60°"] == "6000 lm"  # half of the flux, between sin^2 of 30 and 60 degrees
+    assert facts["glare class (EN 13201)"] == record.glare.glare_class == "G*6"
+    assert facts["mean illuminance"].startswith(f"{record.road.mean_lx.value:.4g}")
+    assert facts["classes (EN 13201)"] == f"P: {record.road.p_class}; C: {record.road.c_class}"
+    assert [each.title for each in section.pictures][2:] == ["On the ground"]
+
+
+def test_light_of_every_receiver_in_its_unit():
+    lens = small_lens(lumens_per_watt=200.0)
+    region = RegionLight(
+        region="bright",
+        mean=Metric(value=2.5, unit="W/m²", standard_error=0.01),
+        u0=Metric(value=0.81, standard_error=0.02),
+        u1=Metric(value=0.7, standard_error=0.03),
+    )
+    results = make_results(("evaluate",), lens, evaluate={"in_region": region, "lumens_per_watt": 200.0})
+    tables = photometry_section(results).tables
+    assert dict(tables["On the receiver"]) == {
+        "region": "where the target is above half of its maximum",
+        "mean illuminance": "500 ± 2 lx",
+        "U0, least over mean": "0.81 ± 0.02",
+        "U1, least over largest": "0.7 ± 0.03",
+    }
+
+
+def test_the_page_has_the_section_and_says_where_it_is_missing():
+    page = text_of(make_results())
+    assert "beam angle (50 %), C 0 – C 180" in page
+    assert "There is no photometry.json" in text_of(make_results(("evaluate",)))
+
+
+def _curves(figure, label):
+    return next(line for line in figure.axes[0].lines if line.get_label() == label)
+
+
+def test_the_polar_diagram_has_the_stated_beam():
+    """Of its curve, directions at half of its length lie the beam angle apart; the longest is the peak."""
+    found = make_photometry(small_lens())
+    line = _curves(polar_diagram(found), "C 0 – C 180")
+    x, y = line.get_data()
+    radius, angle = np.hypot(x, y), np.rad2deg(np.arctan2(x, -y))
+    assert radius.max() == pytest.approx(found.beam_c0.peak_cd.value)
+    lit = angle[radius >= 0.5 * radius.max() - 1e-9]
+    assert lit.max() - lit.min() == pytest.approx(found.beam_c0.beam_angle_deg.value, abs=1e-6)
+
+
+def test_isocandela_lines_lie_at_their_angles():
+    """Half of a Lambertian peak is a circle at 60 degrees."""
+    axes = isocandela_diagram(make_photometry(small_lens())).axes[0]
+    lines = axes.collections[0].get_paths()
+    half = lines[2].vertices  # of ISO_SHARES: 0.1, 0.25, 0.5
+    assert np.allclose(np.hypot(*half.T), 60.0, atol=0.2)
+
+
+def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
+    """E = I0 / h^2 cos^4 gamma: a fifth of the largest is a circle of radius sqrt(sqrt(5) - 1) heights."""
+    lens = road_lens()
+    axes = ground_diagram(make_photometry(lens), 90.0, 24, 8.0).axes[0]
+    fifth = axes.collections[2].get_paths()[0].vertices
+    assert np.allclose(np.hypot(*fifth.T), np.sqrt(np.sqrt(5.0) - 1.0), atol=0.02)
+    words = [line.get_label() for line in axes.lines]
+    assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"axis_cd": Metric(value=300.0, unit="cd", standard_error=2.0)}, "axis_cd = 300"),
+        ({"peak_direction": Direction(c_deg=0.0, gamma_deg=30.0)}, "peak_direction"),
+        ({"exit_lm": Metric(value=900.0, unit="lm", standard_error=0.5)}, "exit_lm = 900"),
+    ],
+)
+def test_a_figure_that_its_table_does_not_have_is_named(change, words):
+    record = make_photometry(small_lens())
+    assert list(photometry_contradictions(record)) == []
+    assert any(words in each for each in photometry_contradictions(record.model_copy(update=change)))
+
+
+def test_a_beam_angle_that_its_table_does_not_have_is_named():
+    record = make_photometry(small_lens())
+    narrow = record.beam_c0.model_copy(update={"beam_angle_deg": Metric(value=60.0, unit="°", standard_error=0.1)})
+    found = list(photometry_contradictions(record.model_copy(update={"beam_c0": narrow})))
+    assert found == ["beam_c0.beam_angle_deg = 60, but its table of candela say 120"]
