@@ -38,6 +38,7 @@ class Interrupts:
         self._at = 0.0
         self._raising = False
         self._before: dict[int, Any] = {}
+        self._hook: Callable[..., Any] | None = None  # for what destructors raise, while it is another
 
     @property
     def words(self) -> str:
@@ -69,6 +70,8 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_DFL if at_exit else handler)
         self._before = {}
+        if self._hook is not None and not at_exit:
+            sys.unraisablehook, self._hook = self._hook, None
 
     @contextmanager
     def raised(self) -> Iterator[None]:
@@ -83,7 +86,11 @@ class Interrupts:
         finally:
             self._raising = False
             self._stop_timer()
-            sys.unraisablehook, sys.excepthook = hooks
+            sys.excepthook = hooks[1]
+            if self.received is None:
+                sys.unraisablehook = hooks[0]
+            else:  # what an interrupt has left half made in a library would say so as the program ends
+                self._hook = hooks[0]
 
     def _without_interrupts(self, hook: Callable[..., Any]) -> Callable[..., Any]:
         """``hook``, but silent on an interrupt that a destructor or compiled code swallowed: the timer raises it again.

@@ -94,7 +94,7 @@ def test_results_of_another_lens_count_as_not_run(small_run: lf.Run, tmp_path: P
     shutil.copytree(small_run.folder, tmp_path / "run")
     lf.design(small_spec(), accuracy="draft").lens.save(tmp_path / "run" / "lens.json")
     mixed = lf.load(tmp_path / "run")
-    assert mixed.missing == ["design", "evaluate", "export", "check", "verify"]
+    assert mixed.missing == ["design", "evaluate", "export", "check", "verify", "photometry"]
     assert "another lens" in mixed.outdated["evaluate"] and small_run.light is not None
     with pytest.raises(lf.MissingResult, match="another lens"):
         _ = mixed.light
