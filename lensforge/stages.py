@@ -31,7 +31,7 @@ from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, photometry_conditions
 from lensforge.records.arrays import MOST_PIXELS
-from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
@@ -200,8 +200,9 @@ def photometry(
     from lensforge.far_field.export import measure_photometry
 
     require(lens, Lens, "photometry")
+    version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), source_of(lens.spec)
     with threads_of_torch(threads):
-        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=ies_version)
+        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
     return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})

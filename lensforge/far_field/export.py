@@ -34,7 +34,7 @@ from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile
-from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.orientation import turned_over
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.symmetry import NAMES, contains
@@ -61,7 +61,6 @@ def measure_photometry(
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
         raise InputError(f"lumens = {lumens:g}: must be above 0 and finite; leave it out to take those of the spec")
-    require_ies_version(ies_version)
     started = time.perf_counter()
     summary = summarise(source, lens.spec.source)
     bright = SourceLumens.of(lumens, summary)

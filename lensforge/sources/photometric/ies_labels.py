@@ -35,18 +35,19 @@ def require_ies_version(version: int) -> IesVersion:
         if version == known:
             year: IesVersion = known
             return year
-    raise InputError(f"ies_version = {version}: {', '.join(map(str, get_args(IesVersion)))}; leave it out for {NEWEST}")
+    years = ", ".join(map(str, get_args(IesVersion)))
+    raise InputError(f"ies_version = {version!r}: {years}; leave it out for {NEWEST}")
 
 
 def label_lines(photometric: PhotometricFile, version: IesVersion) -> list[str]:
     """Lines of a file of the edition ``version`` above that of TILT=."""
-    if version == 1986:
+    if version == 1986:  # free text must not hold the beginning of the numbers
         texts = (photometric.title, photometric.maker, photometric.test, photometric.laboratory, *photometric.remarks)
-        return [line for text in texts for line in wrap(_not_a_number_section(single_line(text)), _SHORT)]
+        return [line for text in texts for line in _wrapped(re.sub("TILT *=", "TILT ", text, flags=re.I), _SHORT)]
     lines = [_FIRST_LINES[version]]
     for keyword, text in _labels(photometric, version):
         width = (_LONG if version >= 2002 else _SHORT) - len("[MORE] ") - max(len(keyword) - len("MORE"), 0)
-        first, *rest = wrap(single_line(text), width) or [""]
+        first, *rest = _wrapped(text, width) or [""]
         lines += [f"[{keyword}] {first}".rstrip(), *(f"[MORE] {more}" for more in rest)]
     return lines
 
@@ -67,9 +68,8 @@ def _labels(photometric: PhotometricFile, version: IesVersion) -> Iterator[tuple
         yield "OTHER", remark
 
 
-def _not_a_number_section(text: str) -> str:
-    """``text`` without what begins the numbers of a file: free text must not hold it."""
-    return re.sub(r"TILT\s*=", "TILT ", text, flags=re.IGNORECASE)
+def _wrapped(text: str, width: int) -> list[str]:
+    return wrap(single_line(text), width, break_on_hyphens=False)
 
 
 def read_labels(head: str) -> tuple[int, dict[str, str]]:

@@ -8,7 +8,7 @@ from lensforge.files import MIB, read_file, replacing
 from lensforge.sources.photometric import ies
 from lensforge.sources.photometric.eulumdat import FORMAT as EULUMDAT
 from lensforge.sources.photometric.ies import FORMAT as IES
-from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.photometric.record import PhotometricFile
 from lensforge.sources.photometric.text import text_of
 from lensforge.sources.photometric.tm33 import FORMAT as TM33
@@ -43,10 +43,9 @@ def write_photometric(path: Path, photometric: PhotometricFile, *, ies_version: 
 
     ``ies_version``: year of LM-63 that an IES file follows: 2019, 2002, 1995, 1991 or 1986.
     """
-    version = require_ies_version(ies_version)
     entry = _FORMATS.get(Path(path).suffix.lower())
     if entry is None:
         raise InputError(f"{path}: its suffix must be one of {', '.join(_FORMATS)}")
-    text = ies.encode(photometric, version) if entry is IES else entry.encode(photometric)
+    text = ies.encode(photometric, ies_version) if entry is IES else entry.encode(photometric)
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(text.encode(entry.encoding, "replace"))

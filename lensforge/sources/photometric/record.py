@@ -35,8 +35,8 @@ class PhotometricFile:
     in the file, C, B or A; ``intensity`` is always over C and gamma. ``warnings``: whatever was not taken as it
     stands, one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file; written to
     LM-63 as [OTHER], not read. ``maker`` of the luminaire, its number in the ``catalogue``, and the ``test`` report
-    that the data come from. ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more on
-    that; ``laboratory``, and the date on which the data were ``issued``, empty where nothing states one: it is never
+    that the data come from. ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more
+    on that; ``laboratory``, and the date on which the data were ``issued``, empty where nothing states one: it is never
     that of the clock. ``edition``: of the standard that the file follows, by its own words.
     """
 

@@ -45,8 +45,8 @@ class PhotometricSummary(StageResult):
     words, ``lamp_lumens``: of its lamps, ``watts`` electric; None where the file states none. ``symmetry``:
     ``revolution``, or the largest mirror group of the light. ``edition``: of the standard, empty where the format has
     one only. ``generated``: by simulation or measurement, by the titles of LM-63-2019; "Undefined" where the file does
-    not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``: of the flux, at gamma above 90.
-    ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
+    not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``:
+    of the flux, at gamma above 90. ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
     """
 
     stage: ClassVar[str] = "photometric_file"

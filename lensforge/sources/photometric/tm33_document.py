@@ -1,10 +1,10 @@
 """Document of TM-33-23 for a far field: header, one emitter, its luminous intensities.
 
 Names, order and types of the elements are those of the schema in TM-33-23 (root ``IESTM33-22``, version 1.1), as
-eulumdat-rs reprints it; the DesignLights Consortium's template for TM-33-18 has the same names, one ``IntData`` for each
-pair of angles, v running first and h to 360, and lengths in metres. ``Symm`` may be left out, and is: the whole turn is
-written. The schema requires a date of the report and watts: without them, the epoch and 0 are written, and a comment
-says so.
+eulumdat-rs reprints it; the DesignLights Consortium's template for TM-33-18 has the same names, one ``IntData`` for
+each pair of angles, v running first and h to 360, and lengths in metres. ``Symm`` may be left out, and is: the whole
+turn is written. The schema requires a date of the report and watts: without them, the epoch and 0 are written, and a
+comment says so.
 """
 
 from collections.abc import Iterator
