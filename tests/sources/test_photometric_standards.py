@@ -11,6 +11,7 @@ from far_fields import far_field
 import lensforge as lf
 from lensforge.cli import cli
 from lensforge.errors import InputError
+from lensforge.sources.build import build_source
 from lensforge.sources.photometric import read_photometric, write_photometric
 from lensforge.sources.photometric.conversion import convert_photometric
 from lensforge.sources.photometric.generation import SIMULATED, UNDEFINED, generation_code, generation_title
@@ -219,7 +220,9 @@ def test_tm_33_of_other_programs(tmp_path):
     summary = lf.rays(tmp_path / "x.dat")
     assert (summary.format, summary.title) == ("tm33", "ANSI/IES TM-33")
     source = lf.DiscSource(diameter_mm=1.0, intensity={"kind": "photometric", "file": tmp_path / "x.dat"})
-    assert source.intensity.kind == "photometric"
+    ways = build_source(source).sample(1024, 0).directions
+    assert np.linalg.norm(ways, axis=1) == pytest.approx(1.0) and ways[:, 2].min() > 0.0
+    assert np.abs(ways[:, 1]).mean() > 1.2 * np.abs(ways[:, 0]).mean()  # C 90 has the most light
 
 
 @pytest.mark.parametrize("target", [".ies", ".ldt", ".iesxml", ".xml"])
