@@ -30,6 +30,8 @@ def intensity() -> TabulatedIntensity:
 
 if __name__ == "__main__":
     path = Path(__file__).parent / "street_light.ies"
-    file = PhotometricFile(intensity(), lamp_lumens=LUMENS, title="light along a road")
+    file = PhotometricFile(
+        intensity(), LUMENS, title="light along a road", test="none: a formula", laboratory="", generated="", method=""
+    )
     write_photometric(path, file)
     print(path)

@@ -25,6 +25,7 @@ from lensforge.records import StageResult
 from lensforge.report.ownership import require_own
 from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
@@ -194,9 +195,12 @@ def run_stray(folder: Path, *, rays: int | None = None, base: Literal["polished"
 
 
 @in_locked_folder
-def run_photometry(folder: Path, *, rays: int | None = None, lumens: float | None = None) -> Photometry:
-    """Write the light of the lens as IES, EULUMDAT and TM-25 files."""
-    return write_result(stages.photometry(load_lens(folder / LENS_FILE), rays=rays, lumens=lumens), folder)
+def run_photometry(
+    folder: Path, *, rays: int | None = None, lumens: float | None = None, ies_version: IesVersion = NEWEST
+) -> Photometry:
+    """Write the light of the lens as IES, EULUMDAT, TM-33 and TM-25 files."""
+    lens = load_lens(folder / LENS_FILE)
+    return write_result(stages.photometry(lens, rays=rays, lumens=lumens, ies_version=ies_version), folder)
 
 
 @in_locked_folder

@@ -31,6 +31,7 @@ from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, photometry_conditions
 from lensforge.records.arrays import MOST_PIXELS
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.source import SourceSpec
@@ -182,19 +183,26 @@ def check(part: Part) -> Check:
 
 
 def photometry(
-    lens: Lens, *, rays: int | None = None, lumens: float | None = None, threads: int | None = None
+    lens: Lens,
+    *,
+    rays: int | None = None,
+    lumens: float | None = None,
+    threads: int | None = None,
+    ies_version: IesVersion = NEWEST,
 ) -> Photometry:
-    """Compute the far field of ``lens`` and make its IES, EULUMDAT and TM-25 files.
+    """Compute the far field of ``lens`` and make its IES, EULUMDAT, TM-33 and TM-25 files.
 
     ``lumens``: of the source; default: as spec or file of the source say, or relative to 1000. ``rays``: by default as
     many as the noise of the intensities asks for. Other lumens than the source's own, and any ``rays`` that are given,
-    are other ``conditions`` than the lens's own.
+    are other ``conditions`` than the lens's own. ``ies_version``: year of LM-63 that the IES file follows, 2019 or, for
+    programs that read no newer one, 2002, 1995, 1991 or 1986.
     """
     from lensforge.far_field.export import measure_photometry
 
     require(lens, Lens, "photometry")
+    version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
     lumens, source = number_of("lumens", lumens), source_of(lens.spec)
     with threads_of_torch(threads):
-        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens)
+        found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
     return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})

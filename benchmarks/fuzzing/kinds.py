@@ -16,7 +16,7 @@ _MODULES = {
         "tm25", "zemax_binary", "zemax_text", "lighttools_binary", "lighttools_text", "speos", "speos_text", "asap",
         "csv",
     ),
-    "photometric_files": ("ies", "ldt", "spectrum", "points"),
+    "photometric_files": ("ies", "ldt", "tm33", "spectrum", "points"),
     "records": (
         "lens", "run", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "yield",
         "photometry",

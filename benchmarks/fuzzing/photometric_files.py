@@ -1,4 +1,4 @@
-"""IES and EULUMDAT files, and text files of a spectrum or of measured points."""
+"""IES, EULUMDAT and TM-33 files, and text files of a spectrum or of measured points."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ def _photometric(suffix: str) -> list[bytes]:
     for planes in ((0.0,), tuple(45.0 * k for k in range(9))):
         values = np.array([[100.0, 80.0, 30.0 + 10.0 * (k % 2), 0.0] for k in range(len(planes))])
         table = TabulatedIntensity(np.array(planes), gamma, values)
-        for lumens in (None, 500.0) if suffix == ".ies" else (500.0,):
+        for lumens in (None, 500.0):
             file = PhotometricFile(intensity=table, lamp_lumens=lumens, title="sample", maker="nobody", watts=5.0)
             found.append(_FORMATS[suffix].encode(file).encode("latin-1"))
     return [*found, _IES_TYPE_B] if suffix == ".ies" else found
@@ -57,7 +57,7 @@ def _read_photometric(folder: Path) -> object:
     path = folder / _FAR_FIELD
     found = inspect(path)
     json.loads(found.model_dump_json(), parse_constant=_refuse)
-    for suffix in (".ies", ".ldt"):
+    for suffix in (".ies", ".ldt", ".iesxml"):
         try:
             convert_photometric(path, folder / f"converted{suffix}")
         except InputError as error:
@@ -123,6 +123,7 @@ def _kind(
 KINDS = [
     _kind("ies", _FAR_FIELD, lambda: _photometric(".ies"), _read_photometric, 2.0),
     _kind("ldt", _FAR_FIELD, lambda: _photometric(".ldt"), _read_photometric, 2.0),
+    _kind("tm33", _FAR_FIELD, lambda: _photometric(".iesxml"), _read_photometric, 2.0),
     _kind("spectrum", _SPECTRUM, lambda: _SPECTRA, _read_spectrum, 1.0),
     _kind("points", _CLOUD, _clouds, _read_cloud, 1.0),
 ]

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 import click
 
 from lensforge import seeds
 from lensforge.commands.interrupts import Interrupts
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
 
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
@@ -26,6 +28,11 @@ ACCURACY = click.option(
 )
 SEED = click.option(
     "--seed", type=click.IntRange(0, seeds.MOST), default=0, show_default=True, help="Seed of the random rays."
+)
+IES_VERSION = click.option(
+    "--ies-version",
+    type=click.Choice([str(year) for year in get_args(IesVersion)]),
+    help=f"Year of LM-63 that an .ies file follows, for programs that read no newer one; default: {NEWEST}.",
 )
 DEVICE = click.option(
     "--device",

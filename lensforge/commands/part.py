@@ -7,13 +7,14 @@ import click
 
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
-from lensforge.commands.options import FOLDER, RAYS, SCHEDULER, SEED, THREADS
+from lensforge.commands.options import FOLDER, IES_VERSION, RAYS, SCHEDULER, SEED, THREADS
 from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
 from lensforge.commands.yield_table import print_yield
 from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 from lensforge.errors import InputError
 from lensforge.measured_part import refuse_unused
 from lensforge.other_conditions import unless_own
+from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
 from lensforge.spec.tolerances import read_tolerances
 from lensforge.toleranced_folder import run_sensitivity, run_yield
 
@@ -234,10 +235,14 @@ def correct(
 @click.option(
     "--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: the spec's, or relative to 1000."
 )
-def photometry(directory: Path, rays: int | None, threads: int | None, lumens: float | None) -> None:
-    """Write the light of the lens in DIR as IES, EULUMDAT and TM-25 files."""
+@IES_VERSION
+def photometry(
+    directory: Path, rays: int | None, threads: int | None, lumens: float | None, ies_version: str | None
+) -> None:
+    """Write the light of the lens in DIR as IES, EULUMDAT, TM-33 and TM-25 files."""
+    version = require_ies_version(int(ies_version or NEWEST))
     with threads_of_torch(threads):
-        result = pipeline.run_photometry(directory, rays=rays, lumens=lumens)
+        result = pipeline.run_photometry(directory, rays=rays, lumens=lumens, ies_version=version)
     for words in result.warnings:
         click.echo(warning_line(words), err=True)
     finish(directory, result)

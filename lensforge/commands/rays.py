@@ -5,12 +5,14 @@ from pathlib import Path
 
 import click
 
+from lensforge.commands.options import IES_VERSION
 from lensforge.commands.printing import print_table
 from lensforge.errors import InputError
 from lensforge.files import require_regular_file, require_writable
 from lensforge.records import Record
 from lensforge.sources.inspection import holds_far_field
 from lensforge.sources.photometric.conversion import convert_photometric
+from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
 from lensforge.sources.photometric.summary import summarise_photometric
 
 _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
@@ -22,15 +24,22 @@ _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
 @click.option("--format", "format_name", help="Format of --to, if its suffix stands for several.")
+@IES_VERSION
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
     help="Draw origins and directions of the rays, or the polar diagram; PNG, SVG or PDF.",
 )
 def rays(
-    file: Path, only_header: bool, as_json: bool, to: Path | None, format_name: str | None, plot: Path | None
+    file: Path,
+    only_header: bool,
+    as_json: bool,
+    to: Path | None,
+    format_name: str | None,
+    ies_version: str | None,
+    plot: Path | None,
 ) -> None:
-    """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT)."""
+    """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT, TM-33)."""
     require_regular_file(file, missing="give the path of a ray file or a photometric file")
     for option, path in (("--to", to), ("--plot", plot)):
         if path is not None:
@@ -39,8 +48,10 @@ def rays(
             raise InputError(f"{option} {path}: is the file itself, which stays as it is; give another name")
     if format_name and not to:
         raise InputError(f"--format {format_name}: give --to FILE with it")
+    if ies_version and (to is None or to.suffix.lower() != ".ies"):
+        raise InputError(f"--ies-version {ies_version}: give --to FILE.ies with it; other files have no such version")
     if holds_far_field(file):
-        found = _far_field(file, to, format_name, plot)
+        found = _far_field(file, to, format_name, ies_version, plot)
     else:
         found = _rays(file, only_header, to, format_name, plot)
     content = found.model_dump(mode="json", exclude={"inputs", "version"})
@@ -62,11 +73,17 @@ def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | Non
     return outline(read_rayfile(file)) if only_header else describe(read_rayfile(file))
 
 
-def _far_field(file: Path, to: Path | None, format_name: str | None, plot: Path | None) -> Record:
+def _far_field(
+    file: Path, to: Path | None, format_name: str | None, ies_version: str | None, plot: Path | None
+) -> Record:
     if format_name:
-        raise InputError(f"--format {format_name}: {file} is photometric; the suffix of --to, .ies or .ldt, is enough")
+        raise InputError(
+            f"--format {format_name}: {file} is photometric; the suffix of --to, .ies, .ldt or .iesxml, is enough"
+        )
     if plot:
         if plot.suffix.lower() not in _PLOT_SUFFIXES:
             raise InputError(f"{plot}: its suffix must be one of {', '.join(_PLOT_SUFFIXES)}")
         summarise_photometric(file).save(plot)
-    return convert_photometric(file, to) if to else summarise_photometric(file)
+    if to is None:
+        return summarise_photometric(file)
+    return convert_photometric(file, to, ies_version=require_ies_version(int(ies_version or NEWEST)))

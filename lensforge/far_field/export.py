@@ -1,4 +1,4 @@
-"""The far field of the finished lens as IES, EULUMDAT and TM-25 files, verified by reading them back.
+"""The far field of the finished lens as IES, EULUMDAT, TM-33 and TM-25 files, verified by reading them back.
 
 Only light that leaves the lens upwards is in the files: light that leaves it downwards meets the plane on which the
 lens stands, and counts as missed_receiver. Gamma = 0 is the lens axis, C = 0 the x axis, C = 90 the -y axis, see
@@ -22,6 +22,7 @@ from lensforge.far_field.photometry import (
     IES_FILE,
     LDT_FILE,
     TM25_FILE,
+    TM33_FILE,
     LostFlux,
     Photometry,
     photometry_criteria,
@@ -34,6 +35,7 @@ from lensforge.roadway.road_figures import RoadFigures
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
 from lensforge.sources.photometric import PhotometricFile
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.symmetry import NAMES, contains
 
@@ -42,12 +44,19 @@ _NOISY = 0.05  # rms of the nodes, relative; above it the files say that they ar
 
 
 def measure_photometry(
-    lens: Lens, source: Source, preset: Preset, *, rays: int | None = None, lumens: float | None = None
+    lens: Lens,
+    source: Source,
+    preset: Preset,
+    *,
+    rays: int | None = None,
+    lumens: float | None = None,
+    ies_version: IesVersion = NEWEST,
 ) -> Photometry:
-    """Trace the light of ``lens`` to its far field, and make the three files; ``lumens``: luminous flux of the source.
+    """Trace the light of ``lens`` to its far field, and make its files; ``lumens``: luminous flux of the source.
 
     Without it, the flux is what the spec or the source's file says; where nothing does, 1000 lm: then candela are
-    cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for. Raises
+    cd/klm, and record and files say so. Without ``rays`` as many are traced as the noise of the table asks for.
+    ``ies_version``: year of LM-63. The date of the files is that of the spec, as in all files for others. Raises
     :class:`InputError` for lumens that are not above 0 and finite, and where no light leaves the lens upwards.
     """
     if lumens is not None and not 0.0 < lumens < np.inf:
@@ -77,10 +86,12 @@ def measure_photometry(
         title=f"lensforge {lens.spec.name}",
         diameter_mm=2.0 * radius_mm,
         remarks=(*warnings, *_remarks(light, per_watt)),
+        issued=lens.spec.manufacture.date or "",
     )
     exit_lm = _scaled(light.exit_w, per_watt, "lm")
     known_lm = None if bright.per_1000_lm else exit_lm.value
-    contents = photometric_files(photometric, light.sample, known_lm, spectrum_of_source(lens.spec.source, summary))
+    spectrum = spectrum_of_source(lens.spec.source, summary)
+    contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files = read_back(contents, light.exit_w.value, per_watt)
     return Photometry(
         inputs={"lens": lens.sha256},
@@ -111,6 +122,7 @@ def measure_photometry(
         candela_standard_error=np.zeros_like(candela.values) if errors is None else _turned_over(errors) * per_watt,
         ies=contents[IES_FILE],
         ldt=contents[LDT_FILE],
+        tm33=contents[TM33_FILE],
         tm25=contents[TM25_FILE],
         seconds=time.perf_counter() - started,
     )

@@ -1,25 +1,32 @@
-"""IES, EULUMDAT and TM-25 files of the far field, and their flux as read back."""
+"""IES, EULUMDAT, TM-33 and TM-25 files of the far field, and their flux as read back."""
 
 import numpy as np
 
-from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, WrittenFile, WrittenFiles
+from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, WrittenFile, WrittenFiles
 from lensforge.files import temporary_folder
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.photometric import PhotometricFile, read_photometric, write_photometric
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.sources.rayfiles import RayFile, read_rayfile, write_rayfile
 from lensforge.sources.rayfiles.rayfile import HeaderValue, shared_wavelength
 from lensforge.sources.spectrum import Spectrum
 
+_FAR_FIELDS = {"ies": IES_FILE, "ldt": LDT_FILE, "tm33": TM33_FILE}
+
 
 def photometric_files(
-    photometric: PhotometricFile, rays: RayBundle, rays_lm: float | None, spectrum: Spectrum | None
+    photometric: PhotometricFile,
+    rays: RayBundle,
+    rays_lm: float | None,
+    spectrum: Spectrum | None,
+    ies_version: IesVersion = NEWEST,
 ) -> dict[str, bytes]:
-    """Bytes of the three files, by name; ``rays_lm``: flux of ``rays``, where it is known."""
+    """Bytes of the four files, by name; ``rays_lm``: flux of ``rays``, where it is known."""
     with temporary_folder(TM25_FILE) as folder:
-        for name in (IES_FILE, LDT_FILE):
-            write_photometric(folder / name, photometric)
+        for name in _FAR_FIELDS.values():
+            write_photometric(folder / name, photometric, ies_version=ies_version)
         write_rayfile(folder / TM25_FILE, _rayfile(photometric, rays, rays_lm, spectrum), "tm25")
-        return {name: (folder / name).read_bytes() for name in (IES_FILE, LDT_FILE, TM25_FILE)}
+        return {name: (folder / name).read_bytes() for name in (*_FAR_FIELDS.values(), TM25_FILE)}
 
 
 def _rayfile(
@@ -30,6 +37,7 @@ def _rayfile(
         "name": photometric.title,
         "creation_method": "simulated",
         "ray_file_creator": "lensforge",
+        "date": photometric.issued,
         "additional_info": "; ".join(photometric.remarks),
     }
     waves = None
@@ -51,7 +59,7 @@ def read_back(contents: dict[str, bytes], exit_w: float, lumens_per_watt: float)
     with temporary_folder(TM25_FILE) as folder:
         for name, content in contents.items():
             (folder / name).write_bytes(content)
-        for key, name in (("ies", IES_FILE), ("ldt", LDT_FILE)):
+        for key, name in _FAR_FIELDS.items():
             back = float(read_photometric(folder / name).intensity.flux())
             found[key] = WrittenFile(lumens=back, relative_error=abs(back / (exit_w * lumens_per_watt) - 1.0))
         rayfile = read_rayfile(folder / TM25_FILE)

@@ -1,4 +1,4 @@
-"""Result of the photometry: the light of the lens as IES, EULUMDAT and TM-25 files, and the flux that they hold."""
+"""Result of the photometry: the light of the lens as IES, EULUMDAT, TM-33 and TM-25 files, and the flux they hold."""
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -26,7 +26,7 @@ from lensforge.roadway.road_figures import RoadFigures
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-IES_FILE, LDT_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.tm25ray"
+IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE = "lens.ies", "lens.ldt", "lens.iesxml", "lens.tm25ray"
 _CONSERVED = 1e-5  # relative error of a file's integral: seven digits of each number are written
 
 
@@ -40,16 +40,22 @@ class WrittenFile(Record):
 
 
 class WrittenFiles(Record):
-    """The three files as read back."""
+    """The four files as read back."""
 
     ies: WrittenFile
     ldt: WrittenFile
+    tm33: WrittenFile
     tm25ray: WrittenFile
 
 
 def photometry_criteria(files: WrittenFiles) -> tuple[Criterion, ...]:
     """One criterion for each file: it holds the flux of the rays."""
-    named = ((IES_FILE, files.ies), (LDT_FILE, files.ldt), (TM25_FILE, files.tm25ray))
+    named = (
+        (IES_FILE, files.ies),
+        (LDT_FILE, files.ldt),
+        (TM33_FILE, files.tm33),
+        (TM25_FILE, files.tm25ray),
+    )
     unit, remedy = "relative", "please report the lens.json"
     return tuple(
         at_most(f"flux of {name} as read back", found.relative_error, _CONSERVED, unit, remedy) for name, found in named
@@ -84,7 +90,7 @@ class Photometry(SimulatedResult):
 
     ``source_lm_from``: where the luminous flux of the source comes from. Where nothing states it, ``per_1000_lm`` is
     true: ``source_lm`` is 1000, and candela are per 1000 lm of the source. ``warnings``: whatever limits the use of the
-    files. ``ies``, ``ldt``, ``tm25``: the bytes of the files.
+    files. ``ies``, ``ldt``, ``tm33``, ``tm25``: the bytes of the files.
     """
 
     stage: ClassVar[str] = "photometry"
@@ -117,11 +123,12 @@ class Photometry(SimulatedResult):
     candela_standard_error: Annotated[Float[np.ndarray, "c g"], Array("c", "g")]
     ies: Annotated[bytes, InFile(IES_FILE)]
     ldt: Annotated[bytes, InFile(LDT_FILE)]
+    tm33: Annotated[bytes, InFile(TM33_FILE)]
     tm25: Annotated[bytes, InFile(TM25_FILE, 1024 * MIB)]  # 38 million rays
 
     def products(self) -> dict[str, bytes]:
-        """Bytes of the IES, EULUMDAT and TM-25 files, by suffix."""
-        return {".ies": self.ies, ".ldt": self.ldt, ".tm25ray": self.tm25}
+        """Bytes of the IES, EULUMDAT, TM-33 and TM-25 files, by suffix."""
+        return {".ies": self.ies, ".ldt": self.ldt, ".iesxml": self.tm33, ".tm25ray": self.tm25}
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Plot candela over the angle from the axis, in the planes C = 0 and C = 90 degrees."""

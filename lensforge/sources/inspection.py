@@ -9,7 +9,7 @@ from lensforge.sources.photometric.summary import PhotometricSummary, summarise_
 if TYPE_CHECKING:
     from lensforge.sources.rayfiles.summary import RayFileSummary
 
-_SUFFIXES = (".ies", ".ldt")
+_SUFFIXES = (".ies", ".ldt", ".iesxml")
 
 
 def holds_far_field(path: Path) -> bool:

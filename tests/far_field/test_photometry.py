@@ -113,11 +113,11 @@ def test_the_files_hold_the_light_and_every_loss_is_named(tmp_path):
     assert Photometry.read(tmp_path) == found
     assert found.inputs == {"lens": ROUGH.sha256}
     assert all(criterion.passed for criterion in found.criteria)
-    assert len(found.criteria) == 3
+    assert len(found.criteria) == 4
     assert found.exit_w.value + sum(found.lost_w.model_dump().values()) + found.reflected_w == pytest.approx(1.0)
     assert found.exit_lm.value == pytest.approx(250.0 * found.exit_w.value)
     assert 0.0 < found.exit_w.standard_error < 1e-3
-    for name in ("lens.ies", "lens.ldt"):
+    for name in ("lens.ies", "lens.ldt", "lens.iesxml"):
         photometric = read_photometric(tmp_path / name)
         assert photometric.intensity.flux() == pytest.approx(found.exit_lm.value, rel=1e-6)
         np.testing.assert_allclose(photometric.intensity.values, found.candela, rtol=1e-6, atol=1e-9)
@@ -129,7 +129,8 @@ def test_nothing_is_written_unless_it_is_saved(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = measured(SHELL, rays=1024)
     assert list(tmp_path.iterdir()) == []
-    for suffix, content in ((".ies", found.ies), (".ldt", found.ldt), (".tm25ray", found.tm25)):
+    assert list(found.products()) == [".ies", ".ldt", ".iesxml", ".tm25ray"]
+    for suffix, content in found.products().items():
         found.save(tmp_path / f"other{suffix}")
         assert (tmp_path / f"other{suffix}").read_bytes() == content
     with pytest.raises(InputError, match="a Photometry is saved as one of"):

@@ -83,6 +83,7 @@ VALUES: dict[str, tuple[str | None, str, float | None]] = {
     "concave_radius": ("cutter.concave_radius_mm", ">=", None),
     "flux of lens.ies as read back": ("files.ies.relative_error", "<=", 1e-5),
     "flux of lens.ldt as read back": ("files.ldt.relative_error", "<=", 1e-5),
+    "flux of lens.iesxml as read back": ("files.tm33.relative_error", "<=", 1e-5),
     "flux of lens.tm25ray as read back": ("files.tm25ray.relative_error", "<=", 1e-5),
 }
 

@@ -104,6 +104,45 @@ def test_lm_63_that_lies_is_refused(text, words, tmp_path):
     one_line(refusal)
 
 
+def _tm33(data="", head="", numbers="", emitters=1) -> str:
+    rows = data or '<IntData h="0" v="0">300</IntData><IntData h="0" v="90">0</IntData>'
+    light = f"<LuminousData><LuminousIntensity>{numbers}{rows}</LuminousIntensity></LuminousData>"
+    return f"<IESTM33-22><Version>1.1</Version>{head}{f'<Emitter>{light}</Emitter>' * emitters}</IESTM33-22>"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<!DOCTYPE x [<!ENTITY a "300">]>' + _tm33('<IntData h="0" v="0">&a;</IntData>'), "with a DOCTYPE"),
+        ('<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]>' + _tm33(head="<a>&a;</a>"), "with a DOCTYPE"),
+        (_tm33()[:-5], "its XML is damaged"),
+        (_tm33('<IntData h="0">300</IntData>'), "angle v of IntData is a number"),
+        (_tm33('<IntData h="0" v="0">3_00</IntData>'), "where IntData is a number"),
+        (_tm33('<IntData h="0" v="0">nan</IntData>'), "IntData is not finite"),
+        (_tm33('<IntData h="0" v="0">1</IntData>' * 2), "2 intensities for 1 angles h and 1 angles v"),
+        (_tm33('<IntData h="0" v="0">1</IntData><IntData h="9" v="9">1</IntData>'), "one is needed for each pair"),
+        (_tm33(numbers="<NumberHorz>7</NumberHorz>"), "1 angles of one kind, its header promises 7"),
+        (_tm33(numbers="<Multiplier>-1</Multiplier>"), "intensities from"),
+        (_tm33(head="<Equipment><Gonioradiometer><Type>IES_B</Type></Gonioradiometer></Equipment>"), "'IES_B'"),
+        (_tm33(emitters=2), "2 of its 2 emitters"),
+        (_tm33(emitters=0), "0 of its 0 emitters"),
+        ("<IESTM33-22></IESTM33-22>", "0 of its 0 emitters"),
+        ("<IESTM33-22>" + "<a/>" * 1_000_001, "more than 1000000 tags"),
+        ("<!-- TILT= --><IESTM33-22 />", "0 of its 0 emitters"),
+    ],
+)
+def test_tm_33_that_lies_is_refused(text, words, tmp_path):
+    (tmp_path / "x.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=words) as refusal:
+        read_photometric(tmp_path / "x.xml")
+    one_line(refusal)
+
+
+def test_tm_33_is_read_where_it_is_sound(tmp_path):
+    (tmp_path / "x.xml").write_text(_tm33(), encoding="utf-8")
+    assert read_photometric(tmp_path / "x.xml").intensity.values.tolist() == [[300.0, 0.0]]
+
+
 @pytest.mark.parametrize("tilt", ["x.ies", "/dev/zero", "../../secret", "~/.ssh/id_rsa"])
 def test_the_file_that_tilt_names_is_never_opened(tilt, tmp_path):
     (tmp_path / "x.ies").write_text(_ies(tilt=tilt))

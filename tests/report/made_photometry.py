@@ -17,7 +17,7 @@ def make_photometry(lens, **changes):
     """The record of a lens that sends 0.9 of 1 W out; ``changes``: of its fields."""
     table = TabulatedIntensity(C_DEG, GAMMA_DEG, np.tile(1000.0 / np.pi * np.cos(np.deg2rad(GAMMA_DEG)), (37, 1)))
     written = WrittenFile(lumens=1000.0, watts=0.9, rays=100, relative_error=1e-9)
-    files = WrittenFiles(ies=written, ldt=written, tm25ray=written)
+    files = WrittenFiles(ies=written, ldt=written, tm33=written, tm25ray=written)
     lumens = Metric(value=1000.0, unit="lm", standard_error=0.5)
     samples = np.tile(table.values[None, :-1], (16, 1, 1))
     content = {
@@ -49,6 +49,7 @@ def make_photometry(lens, **changes):
         "candela_standard_error": 0.01 * table.values,
         "ies": b"ies",
         "ldt": b"ldt",
+        "tm33": b"tm33",
         "tm25": b"tm25",
     }
     return Photometry(**{**content, **changes})

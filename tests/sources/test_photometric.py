@@ -9,6 +9,7 @@ from lensforge.sources.build import build_source
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric import PhotometricFile, ies, read_photometric, write_photometric
 from lensforge.sources.photometric.eulumdat import encode as encode_ldt
+from lensforge.sources.photometric.tm33_document import document as encode_tm33
 from lensforge.spec.source import DiscSource
 
 FILES = SHARED / "photometry"
@@ -45,7 +46,7 @@ def test_real_ies_files():
     assert (len(half.c_deg), half.values[0, 0], half.values[16, 0]) == (17, 27.55, 27.55)
 
 
-@pytest.mark.parametrize("suffix", [".ies", ".ldt"])
+@pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
 @pytest.mark.parametrize("revolution", [False, True])
 def test_what_is_written_is_read(suffix, revolution, tmp_path):
     original = _file(revolution=revolution)
@@ -56,10 +57,9 @@ def test_what_is_written_is_read(suffix, revolution, tmp_path):
     np.testing.assert_array_equal(back.intensity.gamma_deg, original.intensity.gamma_deg)
     assert (back.lamp_lumens, back.title) == (800.0, "a lens")
     assert back.intensity.flux() == pytest.approx(original.intensity.flux(), rel=1e-6)
-    if suffix == ".ldt":
+    if suffix != ".ies":
         assert back.stated_lumens == pytest.approx(original.intensity.flux(), rel=1e-5)
-    else:
-        assert (back.diameter_mm, back.watts) == (28.0, 2.0)
+    assert (back.diameter_mm, back.watts) == (28.0, 2.0)
 
 
 def _ies(symmetric_to=90, tilt="NONE", kind=1, lumens=-1, multiplier=2, separator=" "):
@@ -125,7 +125,7 @@ def test_eulumdat_symmetries_fill_the_whole_turn(symmetry, planes, tmp_path):
 
 def test_damaged_files_end_in_light_or_in_one_line(tmp_path):
     random = np.random.default_rng(3)
-    seeds = [ies.encode(_file()).encode(), encode_ldt(_file()).encode()]
+    seeds = [encode(_file()).encode() for encode in (ies.encode, encode_ldt, encode_tm33)]
     seeds += [path.read_bytes() for path in sorted(FILES.glob("*"))]
     read, lines = 0, []
     for case in range(400):

@@ -32,7 +32,7 @@ def lambertian(c, gamma):
     return 1000.0 * np.maximum(np.cos(gamma), 0.0)
 
 
-@pytest.mark.parametrize("suffix", [".ies", ".ldt"])
+@pytest.mark.parametrize("suffix", [".ies", ".ldt", ".iesxml"])
 def test_a_lambertian_emitter_has_its_closed_forms(suffix, tmp_path):
     path = saved(tmp_path / f"led{suffix}", lambertian, 4000.0, title="Lambert", maker="Johann", watts=40.0)
     found = lf.rays(path)
@@ -105,11 +105,13 @@ def test_there_and_back_the_light_is_the_same(tmp_path):
 
 
 def test_absolute_photometry_becomes_eulumdat_with_the_lumens_of_the_light(tmp_path):
-    """Not of 1000 lm: EULUMDAT holds cd per 1000 lm, and the lamps have what the luminaire has."""
+    """Not of 1000 lm: EULUMDAT holds cd per 1000 lm, and the lamps, -1 of them, have what the luminaire has."""
     found = convert_photometric(saved(tmp_path / "a.ies", lambertian), tmp_path / "a.ldt")
     assert "absolute photometry" in found.warnings[0]
     assert lf.rays(tmp_path / "a.ldt").lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
-    assert lf.rays(tmp_path / "a.ldt").lamp_lumens == pytest.approx(1000.0 * np.pi, rel=1e-4)
+    lines = (tmp_path / "a.ldt").read_text(encoding="ascii").splitlines()
+    assert lines[26] == "-1" and float(lines[28]) == pytest.approx(1000.0 * np.pi, rel=1e-4)
+    assert lf.rays(tmp_path / "a.ldt").lamp_lumens is None
 
 
 def invoked(*words):
@@ -132,12 +134,12 @@ def test_the_command_summarises_draws_and_converts(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("led.ies", "--to", "led.tm25ray"), r"its suffix must be one of \.ies, \.ldt"),
+        (("led.ies", "--to", "led.tm25ray"), r"its suffix must be one of \.ies, \.ldt, \.iesxml, \.xml"),
         (("led.ies", "--plot", "led.txt"), r"its suffix must be one of \.png, \.svg, \.pdf"),
         (("led.ies", "--to", "x.ldt", "--format", "tm25"), "is photometric"),
         (("rays.tm25ray", "--to", "x.ies"), "not the suffix of a ray-file format"),
         (("none.ies",), "no such file"),
-        (("broken.ies",), "neither IES LM-63 nor EULUMDAT"),
+        (("broken.ies",), "neither IES LM-63 nor EULUMDAT nor TM-33"),
         (("broken.xyz",), "none of the known formats"),
     ],
 )
@@ -172,7 +174,7 @@ def test_a_summary_is_saved_and_read_back_without_its_intensities(tmp_path):
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared/rayfiles is not here")
-@pytest.mark.parametrize("target", [".ies", ".ldt"])
+@pytest.mark.parametrize("target", [".ies", ".ldt", ".iesxml"])
 def test_real_files_keep_their_light(target, tmp_path):
     for path in sorted((SHARED / "photometry").iterdir()):
         before = lf.rays(path)

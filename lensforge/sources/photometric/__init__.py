@@ -1,4 +1,4 @@
-"""Photometric files, the far field of a luminaire: IES LM-63 and EULUMDAT, read and written."""
+"""Photometric files, the far field of a luminaire: IES LM-63, EULUMDAT and TM-33, read and written."""
 
 from lensforge.sources.photometric.reading import is_photometric, read_photometric, write_photometric
 from lensforge.sources.photometric.record import PhotometricFile

@@ -1,8 +1,14 @@
 """EULUMDAT (`.ldt`): one value on each line, by position; intensities in cd per 1000 lm of the lamps.
 
 Half-planes left out by the symmetry code: 1 revolution (one half-plane), 2 plane C 0 - C 180, 3 plane C 90 - C 270
-(stored from C 270 through C 0 to C 90), 4 both. Decimal commas occur; nothing follows the last intensity but the word
-END, which some programs write.
+(stored from C 270 through C 0 to C 90), 4 both. The type indicator is 1 for light of revolution, 2 for a linear
+luminaire, 3 for any other. A negative number of lamps says absolute photometry, with the lumens of the luminaire as
+those of its lamps: a convention of LED luminaires, younger than the format. Decimal commas occur; nothing follows the
+last intensity but the word END, which some programs write.
+
+The format (Stockmar, Licht '90 and CIBSE 1998, as DIAL and the Photometric Toolbox list it) gives a number of
+characters for each line: 78 for texts, which are kept, and few for numbers (4 for a light output ratio), which are for
+the tables of its time: programs read numbers of any length, so they are written with all their digits.
 """
 
 import re
@@ -10,6 +16,7 @@ import re
 import numpy as np
 
 from lensforge.errors import InputError
+from lensforge.sources.photometric.generation import UNDEFINED
 from lensforge.sources.photometric.half_planes import tabulated
 from lensforge.sources.photometric.record import (
     HUGE,
@@ -19,6 +26,7 @@ from lensforge.sources.photometric.record import (
     PhotometricFormat,
     known,
     number_in,
+    single_line,
 )
 
 _HEADER_LINES = 26
@@ -26,7 +34,8 @@ _LINES_PER_SET = 6
 _RATIOS = 10  # direct ratios of the utilisation method, not used here; 0 where written: not given
 _NUMBERS = (*range(1, 7), *range(12, 26))  # lines of the header that hold one
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}([.,]\d{3})+")  # what is written like 1,234: in thousands, or with decimals
-_SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _LORL, _FACTOR, _SETS = 2, 3, 5, 7, 8, 22, 23, 25
+_SYMMETRY, _PLANES, _GAMMAS, _TEST, _NAME, _NUMBER, _LORL, _FACTOR, _SETS = 2, 3, 5, 7, 8, 9, 22, 23, 25
+_TEXT = 78  # characters of a line of text
 _OPENING = 15  # length or diameter of the luminous area; its width follows, 0 for a round one
 
 
@@ -78,39 +87,60 @@ def decode(text: str, name: str) -> PhotometricFile:
         warnings = (*warnings, "one half-plane and symmetry 0, none: taken as light of revolution")
     return PhotometricFile(
         intensity=intensity,
-        lamp_lumens=lumens,
+        lamp_lumens=None if _absolute(lines[_HEADER_LINES]) else lumens,
         stated_lumens=known(lumens * _number(lines[_LORL], name) / 100.0),
         title=lines[_NAME].strip(),
         diameter_mm=_number(lines[_OPENING], name) if _number(lines[_OPENING + 1], name) == 0.0 else 0.0,
         watts=_watts(lines[_HEADER_LINES + _LINES_PER_SET - 1]),
         maker=lines[0].strip(),
         test=lines[_TEST].strip(),
+        catalogue=lines[_NUMBER].strip(),
+        generated=UNDEFINED,
+        method="",
+        laboratory="",
         format="eulumdat",
         warnings=warnings,
     )
 
 
 def encode(photometric: PhotometricFile) -> str:
-    """EULUMDAT of a point source without symmetry, or of revolution. ``lamp_lumens`` must be known."""
-    table, lumens = photometric.intensity, photometric.lamp_lumens
-    if lumens is None or not SMALLEST < lumens < HUGE:
-        raise InputError("EULUMDAT holds intensities per 1000 lm: give the lumens of the lamp")
+    """EULUMDAT without symmetry, or of revolution: per 1000 lm of the lamps, or of the luminaire where they state none.
+
+    The latter is absolute photometry.
+    """
+    table = photometric.intensity
+    lumens = photometric.lamp_lumens or table.flux()
+    if not SMALLEST < lumens < HUGE:
+        raise InputError(f"EULUMDAT holds intensities per 1000 lm: {lumens:g} lm must be above 0 and below {HUGE:g}")
     revolution = len(table.c_deg) == 1
     planes = table.c_deg if revolution else table.c_deg[:-1]
     values = table.values[: len(planes)] * (1000.0 / lumens)
     down = _share_below_horizon(photometric)
-    size, remark = f"{photometric.diameter_mm:.6g}", "".join(photometric.remarks[:1])
+    size = f"{photometric.diameter_mm:.6g}"
+    date_and_remark = "; ".join(filter(None, (photometric.issued, *photometric.remarks[:1])))
     lines = [
-        photometric.maker[:78], "1", "1" if revolution else "0", str(len(planes)), _step(planes),
-        str(len(table.gamma_deg)), _step(table.gamma_deg), photometric.test[:78], photometric.title[:78],
-        "", "", remark[:78],
+        _text(photometric.maker), "1" if revolution else "3", "1" if revolution else "0", str(len(planes)),
+        _step(planes), str(len(table.gamma_deg)), _step(table.gamma_deg), _text(photometric.test),
+        _text(photometric.title), _text(photometric.catalogue), "", _text(date_and_remark),
         size, "0", "0", size, "0", "0", "0", "0", "0",
         f"{100.0 * down:.6g}", f"{100.0 * table.flux() / lumens:.6g}", "1", "0", "1",
-        "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
+        "-1" if photometric.lamp_lumens is None else "1", "LED", f"{lumens:.7g}", "", "", f"{photometric.watts:.6g}",
     ]  # fmt: skip
     numbers = [np.zeros(_RATIOS), planes, table.gamma_deg, values.ravel()]
     lines += [f"{number:.7g}" for number in np.concatenate(numbers)]
     return "\r\n".join(lines) + "\r\n"
+
+
+def _text(text: str) -> str:
+    return single_line(text)[:_TEXT]
+
+
+def _absolute(line: str) -> bool:
+    """True where the number of lamps is negative; some files have a text there, or nothing."""
+    try:
+        return _number(line, "") < 0.0
+    except InputError:
+        return False
 
 
 def _stored_planes(symmetry: int, planes: int, name: str) -> np.ndarray:

@@ -1,10 +1,13 @@
 """IES LM-63 (`.ies`): label lines, `TILT=`, then a stream of numbers, read whatever their line ends and separators.
 
 The stream: lamps, lumens of each (-1: absolute photometry), multiplier, counts of gamma and C angles, photometric
-type, unit (1 ft, 2 m), three sizes, ballast factor, a number for later use, watts; gamma angles, C angles, candela by
-half-plane; after the last, nothing but the word END, which some programs write. Types A and B are converted to type C.
-Tilt factors are for lamps that dim when tilted; the far field is that of the luminaire as installed, so they are
-skipped.
+type, unit (1 ft, 2 m), three sizes, ballast factor, a number whose meaning changed, watts; gamma angles, C angles,
+candela by half-plane; after the last, nothing but the word END, which some programs write. Types A and B are converted
+to type C. Tilt factors are for lamps that dim when tilted; the far field is that of the luminaire as installed, so they
+are skipped.
+
+The number whose meaning changed is a factor of the candela until 1991 (ballast-lamp photometric factor), 1 and without
+meaning in 1995 and 2002, and the file generation type in 2019.
 """
 
 import re
@@ -15,7 +18,9 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.generation import UNDEFINED, generation_code, generation_title
 from lensforge.sources.photometric.half_planes import not_below_zero, tabulated
+from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, label_lines, read_labels
 from lensforge.sources.photometric.record import (
     HUGE,
     MOST_NUMBERS,
@@ -32,10 +37,9 @@ _TYPE_C, _METRES = 1, 2
 _ABSOLUTE = -1.0  # lumens of a lamp in absolute photometry
 _FIXED = 13  # numbers before the angles
 _TILT = re.compile(r"^[ \t]*TILT[ \t]*=[ \t]*(\S+)[^\n]*$", re.MULTILINE | re.IGNORECASE)
-_TITLE = re.compile(r"^\[LUMINAIRE\][ \t]*(.*)$", re.MULTILINE | re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"\d,\d")
-_PER_LINE = 10
-_MOST_LABEL = 240  # characters; LM-63 allows 256 on a line, its end and keyword included
+_CHANGED = 11  # place, from 0, of the number whose meaning changed
+_PER_LINE = 10  # of 12 characters at most: below the 132 that editions before 2002 allow
 
 
 def matches(text: str) -> bool:
@@ -50,7 +54,7 @@ def decode(text: str, name: str) -> PhotometricFile:
         raise InputError(f"{name}: no line TILT=; not an LM-63 file")
     body = text[tilt.end() :]
     try:
-        return _decode_numbers(body, tilt.group(1), name, text)
+        return _decode_numbers(body, tilt.group(1), name, text[: tilt.start()])
     except InputError as error:
         if _DECIMAL_COMMA.search(body) is None:
             raise
@@ -59,19 +63,51 @@ def decode(text: str, name: str) -> PhotometricFile:
         ) from None
 
 
-def _decode_numbers(body: str, tilt: str, name: str, text: str) -> PhotometricFile:
-    """The far field by the numbers below TILT=, ``body``; the labels of the whole ``text`` say what it is."""
-    stream = _numbers(body, name)
+def _decode_numbers(body: str, tilt: str, name: str, head: str) -> PhotometricFile:
+    """The far field by the numbers below TILT=, ``body``; the labels above, ``head``, say what it is."""
+    words = _words(body, name)
+    stream = _numbers(words, name)
     if tilt.upper() == "INCLUDE":
         pairs = _count(stream[1] if len(stream) > 1 else np.nan, name)
-        stream = stream[2 + 2 * pairs :]
+        stream, words = stream[2 + 2 * pairs :], words[2 + 2 * pairs :]
     if len(stream) < _FIXED:
         raise InputError(f"{name}: truncated: {len(stream)} numbers below TILT=, the header alone has {_FIXED}")
-    lamps, lumens, multiplier, gammas, planes, kind, unit, width, *_, ballast, _, watts = stream[:_FIXED]
+    lamps, lumens, multiplier, _, _, kind, unit, width, *_, ballast, _, watts = stream[:_FIXED]
     if kind not in _TYPES:
         raise InputError(f"{name}: photometric type {kind:g}: 1 (C), 2 (B) or 3 (A); export it again")
-    g, c = _count(gammas, name), _count(planes, name)
-    needed = _FIXED + g + c + c * g
+    v_deg, h_deg, table = _split(stream, name)
+    year, labels = read_labels(head)
+    factor, warnings = _factor(stream[_CHANGED], year)
+    intensity, more = _far_field(_TYPES[kind], h_deg, v_deg, table * (multiplier * ballast * factor), name)
+    lamp_lumens = known(lamps * lumens) if lumens > 0.0 else None
+    if lamp_lumens is None and lumens != _ABSOLUTE:
+        more = (*more, f"{lamps:g} lamps of {lumens:g} lm: taken as absolute photometry, which says -1 there")
+    return PhotometricFile(
+        intensity=intensity,
+        lamp_lumens=lamp_lumens,
+        title=labels.get("LUMINAIRE", ""),
+        maker=labels.get("MANUFAC", ""),
+        test=labels.get("TEST", ""),
+        catalogue=labels.get("LUMCAT", ""),
+        laboratory=labels.get("TESTLAB", ""),
+        issued=labels.get("ISSUEDATE", ""),
+        method=labels.get("FILEGENINFO", ""),
+        generated=generation_title(words[_CHANGED]) if year >= NEWEST else UNDEFINED,
+        edition=f"LM-63-{year}",
+        diameter_mm=-width * (1000.0 if unit == _METRES else 304.8) if width < 0.0 else 0.0,
+        watts=known(watts) or 0.0,
+        format="ies",
+        photometric_type=_TYPES[kind],
+        warnings=(*warnings, *more),
+    )
+
+
+def _split(
+    stream: Float[np.ndarray, " n"], name: str
+) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " h"], Float[np.ndarray, "h v"]]:
+    """Vertical and horizontal angles and the candela, as many as the header of the ``stream`` promises."""
+    vertical, horizontal = _count(stream[3], name), _count(stream[4], name)
+    needed = _FIXED + vertical + horizontal + horizontal * vertical
     if len(stream) < needed:
         raise InputError(f"{name}: truncated: {len(stream)} numbers, its header promises {needed}")
     if len(stream) > needed:
@@ -79,24 +115,16 @@ def _decode_numbers(body: str, tilt: str, name: str, text: str) -> PhotometricFi
             f"{name}: {len(stream)} numbers, its header promises {needed}: {len(stream) - needed} too many; "
             f"export it again"
         )
-    angles = stream[_FIXED : _FIXED + g + c]
-    candela = stream[_FIXED + g + c :].reshape(c, g) * (multiplier * ballast)
-    intensity, warnings = _far_field(_TYPES[kind], angles[g:], angles[:g], candela, name)
-    lamp_lumens = known(lamps * lumens) if lumens > 0.0 else None
-    if lamp_lumens is None and lumens != _ABSOLUTE:
-        warnings = (*warnings, f"{lamps:g} lamps of {lumens:g} lm: taken as absolute photometry, which says -1 there")
-    title = _TITLE.search(text)
-    return PhotometricFile(
-        intensity=intensity,
-        lamp_lumens=lamp_lumens,
-        title=title.group(1).strip() if title else "",
-        maker=_label(text, "MANUFAC"),
-        test=_label(text, "TEST"),
-        diameter_mm=-width * (1000.0 if unit == _METRES else 304.8) if width < 0.0 else 0.0,
-        watts=known(watts) or 0.0,
-        format="ies",
-        photometric_type=_TYPES[kind],
-        warnings=warnings,
+    v_deg, h_deg, candela = np.split(stream[_FIXED:], [vertical, vertical + horizontal])
+    return v_deg, h_deg, candela.reshape(horizontal, vertical)
+
+
+def _factor(number: float, year: int) -> tuple[float, tuple[str, ...]]:
+    """Ballast-lamp photometric factor by which the candela of files until 1991 are multiplied, and the words on it."""
+    if year > 1991 or number == 1.0 or known(number) is None:
+        return 1.0, ()
+    return float(number), (
+        f"candela multiplied by its ballast-lamp photometric factor, {number:g}, as LM-63-{year} asks",
     )
 
 
@@ -111,22 +139,18 @@ def _far_field(
     return table, (*warnings, line)
 
 
-def encode(photometric: PhotometricFile) -> str:
-    """LM-63-2002, type C, metres; relative to the lamp's lumens where they are known, absolute elsewhere."""
+def encode(photometric: PhotometricFile, version: IesVersion = NEWEST) -> str:
+    """LM-63 of the edition ``version``, type C, metres; relative to the lumens of the lamp if known, else absolute."""
     table = photometric.intensity
-    size = f"{-photometric.diameter_mm / 1000.0:.6g}"
+    size = f"{-photometric.diameter_mm / 1000.0:.6g}" if photometric.diameter_mm > 0.0 else "0"
+    other = size if version >= 2002 else "0"  # a round opening has its diameter as width alone up to 1995
     counts = f"{len(table.gamma_deg)} {len(table.c_deg)} {_TYPE_C} {_METRES}"
+    changed = generation_code(photometric.generated) if version >= NEWEST else "1"
     lines = [
-        "IESNA:LM-63-2002",
-        f"[TEST] {photometric.test[:_MOST_LABEL]}",
-        "[TESTLAB] none",
-        "[ISSUEDATE] none",
-        f"[MANUFAC] {photometric.maker[:_MOST_LABEL]}",
-        f"[LUMINAIRE] {photometric.title[:_MOST_LABEL]}",
-        *(f"[OTHER] {remark[:_MOST_LABEL]}" for remark in photometric.remarks),
+        *label_lines(photometric, version),
         "TILT=NONE",
-        f"1 {photometric.lamp_lumens or -1:.7g} 1 {counts} {size} {size} 0",
-        f"1 1 {photometric.watts:.6g}",
+        f"1 {photometric.lamp_lumens or -1:.7g} 1 {counts} {size} {other} 0",
+        f"1 {changed} {photometric.watts:.6g}",
     ]
     for row in (table.gamma_deg, table.c_deg, *table.values):
         words = [f"{number:.7g}" for number in row]
@@ -134,16 +158,15 @@ def encode(photometric: PhotometricFile) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
-def _label(text: str, keyword: str) -> str:
-    found = re.search(rf"^\[{keyword}\][ \t]*(.*)$", text, re.MULTILINE | re.IGNORECASE)
-    return found.group(1).strip() if found else ""
-
-
-def _numbers(text: str, name: str) -> np.ndarray:
+def _words(text: str, name: str) -> list[str]:
     words = text.replace(",", " ").split()
     words = words[:-1] if words and words[-1].upper() == "END" else words
     if len(words) > 2 * MOST_NUMBERS:
         raise InputError(f"{name}: more than {2 * MOST_NUMBERS} numbers; not a photometric file")
+    return words
+
+
+def _numbers(words: list[str], name: str) -> Float[np.ndarray, " n"]:
     try:
         numbers = np.array([number_in(word) for word in words])
     except ValueError:

@@ -1,10 +1,12 @@
-"""Record of a photometric file of either format: candela over C and gamma, lamp lumens, luminous opening."""
+"""Record of a photometric file of any format: candela over C and gamma, lamp lumens, luminous opening."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.generation import SIMULATED
+from lensforge.version import __version__
 
 MOST_NUMBERS = 10**6  # of intensities: 721 x 361 is the finest seen; more comes from a damaged header
 MOST_PLANES, MOST_GAMMAS = 3601, 18_001  # in steps of 0.1 and 0.01 degrees, finer than any goniophotometer
@@ -32,7 +34,10 @@ class PhotometricFile:
     none. ``diameter_mm``: of the luminous opening, where it is round; 0 elsewhere. ``photometric_type``: of the angles
     in the file, C, B or A; ``intensity`` is always over C and gamma. ``warnings``: whatever was not taken as it
     stands, one line each. ``remarks``: lines on the data, such as its noise, for whoever opens the file; written to
-    LM-63 as [OTHER], not read. ``maker`` of the luminaire, and the ``test`` report that the data come from.
+    LM-63 as [OTHER], not read. ``maker`` of the luminaire, its number in the ``catalogue``, and the ``test`` report
+    that the data come from. ``generated``: by simulation or measurement, in the words of LM-63-2019; ``method``: more
+    on that; ``laboratory``, and the date on which the data were ``issued``, empty where nothing states one: it is never
+    that of the clock. ``edition``: of the standard that the file follows, by its own words.
     """
 
     intensity: TabulatedIntensity
@@ -47,16 +52,28 @@ class PhotometricFile:
     remarks: tuple[str, ...] = ()
     maker: str = "lensforge"
     test: str = "none: computed by tracing rays"
+    catalogue: str = ""
+    generated: str = SIMULATED
+    method: str = f"rays traced through the lens by lensforge {__version__}"
+    laboratory: str = "none: not measured, computed by lensforge"
+    issued: str = ""
+    edition: str = ""
+
+
+def single_line(text: str) -> str:
+    """``text`` without line ends, tabs and other characters that no line of a file may hold."""
+    return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
 
 
 @dataclass(frozen=True)
 class PhotometricFormat:
     """A format: ``matches`` a text by its content, ``decode`` a text and its file's name, ``encode`` a far field.
 
-    The texts have "\\n" for line ends, whatever the file has.
+    The texts have "\\n" for line ends, whatever the file has. ``encoding``: of the bytes that are written.
     """
 
     suffix: str
     matches: Callable[[str], bool]
     decode: Callable[[str, str], PhotometricFile]
     encode: Callable[[PhotometricFile], str]
+    encoding: str = "latin-1"

@@ -17,7 +17,7 @@ from lensforge.sources.photometric.warnings import far_field_warnings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT"}
+TITLES = {"ies": "IES LM-63", "eulumdat": "EULUMDAT", "tm33": "ANSI/IES TM-33"}
 _PLANES = (0.0, 90.0)  # C 0 - C 180 and C 90 - C 270
 
 
@@ -43,8 +43,10 @@ class PhotometricSummary(StageResult):
 
     ``lumens``: integral of the intensities over all directions. ``stated_lumens``: the luminaire's by the file's own
     words, ``lamp_lumens``: of its lamps, ``watts`` electric; None where the file states none. ``symmetry``:
-    ``revolution``, or the largest mirror group of the light. ``share_above_90``: of the flux, at gamma above 90.
-    ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
+    ``revolution``, or the largest mirror group of the light. ``edition``: of the standard, empty where the format has
+    one only. ``generated``: by simulation or measurement, by the titles of LM-63-2019; "Undefined" where the file does
+    not say. ``laboratory``, and the date on which the data were ``issued``: as the file has them. ``share_above_90``:
+    of the flux, at gamma above 90. ``beam_c0`` and ``beam_c90``: in the planes C 0 - C 180 and C 90 - C 270.
     """
 
     stage: ClassVar[str] = "photometric_file"
@@ -55,6 +57,11 @@ class PhotometricSummary(StageResult):
     title: Text
     luminaire: Text
     maker: Text
+    catalogue: Text
+    edition: Text
+    generated: Text
+    laboratory: Text
+    issued: Text
     photometric_type: Literal["A", "B", "C"]
     symmetry: Text
     angles: FarFieldAngles
@@ -102,6 +109,11 @@ def summarise_photometric(path: Path) -> PhotometricSummary:
         title=TITLES.get(found.format, found.format),
         luminaire=found.title,
         maker=found.maker,
+        catalogue=found.catalogue,
+        edition=found.edition,
+        generated=found.generated,
+        laboratory=found.laboratory,
+        issued=found.issued,
         photometric_type=found.photometric_type,
         symmetry="revolution" if len(table.c_deg) == 1 else table.symmetry,
         angles=FarFieldAngles(

@@ -1,0 +1,164 @@
+"""ANSI/IES TM-33 (`.iesxml`, `.xml`): luminaire data as XML, the luminous intensity of its emitter read.
+
+Roots: ``IESTM33-22`` of TM-33-23, ``IESTM33`` of TM-33-18, ``UNI11733`` of the Italian edition; all have the elements
+that are read here. Each ``IntData`` is an intensity with its angles h (C) and v (gamma). ``AbsolutePhotometry`` false:
+candela for ``RatedLumens``, as LM-63 has them.
+
+The standard library's parser is enough, without a package to harden it: a file with a DOCTYPE is refused, and entities,
+by which a small file may grow or fetch another, are declared nowhere else.
+"""
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lensforge.errors import InputError
+from lensforge.sources.intensity import TabulatedIntensity
+from lensforge.sources.photometric.generation import SIMULATED, UNDEFINED
+from lensforge.sources.photometric.half_planes import tabulated
+from lensforge.sources.photometric.record import (
+    HUGE,
+    MOST_NUMBERS,
+    PhotometricFile,
+    PhotometricFormat,
+    known,
+    number_in,
+    single_line,
+)
+from lensforge.sources.photometric.tm33_document import NO_DATE, document
+
+_ROOT = re.compile(r"<(?:\w+:)?(IESTM33(?:-\d\d)?|UNI11733)(?=[\s>])")
+_EDITIONS = {"IESTM33-22": "TM-33-23", "IESTM33": "TM-33-18", "UNI11733": "UNI 11733"}
+_HEAD = 65536  # characters in which the root begins, after comments of any sensible length
+_INTENSITY = "LuminousData/LuminousIntensity"
+
+
+def matches(text: str) -> bool:
+    """True where ``text`` is XML with one of the roots."""
+    return text.lstrip().startswith("<") and _ROOT.search(text[:_HEAD]) is not None
+
+
+def decode(text: str, name: str) -> PhotometricFile:
+    """The far field in ``text``; ``name`` is the file in errors. Raises :class:`InputError`."""
+    root = _parsed(text, name)
+    emitter, warnings = _emitter(root, name)
+    _require_type_c(root, name)
+    intensity, more = _intensity(emitter, name)
+    quantity = _number(emitter, "Quantity", name) or 1.0
+    if quantity != 1.0:
+        more = (*more, f"{quantity:g} emitters in one: the intensities are taken as those of all")
+    absolute = _text(emitter, f"{_INTENSITY}/AbsolutePhotometry").lower() in ("true", "1")
+    rated = _number(emitter, "RatedLumens", name) * max(quantity, 1.0)
+    simulated = _text(emitter, "DataGeneration/Simulation").lower() in ("true", "1")
+    issued = _text(root, "Header/ReportDate")
+    return PhotometricFile(
+        intensity=intensity,
+        lamp_lumens=None if absolute else known(rated),
+        stated_lumens=known(_number(emitter, "LuminousData/LuminousFlux", name)),
+        title=_text(root, "Header/Description"),
+        maker=_text(root, "Header/Manufacturer"),
+        catalogue=_text(root, "Header/CatalogNumber"),
+        test=_text(root, "Header/ReportNumber"),
+        laboratory=_text(root, "Header/Laboratory"),
+        issued="" if issued == NO_DATE else issued,
+        generated=SIMULATED if simulated else UNDEFINED,
+        method="",
+        edition=_EDITIONS.get(root.tag, root.tag),
+        diameter_mm=_diameter_mm(emitter, name),
+        watts=known(_number(emitter, "InputWattage", name)) or 0.0,
+        format="tm33",
+        warnings=(*warnings, *more),
+    )
+
+
+def _parsed(text: str, name: str) -> ElementTree.Element:
+    """The tree of ``text`` without namespaces. Raises :class:`InputError` where it is no XML, or might expand."""
+    if "<!DOCTYPE" in text:
+        raise InputError(f"{name}: XML with a DOCTYPE, which TM-33 does not have and which may hide more; export again")
+    if text.count("<") > MOST_NUMBERS:
+        raise InputError(f"{name}: more than {MOST_NUMBERS} tags; not a photometric file")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"{name}: its XML is damaged ({single_line(str(error))}); export it again") from None
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]
+    return root
+
+
+def _emitter(root: ElementTree.Element, name: str) -> tuple[ElementTree.Element, tuple[str, ...]]:
+    """The only emitter of the file with luminous intensities, and words on those without."""
+    emitters = root.findall("Emitter")
+    lit = [emitter for emitter in emitters if emitter.find(_INTENSITY) is not None]
+    if len(lit) != 1:
+        raise InputError(
+            f"{name}: {len(lit)} of its {len(emitters)} emitters have luminous intensities; a file with one is read: "
+            f"export it as luminous data of one emitter"
+        )
+    unused = len(emitters) - 1
+    return lit[0], (f"{unused} emitters without luminous intensities are left out",) * bool(unused)
+
+
+def _require_type_c(root: ElementTree.Element, name: str) -> None:
+    kind = _text(root, "Equipment/Gonioradiometer/Type")
+    if kind.replace(" ", "") not in ("", "IES_C", "CIE_C"):
+        raise InputError(f"{name}: goniometer of type {kind[:20]!r}: IES_C and CIE_C are read; export it as type C")
+
+
+def _intensity(emitter: ElementTree.Element, name: str) -> tuple[TabulatedIntensity, tuple[str, ...]]:
+    """Intensity over C and gamma, from a list that has every pair of its angles once, in any order."""
+    found = emitter.findall(f"{_INTENSITY}/IntData")
+    rows = np.array([_datum(each, name) for each in found]).reshape(-1, 3)
+    h_deg, v_deg = np.unique(rows[:, 0]), np.unique(rows[:, 1])
+    promised = [_number(emitter, f"{_INTENSITY}/{count}", name) for count in ("NumberHorz", "NumberVert")]
+    for angles, count in zip((h_deg, v_deg), promised, strict=True):
+        if count not in (0.0, len(angles)):
+            raise InputError(
+                f"{name}: {len(angles)} angles of one kind, its header promises {count:g}; export it again"
+            )
+    pairs = np.unique(rows[:, :2], axis=0)
+    if not len(rows) == len(pairs) == len(h_deg) * len(v_deg) > 0:
+        raise InputError(
+            f"{name}: {len(rows)} intensities for {len(h_deg)} angles h and {len(v_deg)} angles v: one is needed for "
+            f"each pair; export it again"
+        )
+    candela = rows[np.lexsort((rows[:, 1], rows[:, 0])), 2].reshape(len(h_deg), len(v_deg))
+    factor = _number(emitter, f"{_INTENSITY}/Multiplier", name) or 1.0
+    return tabulated(h_deg, v_deg, candela * factor, name)
+
+
+def _datum(element: ElementTree.Element, name: str) -> tuple[float, float, float]:
+    """Angles h and v of one intensity, and its value."""
+    h, v = (_value(element.get(angle, ""), f"angle {angle} of IntData", name) for angle in ("h", "v"))
+    return h, v, _value((element.text or "").strip(), "IntData", name)
+
+
+def _diameter_mm(emitter: ElementTree.Element, name: str) -> float:
+    """Diameter of the opening, where it is one circle that faces downwards; lengths of TM-33 are in metres."""
+    area = "EmissionAreas/BottomFace/BottomArea"
+    if len(emitter.findall(area)) != 1 or _text(emitter, f"{area}/Circular").lower() not in ("true", "1"):
+        return 0.0
+    return 1000.0 * max(_number(emitter, f"{area}/Length", name), 0.0)
+
+
+def _text(element: ElementTree.Element, path: str) -> str:
+    return single_line(element.findtext(path) or "")
+
+
+def _number(element: ElementTree.Element, path: str, name: str) -> float:
+    """Number at ``path``, 0 where the file has none."""
+    return _value(_text(element, path) or "0", path, name)
+
+
+def _value(word: str, place: str, name: str) -> float:
+    try:
+        number = number_in(word)
+    except ValueError:
+        raise InputError(f"{name}: {word[:20]!r} where {place} is a number; export it again") from None
+    if not abs(number) < HUGE:
+        raise InputError(f"{name}: {place} is not finite and below {HUGE:g}; export it again")
+    return number
+
+
+FORMAT = PhotometricFormat(".iesxml", matches, decode, document, "utf-8")

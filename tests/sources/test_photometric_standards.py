@@ -1,0 +1,248 @@
+"""Photometric files against their standards: the editions of LM-63, EULUMDAT's lines, TM-33's elements."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from far_fields import far_field
+
+import lensforge as lf
+from lensforge.cli import cli
+from lensforge.errors import InputError
+from lensforge.sources.build import build_source
+from lensforge.sources.photometric import read_photometric, write_photometric
+from lensforge.sources.photometric.conversion import convert_photometric
+from lensforge.sources.photometric.generation import SIMULATED, UNDEFINED, generation_code, generation_title
+from lensforge.sources.photometric.ies_labels import require_ies_version
+
+VERSIONS = (1986, 1991, 1995, 2002, 2019)
+FIRST = {1991: "IESNA91", 1995: "IESNA:LM-63-1995", 2002: "IESNA:LM-63-2002", 2019: "IES:LM-63-2019"}
+REQUIRED = {1991: ["TEST", "MANUFAC"], 2002: ["TEST", "TESTLAB", "ISSUEDATE", "MANUFAC"]}
+REQUIRED |= {1995: [], 2019: REQUIRED[2002]}
+LONG = "standard error of the candela above a tenth of the peak " * 9
+
+
+def written(tmp_path, version, **fields):
+    path = tmp_path / f"{version}.ies"
+    write_photometric(path, replace(far_field("none", 417.25), **fields), ies_version=version)
+    return path, path.read_bytes().decode("ascii").split("\r\n")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_edition_has_its_first_line_its_keywords_and_its_lengths(version, tmp_path):
+    _, lines = written(tmp_path, version, remarks=(LONG, "two"), diameter_mm=20.0)
+    tilt = lines.index("TILT=NONE")
+    labels, numbers = lines[:tilt], lines[tilt + 1 : -1]
+    assert max(map(len, labels)) + 2 <= (80 if version < 2002 else 256)
+    assert max(map(len, numbers)) + 2 <= 132
+    assert lines[-1] == "" and all(numbers)
+    if version == 1986:
+        assert labels[0] == "a lens" and not any(line.startswith(("[", "IES")) for line in labels)
+    else:
+        assert labels[0] == FIRST[version]
+        keywords = [line[1 : line.index("]")] for line in labels[1:]]
+        assert set(REQUIRED[version]) <= set(keywords)
+        assert ("TESTLAB" in keywords) == (version >= 2002) and ("FILEGENINFO" in keywords) == (version == 2019)
+        assert all(line[line.index("]") + 1 :].strip() for line in labels[1:])
+    size = "-0.02" if version >= 2002 else "0"
+    assert numbers[0].split()[7:] == ["-0.02", size, "0"]  # a round opening, by the table of each edition
+    assert numbers[1].split() == ["1", "1.00010" if version == 2019 else "1", "2.5"]
+
+
+def test_our_files_of_2019_say_that_they_are_computed_and_by_what(tmp_path):
+    path, lines = written(tmp_path, 2019)
+    assert "[TEST] none: computed by tracing rays" in lines
+    assert "[TESTLAB] none: not measured, computed by lensforge" in lines
+    assert "[ISSUEDATE] not stated" in lines
+    assert f"[FILEGENINFO] rays traced through the lens by lensforge {lf.__version__}" in lines
+    found = lf.rays(path)
+    assert (found.generated, found.edition, found.issued) == (SIMULATED, "LM-63-2019", "")
+    dated, _ = written(tmp_path, 2019, issued="2026-03-01")
+    assert lf.rays(dated).issued == "2026-03-01"
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_edition_is_read_for_what_it_says(version, tmp_path):
+    path, _ = written(tmp_path, version, title="Leuchte " * 30, issued="2026-03-01", remarks=(LONG,))
+    found, file = read_photometric(path), far_field("none", 417.25)
+    np.testing.assert_allclose(found.intensity.values, file.intensity.values, rtol=5e-7)
+    assert found.edition == f"LM-63-{version}" and found.warnings == ()
+    assert found.generated == (SIMULATED if version == 2019 else UNDEFINED)
+    if version > 1986:
+        assert (found.title, found.catalogue, found.maker) == (("Leuchte " * 30).strip(), "L 1", "lensforge")
+    else:
+        assert found.title.startswith("Leuchte Leuchte")
+    assert (found.issued, found.laboratory[:4]) == (("2026-03-01", "none") if version >= 2002 else ("", ""))
+
+
+OLD = "A luminaire of 1987\nLamp: FL 36 W\nTILT=NONE\n1 1000 1 3 1 1 1 0 0 0\n1.0 {} 40\n0 45 90\n0\n300 200 0\n"
+
+
+def test_a_file_of_1986_has_no_first_line_and_a_factor(tmp_path):
+    """The ballast-lamp photometric factor multiplies the candela until 1991; later its place has no meaning."""
+    for head, number, first in (("", "1", 300.0), ("", "0.9", 270.0), ("", "0", 300.0), (FIRST[2002], "0.9", 300.0)):
+        (tmp_path / "x.ies").write_text(f"{head}\n{OLD.format(number)}", encoding="ascii")
+        found = read_photometric(tmp_path / "x.ies")
+        assert found.intensity.values[0, 0] == pytest.approx(first)
+        assert len(found.warnings) == (1 if first == 270.0 else 0)
+        assert found.title == ("" if head else "A luminaire of 1987")
+
+
+def test_the_table_of_file_generation_types():
+    """Digits: accredited, interpolated, scaled, simulated, undefined."""
+    for word, title in (
+        ("1.00010", "Computer Simulation"),
+        ("1.0001", "Computer Simulation"),
+        ("1.00001", "Undefined"),
+        ("1", "Undefined"),
+        ("1.0", "Undefined"),
+        ("0", "Undefined"),
+        ("1.00011", "Undefined"),
+        ("1.00000", "Test at an unaccredited lab"),
+        ("1.11100", "Test at an accredited lab with interpolated angle set that has been lumen scaled"),
+        ("1.1", "Test at an accredited lab"),
+    ):
+        assert generation_title(word) == title
+    assert generation_code(SIMULATED) == "1.00010" and generation_code("") == "1.00001"
+
+
+def test_a_measured_file_is_not_made_a_simulated_one(tmp_path):
+    path, _ = written(tmp_path, 2019, generated="Test at an accredited lab", laboratory="PTB", catalogue="")
+    convert_photometric(path, tmp_path / "b.ies")
+    assert lf.rays(tmp_path / "b.ies").generated == "Test at an accredited lab"
+    (tmp_path / "old.ies").write_text(OLD.format("1"), encoding="ascii")
+    convert_photometric(tmp_path / "old.ies", tmp_path / "new.ies")
+    assert "1 1.00001 40" in (tmp_path / "new.ies").read_text(encoding="ascii").split("\n")
+    lost = convert_photometric(path, tmp_path / "c.ies", ies_version=1991).lost
+    assert lost == ("laboratory (PTB)", "generation of the data (Test at an accredited lab)")
+    assert "true" not in [each.text for each in _tm33(path, tmp_path).iter("Simulation")]
+
+
+def _tm33(path, tmp_path):
+    convert_photometric(path, tmp_path / "x.iesxml")
+    return ET.parse(tmp_path / "x.iesxml").getroot()
+
+
+def test_the_lines_of_eulumdat(tmp_path):
+    file = replace(far_field("none", 417.25), maker="m" * 100, title="t\n" * 60, issued="2026-03-01", remarks=(LONG,))
+    write_photometric(tmp_path / "x.ldt", file)
+    lines = (tmp_path / "x.ldt").read_text(encoding="ascii").split("\n")
+    assert [len(lines[k]) <= 78 for k in (0, 7, 8, 9, 11)] == [True] * 5
+    assert lines[1:7] == ["3", "0", "24", "15", "37", "2.5"]
+    assert lines[9] == "L 1" and lines[11].startswith("2026-03-01; standard error")
+    planes, gammas = 24, 37  # each line holds one value: C without 360, gamma, and an intensity for each pair
+    assert len([line for line in lines[42:] if line]) == planes + gammas + planes * gammas
+    back = read_photometric(tmp_path / "x.ldt")
+    assert (back.catalogue, back.generated, back.lamp_lumens) == ("L 1", UNDEFINED, 417.25)
+
+
+# Children of each element in the order of the schema of TM-33-23; 1: required.
+SCHEMA = {
+    "IESTM33-22": {"Version": 1, "Header": 1, "Luminaire": 0, "Equipment": 0, "Emitter": 1, "CustomData": 0},
+    "Header": {
+        "Manufacturer": 0, "CatalogNumber": 0, "GTIN": 0, "Description": 1, "Laboratory": 1, "ReportNumber": 1,
+        "ReportDate": 1, "DocumentCreator": 0, "DocumentCreationDate": 0, "UniqueIdentifier": 0, "Comment": 0,
+    },
+    "Equipment": {"Gonioradiometer": 0},
+    "Gonioradiometer": {"Type": 1},
+    "Emitter": {
+        "Quantity": 1, "Description": 1, "CatalogNumber": 0, "RatedLumens": 0, "InputWattage": 1, "DataGeneration": 0,
+        "LuminousData": 0, "EmissionAreas": 0,
+    },
+    "DataGeneration": {"Simulation": 0, "Laboratory": 0, "IntensityScaling": 0, "AngleInterpolation": 0},
+    "LuminousData": {"LuminousIntensity": 1, "LuminousFlux": 0},
+    "LuminousIntensity": {
+        "AbsolutePhotometry": 0, "Symm": 0, "Multiplier": 0, "NumberMeasured": 1, "NumberHorz": 1, "NumberVert": 1,
+        "IntData": 1,
+    },
+    "EmissionAreas": {"TopFace": 0, "BottomFace": 0},
+    "BottomFace": {"NumberBottom": 1, "BottomArea": 1},
+    "BottomArea": {"Length": 1, "Width": 1, "LengthOffset": 1, "WidthOffset": 1, "Circular": 0},
+}  # fmt: skip
+DECIMALS = ("RatedLumens", "InputWattage", "LuminousFlux", "Length", "Width", "IntData")
+
+
+@pytest.mark.parametrize("lumens", [None, 417.25])
+def test_the_elements_of_tm_33_are_those_of_its_schema_in_their_order(lumens, tmp_path):
+    file = replace(far_field("none", lumens), diameter_mm=20.0, remarks=("a < b & c", "two"), maker="")
+    write_photometric(tmp_path / "x.iesxml", file)
+    root = ET.parse(tmp_path / "x.iesxml").getroot()
+    assert (root.tag, root.findtext("Version")) == ("IESTM33-22", "1.1")
+    for element in root.iter():
+        names = [child.tag for child in element]
+        order = SCHEMA.get(element.tag, {})
+        assert [list(order).index(name) for name in names] == sorted(list(order).index(name) for name in names)
+        assert {name for name, must in order.items() if must} <= set(names)
+        if element.tag in DECIMALS:
+            assert element.text.replace(".", "", 1).isdigit(), element.text  # xs:decimal has no exponent
+    assert root.findtext("Emitter/DataGeneration/Simulation") == "true"
+    assert "a < b & c" in [each.text for each in root.iter("Comment")]
+    back = read_photometric(tmp_path / "x.iesxml")
+    assert (back.generated, back.lamp_lumens, back.watts, back.edition) == (SIMULATED, lumens, 2.5, "TM-33-23")
+    assert (back.diameter_mm, back.catalogue, back.title) == (pytest.approx(20.0), "L 1", "a lens")
+    assert back.stated_lumens == pytest.approx(file.intensity.flux(), rel=1e-6)
+    np.testing.assert_allclose(back.intensity.values, file.intensity.values, rtol=5e-7)
+
+
+def test_a_date_that_tm_33_cannot_hold_is_a_comment(tmp_path):
+    for issued, date in (("", "1970-01-01"), ("7/8/2021", "1970-01-01"), ("2026-03-01", "2026-03-01")):
+        write_photometric(tmp_path / "x.iesxml", replace(far_field("revolution", None), issued=issued))
+        root = ET.parse(tmp_path / "x.iesxml").getroot()
+        assert root.findtext("Header/ReportDate") == date
+        stands = [each.text for each in root.iter("Comment") if "stands for none" in each.text]
+        assert stands == (
+            [] if issued == date else [f"date of the report: {issued or 'not stated'}; {date} stands for none"]
+        )
+        assert read_photometric(tmp_path / "x.iesxml").issued == (issued if issued == date else "")
+
+
+def test_tm_33_of_other_programs(tmp_path):
+    """Another root, a namespace, any order of the intensities, a multiplier, a quarter of the turn."""
+    data = [(h, v, 10.0 * h + 90.0 - v) for v in (90, 0, 45) for h in (45, 0, 90)]
+    rows = "".join(f'<IntData v="{v}" h="{h}">{value}</IntData>' for h, v, value in data)
+    text = (
+        '<?xml version="1.0" encoding="utf-16"?><!-- a comment --><t:IESTM33 xmlns:t="http://www.ies.org/tm-33">'
+        "<t:Version>1.1</t:Version><t:Emitter><t:Quantity>2</t:Quantity><t:RatedLumens>100</t:RatedLumens>"
+        "<t:LuminousData><t:LuminousIntensity><t:Multiplier>2</t:Multiplier>"
+        + rows.replace("IntData", "t:IntData")
+        + "</t:LuminousIntensity></t:LuminousData></t:Emitter></t:IESTM33>"
+    )
+    (tmp_path / "x.dat").write_text(text, encoding="utf-16")
+    found = read_photometric(tmp_path / "x.dat")
+    assert (found.format, found.edition, found.lamp_lumens) == ("tm33", "TM-33-18", 200.0)
+    assert found.intensity.symmetry == "rectangle" and len(found.intensity.c_deg) == 9
+    np.testing.assert_allclose(
+        found.intensity.values[:3], [[180.0, 90.0, 0.0], [1080.0, 990.0, 900.0], [1980.0, 1890.0, 1800.0]]
+    )
+    assert found.warnings == ("2 emitters in one: the intensities are taken as those of all",)
+    summary = lf.rays(tmp_path / "x.dat")
+    assert (summary.format, summary.title) == ("tm33", "ANSI/IES TM-33")
+    source = lf.DiscSource(diameter_mm=1.0, intensity={"kind": "photometric", "file": tmp_path / "x.dat"})
+    ways = build_source(source).sample(1024, 0).directions
+    assert np.linalg.norm(ways, axis=1) == pytest.approx(1.0) and ways[:, 2].min() > 0.0
+    assert np.abs(ways[:, 1]).mean() > 1.2 * np.abs(ways[:, 0]).mean()  # C 90 has the most light
+
+
+@pytest.mark.parametrize("target", [".ies", ".ldt", ".iesxml", ".xml"])
+@pytest.mark.parametrize("origin", [".ies", ".ldt", ".iesxml"])
+@pytest.mark.parametrize("lumens", [None, 417.25])
+def test_every_format_becomes_every_other(origin, target, lumens, tmp_path):
+    file = far_field("none", lumens)
+    write_photometric(tmp_path / f"a{origin}", file)
+    convert_photometric(tmp_path / f"a{origin}", tmp_path / f"b{target}")
+    back = read_photometric(tmp_path / f"b{target}")
+    np.testing.assert_allclose(back.intensity.values, file.intensity.values, rtol=2e-6)
+    assert (back.lamp_lumens, back.title, back.catalogue) == (lumens, "a lens", "L 1")
+
+
+def test_the_version_is_asked_for_and_refused_by_its_name(tmp_path):
+    path, _ = written(tmp_path, 2019)
+    run = CliRunner().invoke(cli, ["rays", str(path), "--to", str(tmp_path / "b.ies"), "--ies-version", "1991"])
+    assert run.exit_code == 0 and (tmp_path / "b.ies").read_text(encoding="ascii").startswith("IESNA91\n")
+    for words in (("--to", "b.ldt", "--ies-version", "1991"), ("--ies-version", "1991")):
+        refused = CliRunner().invoke(cli, ["rays", str(path), *words]).exception
+        assert isinstance(refused, InputError) and "give --to FILE.ies with it" in str(refused)
+    with pytest.raises(InputError, match=r"ies_version = 2020: 1986, 1991, 1995, 2002, 2019; leave it out for 2019"):
+        require_ies_version(2020)
