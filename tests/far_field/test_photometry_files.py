@@ -37,7 +37,7 @@ def test_other_readers_find_the_light_within_its_stated_error(suffix, cosine):
     assert lumens == 250.0
     np.testing.assert_allclose(candela, found.candela, rtol=5e-7, atol=1e-9)
     assert (np.abs(candela - found.candela) <= found.candela_standard_error).all()
-    assert flux(c, gamma, candela) == pytest.approx(found.exit_lm, rel=1e-6)
+    assert flux(c, gamma, candela) == pytest.approx(found.exit_lm.value, rel=1e-6)
     truth = 250.0 * THROUGH / np.pi * np.cos(np.deg2rad(gamma))
     assert (np.abs(candela - truth) < 6.0 * found.candela_standard_error + 0.004 * truth[0]).all()
     bright = found.candela > 0.1 * found.candela.max()
