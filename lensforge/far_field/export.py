@@ -77,9 +77,8 @@ def measure_photometry(
     )
     per_watt, fitted = bright.lumens / source.flux_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)
-    candela = tables.whole
-    errors, node_error, peak = fitted.standard_errors, fitted.node_error, fitted.peak
-    warnings = tuple(_warnings(bright, source, light))
+    candela, exit_lm = tables.whole, _scaled(light.exit_w, per_watt, "lm")
+    errors, warnings = fitted.standard_errors, tuple(_warnings(bright, source, light))
     photometric = PhotometricFile(
         candela,
         bright.lumens,
@@ -88,9 +87,7 @@ def measure_photometry(
         remarks=(*warnings, *_remarks(light, per_watt)),
         issued=lens.spec.manufacture.date or "",
     )
-    exit_lm = _scaled(light.exit_w, per_watt, "lm")
-    known_lm = None if bright.per_1000_lm else exit_lm.value
-    spectrum = spectrum_of_source(lens.spec.source, summary)
+    known_lm, spectrum = None if bright.per_1000_lm else exit_lm.value, spectrum_of_source(lens.spec.source, summary)
     contents = photometric_files(photometric, light.sample, known_lm, spectrum, ies_version)
     files = read_back(contents, light.exit_w.value, per_watt)
     return Photometry(
@@ -106,12 +103,12 @@ def measure_photometry(
         per_1000_lm=bright.per_1000_lm,
         exit_lm=exit_lm,
         axis_cd=tables.axis_cd,
-        peak_cd=_scaled(peak, per_watt, "cd"),
+        peak_cd=_scaled(fitted.peak, per_watt, "cd"),
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
         road=RoadFigures.of(section, fitted.grid, fitted.samples * per_watt, exit_lm),
-        node_error=node_error,
+        node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,
         files=files,
