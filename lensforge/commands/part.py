@@ -239,7 +239,7 @@ def correct(
 def photometry(
     directory: Path, rays: int | None, threads: int | None, lumens: float | None, ies_version: str | None
 ) -> None:
-    """Write the light of the lens in DIR as IES, EULUMDAT, TM-33 and TM-25 files."""
+    """Compute lumens, candela and beam angles of the lens in DIR; write IES, EULUMDAT, TM-33 and TM-25 files."""
     version = require_ies_version(int(ies_version or NEWEST))
     with threads_of_torch(threads):
         result = pipeline.run_photometry(directory, rays=rays, lumens=lumens, ies_version=version)
