@@ -56,13 +56,13 @@ class Published:
 
 
 CASES = {
-    "rectangle_2mm": Published("Opt. Express 29, 13469", "10 mm high; 2,000 evaluations", 12.0),
-    "rectangle_3mm": Published("Opt. Express 29, 13469", "10 mm high; 2,000 evaluations", 12.0),
+    "rectangle_2mm": Published("Opt. Express 29, 13469", "10 mm high; no figures in the abstract", 12.0),
+    "rectangle_3mm": Published("Opt. Express 29, 13469", "10 mm high; no figures in the abstract", 12.0),
     "compact_rectangle": Published("Opt. Express 24, A1489", "efficiency > 0.82, RSD < 0.2", 60.0),
     "compact_one_axis": Published("Opt. Express 24, A1489", "efficiency > 0.82, RSD < 0.2", 60.0),
     "circle": Published("J. Zhejiang Univ. Sci. C 13, 929", "RSD 0.0122; efficiency to 0.9388", 50.0),
     "street": Published("Opt. Express 19, A225", "efficiency > 0.83, nonuniformity < 9 %", 200.0),
-    "two_numerals": Published("Photonics Research 9, 1775", "a collimated beam; in pictures alone"),
+    "two_numerals": Published("Photonics Research 9, 1775", "a collimated beam; no figures in the abstract"),
 }
 LIGHT = (
     "design",
