@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import pytest
+from published import CASES
 
 from lensforge.spec import load_spec
 
-SPECS = sorted((Path(__file__).parents[1] / "examples").glob("*.toml"))
+EXAMPLES = Path(__file__).parents[1] / "examples"
+SPECS = sorted([*EXAMPLES.glob("*.toml"), *EXAMPLES.glob("published/*.toml")])
 
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
@@ -14,3 +16,7 @@ def test_every_shipped_spec_is_valid(path: Path) -> None:
     spec = load_spec(path)
     assert spec.name == path.stem
     assert spec.lens.levels == "auto"
+
+
+def test_every_published_design_has_a_spec() -> None:
+    assert {path.stem for path in EXAMPLES.glob("published/*.toml")} == set(CASES)
