@@ -21,6 +21,7 @@ from lensforge.commands.interrupts import Interrupts
 from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
+from lensforge.commands.schema import schema
 from lensforge.commands.stages import check, evaluate, export, report, verify
 from lensforge.commands.streams import lasting_streams, open_standard_streams
 from lensforge.commands.studies import sweep, tradeoff
@@ -56,7 +57,7 @@ def cli() -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct,
+    compare, correct, schema,
 ):  # fmt: skip
     cli.add_command(command)
 

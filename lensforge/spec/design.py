@@ -16,7 +16,8 @@ from lensforge.records.validation import its_type
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
-from lensforge.spec.light_limits import LightLimitSpec, require_limit_fits
+from lensforge.spec.light_limits import LightLimitSpec
+from lensforge.spec.limit_fits import require_limit_fits
 from lensforge.spec.part import BaseSection, ManufactureSection
 from lensforge.spec.photometry import PhotometrySection, require_seen_from_afar
 from lensforge.spec.receiver_section import Target
@@ -25,6 +26,7 @@ from lensforge.spec.scene import implied_receiver, named, require_outside
 from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
 from lensforge.spec.section import Section, spec_error
 from lensforge.spec.source import SourceSpec
+from lensforge.spec.tables import changed, name_kinds, plain, short, table_of
 from lensforge.spec.tolerances import TolerancesSection
 from lensforge.spec.toml_file import read_toml
 
@@ -34,24 +36,34 @@ _OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of 
 
 
 class Spec(Section):
-    """One design: source, starting lens, constraints and target, and the settings of every stage.
-
-    ``target``: with the receiver that it names; or ``receivers``, each with its targets. ``limits``: on the light.
-    """
+    """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
+    """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
+    """The LED: where light starts, how much, and in which directions."""
     lens: LensSection
+    """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
+    """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
     target: Target | None = None
+    """The light that is wanted, with the receiver that it names; or give ``receivers``."""
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
+    """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
+    """Light that must be at least, or at most, so much."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
+    """Settings of the search."""
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
+    """Settings of the simulation of the finished lens."""
     base: BaseSection = Field(default_factory=BaseSection)
+    """The clamping base, which holds the lens below z = 0."""
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
+    """Equipment of the shop, and names for its files."""
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
+    """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
+    """Lighting that the lens is for: general, of an area, or of a road."""
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -61,11 +73,11 @@ class Spec(Section):
         """
         if changes is not None and not isinstance(changes, Mapping):
             raise InputError(
-                f"replace: {_short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
+                f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
         content = self.model_dump(exclude_unset=True)
-        _name_kinds(content, self.model_dump())
-        return parse_spec(_changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
+        name_kinds(content, self.model_dump())
+        return parse_spec(changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -89,7 +101,7 @@ class Spec(Section):
     def save(self, path: Path | str) -> None:
         """Write the spec as TOML; :func:`load_spec` reads an equal one. Raises :class:`InputError`."""
         if not isinstance(path, Path | str):
-            raise InputError(f"save: {_short(path)} is {its_type(path)}; give the path of a TOML file")
+            raise InputError(f"save: {short(path)} is {its_type(path)}; give the path of a TOML file")
         content = self.to_toml()
         try:
             with replacing(Path(path)) as temporary:
@@ -101,8 +113,8 @@ class Spec(Section):
         """The spec as TOML: what was given, each kind named."""
         content = self.model_dump(mode="json", exclude_unset=True)
         everything = self.model_dump(mode="json")
-        _name_kinds(content, everything)
-        return tomli_w.dumps({"name": self.name, **_table(_plain(content))})
+        name_kinds(content, everything)
+        return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
 
     @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
@@ -185,7 +197,7 @@ class Spec(Section):
 def load_spec(path: Path | str) -> Spec:
     """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
     if not isinstance(path, Path | str):
-        raise InputError(f"load_spec: {_short(path)} is {its_type(path)}; give the path of a TOML file")
+        raise InputError(f"load_spec: {short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)
     content = read_toml(path, missing="the shipped specs are in examples/")
     content.setdefault("name", path.stem)
@@ -207,53 +219,4 @@ def require_spec(spec: object, verb: str) -> Spec:
     if isinstance(spec, Spec):
         return spec
     advice = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
-    raise InputError(f"{verb}: {_short(spec)} is {its_type(spec)}, no Spec; {advice}")
-
-
-def _short(value: object) -> str:
-    return repr(str(value)[:60])
-
-
-def _changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
-    result = dict(content)
-    for name, value in changes.items():
-        if not isinstance(name, str):
-            raise InputError(
-                f"replace: the name {_short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
-            )
-        section, _, rest = name.partition(".")
-        before = result.get(section)
-        if rest:
-            result[section] = _changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
-        elif isinstance(value, Mapping) and isinstance(before, Mapping):
-            result[section] = _changed(dict(before), value)
-        else:
-            result[section] = value
-    return result
-
-
-def _name_kinds(given: object, everything: object) -> None:
-    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
-    if isinstance(given, dict) and isinstance(everything, dict):
-        if "kind" in everything:
-            given["kind"] = everything["kind"]
-        for key, value in given.items():
-            _name_kinds(value, everything.get(key))
-    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
-        for one, whole in zip(given, everything, strict=True):
-            _name_kinds(one, whole)
-
-
-def _table(value: object) -> dict[str, object]:
-    assert isinstance(value, dict)
-    return value
-
-
-def _plain(value: object) -> object:
-    """Convert to what TOML can hold: no None, paths as text."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items() if entry is not None}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return str(value) if isinstance(value, Path) else value
+    raise InputError(f"{verb}: {short(spec)} is {its_type(spec)}, no Spec; {advice}")
