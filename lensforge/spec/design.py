@@ -1,6 +1,6 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm.
 
-A wrong field is reported in one line: its name, its value, what is allowed.
+Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
 from collections.abc import Mapping
@@ -24,11 +24,12 @@ from lensforge.spec.receiver_section import Target
 from lensforge.spec.receivers import AnyReceiver
 from lensforge.spec.scene import implied_receiver, named, require_outside
 from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.section import Section, spec_error
+from lensforge.spec.section import Section
 from lensforge.spec.source import SourceSpec
 from lensforge.spec.tables import changed, name_kinds, plain, short, table_of
 from lensforge.spec.tolerances import TolerancesSection
 from lensforge.spec.toml_file import read_toml
+from lensforge.spec.wrong_fields import spec_error
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
@@ -189,6 +190,16 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
+    def _starts_within_the_largest_radius(self) -> "Spec":
+        start, largest = self.lens.outer_offset_mm, self.constraints.max_radius_mm
+        if start is not None and start > largest:
+            raise ValueError(
+                f"lens.outer_offset_mm = {start:g} is beyond constraints.max_radius_mm = {largest:g}, the largest "
+                "lens; lower it, or raise the radius"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _limits_can_be_kept(self) -> "Spec":
         require_feasible(self.lens, self.constraints, self.manufacture)
         return self
@@ -207,11 +218,11 @@ def load_spec(path: Path | str) -> Spec:
 
 
 def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
-    """Validate ``content``; ``origin`` names it in the error, which is one line for the first wrong field."""
+    """Validate ``content``; ``origin`` names it in the error, a line for each wrong field."""
     try:
         return Spec.model_validate(content)
     except ValidationError as error:
-        raise spec_error(error, origin) from None
+        raise spec_error(error, origin, Spec) from None
 
 
 def require_spec(spec: object, verb: str) -> Spec:

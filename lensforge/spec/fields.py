@@ -12,7 +12,9 @@ from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin
 
-from lensforge.spec.section import Section
+from pydantic import BaseModel
+
+from lensforge.records import Record
 
 # Units by the end of a field's name, the longest end first.
 _UNITS = {
@@ -27,7 +29,7 @@ def unit_of(name: str) -> str:
     return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 
-def words_of(section: type[Section], name: str) -> str:
+def words_of(section: type[BaseModel], name: str) -> str:
     """Words and unit of a field: ``Side of the square; 0 for a point source. [mm]``."""
     words = "" if name not in section.model_fields else _words(section).get(name, "")
     if name == "kind" and not words:
@@ -36,26 +38,26 @@ def words_of(section: type[Section], name: str) -> str:
     return f"{words} [{unit}]" if unit and words else words
 
 
-def summary_of(section: type[Section]) -> str:
+def summary_of(section: type[BaseModel]) -> str:
     """Docstring of a section as one paragraph after another."""
     return inspect.cleandoc(section.__doc__ or "").replace("``", "`")
 
 
-def kind_of(section: type[Section]) -> str | None:
+def kind_of(section: type[BaseModel]) -> str | None:
     """The ``kind`` that names ``section`` among others; None where it is alone."""
     field = section.model_fields.get("kind")
     named = None if field is None else get_args(field.annotation)
     return named[0] if named and len(named) == 1 else None
 
 
-def sections_in(annotation: Any) -> tuple[type[Section], ...]:
+def sections_in(annotation: Any) -> tuple[type[BaseModel], ...]:
     """The sections that a field may hold, one or several."""
     return tuple(dict.fromkeys(_sections(annotation)))
 
 
-def _sections(annotation: Any) -> Iterator[type[Section]]:
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and get_origin(annotation) is None:
-        if issubclass(annotation, Section):
+        if issubclass(annotation, BaseModel) and not issubclass(annotation, Record):
             yield annotation
         return
     inner = get_args(annotation)
@@ -63,7 +65,7 @@ def _sections(annotation: Any) -> Iterator[type[Section]]:
         yield from _sections(each)
 
 
-def all_sections(root: type[Section]) -> tuple[type[Section], ...]:
+def all_sections(root: type[BaseModel]) -> tuple[type[BaseModel], ...]:
     """``root`` and every section within it, however deep."""
     found = [root]
     for section in found:  # grows
@@ -72,16 +74,16 @@ def all_sections(root: type[Section]) -> tuple[type[Section], ...]:
     return tuple(found)
 
 
-def _first_line(section: type[Section]) -> str:
+def _first_line(section: type[BaseModel]) -> str:
     return summary_of(section).split("\n\n")[0].replace("\n", " ")
 
 
 @cache
-def _words(section: type[Section]) -> dict[str, str]:
+def _words(section: type[BaseModel]) -> dict[str, str]:
     """Words below the fields of a class and of those that it extends."""
     found: dict[str, str] = {}
     for each in reversed(section.__mro__):
-        if issubclass(each, Section) and each is not Section:
+        if issubclass(each, BaseModel) and each.__module__.startswith("lensforge.spec."):
             found |= _module_words(each.__module__).get(each.__name__, {})
     return found
 

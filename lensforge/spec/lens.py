@@ -1,5 +1,6 @@
 """The ``[lens]`` of a spec: the shape from which the search starts, and fixed surfaces."""
 
+from math import degrees
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
@@ -9,9 +10,10 @@ from lensforge.given_faces.lens_face import lens_file
 from lensforge.spec.fixed_surface import FixedSurface
 from lensforge.spec.lens_material import LensMaterial
 from lensforge.spec.section import FilePath, Millimetres
-from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis
+from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 from lensforge.surfaces.surface import Surface
 
+_FEW_FUNCTIONS = 64  # of the finest level: with fewer, each is wider than 18 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
 # chosen by its type, so that a wrong number is named, not both forms
 Levels = Annotated[
@@ -86,9 +88,17 @@ class LensSection(LensMaterial):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines on fixed surfaces that a user should know of before the search."""
+        """Lines on fixed surfaces and on levels that a user should know of before the search."""
         named = (("fixed_inner", self.fixed_inner), ("fixed_outer", self.fixed_outer))
-        return tuple(f"lens.{name}: {words}" for name, face in named if face is not None for words in face.warnings)
+        faces = tuple(f"lens.{name}: {words}" for name, face in named if face is not None for words in face.warnings)
+        if self.levels == "auto" or max(self.levels) >= _FEW_FUNCTIONS:
+            return faces
+        return (
+            *faces,
+            f"lens.levels = {list(self.levels)}: the finest functions are "
+            f"{degrees(level_sigma(max(self.levels), self.sigma_c)):.2g}° wide, and shape no more than a broad spot; "
+            'try levels = "auto", or add finer levels, such as 81 and 289',
+        )
 
     @property
     def basis(self) -> SrbfBasis:

@@ -5,11 +5,12 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
 
+from pydantic import BaseModel
+
 from lensforge.spec.design import Spec
 from lensforge.spec.fields import kind_of, sections_in, summary_of, unit_of, words_of
 from lensforge.spec.json_schema import spec_schema
 from lensforge.spec.ranges import allowed_words
-from lensforge.spec.section import Section
 
 _HEAD = """# The spec, field by field
 
@@ -31,9 +32,9 @@ def reference_page() -> str:
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
 
 
-def _tables(section: type[Section], path: str) -> Iterator[tuple[str, tuple[type[Section], ...]]]:
+def _tables(section: type[BaseModel], path: str) -> Iterator[tuple[str, tuple[type[BaseModel], ...]]]:
     """Sections by their dotted names in a file, each once, where it first occurs."""
-    waiting, seen = [(section, path)], set[type[Section]]()
+    waiting, seen = [(section, path)], set[type[BaseModel]]()
     while waiting:
         holder, place = waiting.pop(0)
         nested = []
@@ -47,7 +48,7 @@ def _tables(section: type[Section], path: str) -> Iterator[tuple[str, tuple[type
         waiting = nested + waiting
 
 
-def _section_words(title: str, sections: Sequence[type[Section]]) -> Iterator[str]:
+def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[str]:
     """Heading, words and table of what the field ``title`` may hold: of one section, or of several kinds."""
     yield f"## `{title}`\n"
     if len(sections) == 1:
@@ -65,19 +66,19 @@ def _section_words(title: str, sections: Sequence[type[Section]]) -> Iterator[st
             yield _field_table(each, own)
 
 
-def _is_shared(name: str, sections: Sequence[type[Section]]) -> bool:
+def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
     """True for a field that means the same in all of ``sections``."""
     found = {words_of(each, name) for each in sections if name in each.model_fields}
     return len(found) == 1 and all(name in each.model_fields for each in sections)
 
 
-def _field_table(section: type[Section], names: Sequence[str]) -> str:
+def _field_table(section: type[BaseModel], names: Sequence[str]) -> str:
     schema = _objects()[section.__name__]
     rows = [_row(section, name, schema["properties"][name], name in schema.get("required", ())) for name in names]
     return "\n".join([_COLUMNS, *rows]) + "\n"
 
 
-def _row(section: type[Section], name: str, schema: dict[str, Any], needed: bool) -> str:
+def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool) -> str:
     unit = unit_of(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
     words = words_of(section, name).removesuffix(f" [{unit}]")

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.spec.section import Section, spec_error
+from lensforge.spec.section import Section
 from lensforge.spec.tolerance_presets import PRESET_AMOUNTS, TolerancePreset
 from lensforge.spec.toml_file import read_toml
+from lensforge.spec.wrong_fields import spec_error
 
 Distribution = Literal["uniform", "normal", "truncated"]
 
@@ -149,4 +150,4 @@ def read_tolerances(name: str) -> TolerancesSection:
     try:
         return TolerancesSection.model_validate(content)
     except ValidationError as error:
-        raise spec_error(error, f"{name}: tolerances") from None
+        raise spec_error(error, f"{name}: tolerances", TolerancesSection) from None

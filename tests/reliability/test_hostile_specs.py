@@ -183,5 +183,5 @@ def test_datetimes_and_tables_in_a_script_are_named() -> None:
         lf.SquareSource(side_mm=deep)
     with pytest.raises(InputError, match="values"):
         lf.ArrayTarget(deep, width_mm=9.0, distance_mm=50.0, receiver_mm=20.0)
-    with pytest.raises(InputError, match="source: Field required"):
+    with pytest.raises(InputError, match="source: missing"):
         parse_spec({"target": deep}, "deep")
