@@ -5,14 +5,15 @@ Each wrong field is reported in a line: its name, its value, what is allowed.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.records.validation import its_type
+from lensforge.spec.derived import with_derived
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
@@ -65,6 +66,18 @@ class Spec(Section):
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
     """Lighting that the lens is for: general, of an area, or of a road."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_derived_values(cls, content: Any, handler: ModelWrapValidatorHandler["Spec"]) -> "Spec":
+        """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
+        if not isinstance(content, Mapping):
+            return handler(content)
+        filled, names = with_derived(content)
+        spec = handler(filled)
+        for section, name in names:
+            (getattr(spec, section) if section else spec).model_fields_set.discard(name)
+        return spec
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.

@@ -13,7 +13,7 @@ from lensforge.spec.section import FilePath, Millimetres
 from lensforge.surfaces.srbf import MOST_FUNCTIONS, MOST_LEVELS, SrbfBasis, level_sigma
 from lensforge.surfaces.surface import Surface
 
-_FEW_FUNCTIONS = 64  # of the finest level: with fewer, each is wider than 18 degrees
+_FEW_FUNCTIONS = 25  # of the finest level: with fewer, each is wider than 28 degrees
 _Numbers = Annotated[tuple[Annotated[int, Field(ge=1, le=MOST_FUNCTIONS)], ...], Field(max_length=MOST_LEVELS)]
 # chosen by its type, so that a wrong number is named, not both forms
 Levels = Annotated[

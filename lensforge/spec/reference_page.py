@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from lensforge.spec.derived import WHY
 from lensforge.spec.design import Spec
 from lensforge.spec.fields import kind_of, sections_in, summary_of, unit_of, words_of
 from lensforge.spec.json_schema import spec_schema
@@ -18,7 +19,9 @@ Written by `lensforge schema --page`, from the same descriptions and ranges as t
 `lensforge schema` prints. An editor with a TOML language server completes and checks a spec whose first line is
 `#:schema ./lensforge.schema.json`, beside a file of that name; `lensforge new` writes both.
 
-Sections stand in the order of the file. "needed": the section or field has no default. What formulas stand behind the
+Sections stand in the order of the file. "needed": the section or field has no default;
+"derived": left out, it follows from the sizes of source, target and lens, so that the shortest spec is a source, a
+target and `constraints.max_radius_mm`. What formulas stand behind the
 numbers: [definitions.md](definitions.md).
 """
 _COLUMNS = "| field | unit | allowed | default | |\n|---|---|---|---|---|"
@@ -53,12 +56,12 @@ def _section_words(title: str, sections: Sequence[type[BaseModel]]) -> Iterator[
     yield f"## `{title}`\n"
     if len(sections) == 1:
         yield summary_of(sections[0]) + "\n"
-        yield _field_table(sections[0], list(sections[0].model_fields))
+        yield _field_table(sections[0], list(sections[0].model_fields), title)
         return
     shared = [name for name in sections[0].model_fields if name != "kind" and _is_shared(name, sections)]
     yield f"One of the kinds {', '.join(f'`{kind_of(each)}`' for each in sections)}."
     if shared:
-        yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared)}"
+        yield f"Every kind has these fields:\n\n{_field_table(sections[0], shared, title)}"
     for each in sections:
         yield f'### `{title}`, `kind = "{kind_of(each)}"`\n\n{summary_of(each)}\n'
         own = [name for name in each.model_fields if name not in shared and name != "kind"]
@@ -72,15 +75,19 @@ def _is_shared(name: str, sections: Sequence[type[BaseModel]]) -> bool:
     return len(found) == 1 and all(name in each.model_fields for each in sections)
 
 
-def _field_table(section: type[BaseModel], names: Sequence[str]) -> str:
+def _field_table(section: type[BaseModel], names: Sequence[str], place: str = "") -> str:
     schema = _objects()[section.__name__]
-    rows = [_row(section, name, schema["properties"][name], name in schema.get("required", ())) for name in names]
+    rows = [
+        _row(section, name, schema["properties"][name], name in schema.get("required", ()), place) for name in names
+    ]
     return "\n".join([_COLUMNS, *rows]) + "\n"
 
 
-def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool) -> str:
+def _row(section: type[BaseModel], name: str, schema: dict[str, Any], needed: bool, place: str) -> str:
     unit = unit_of(name)
     default = f"`{json.dumps(schema['default'], ensure_ascii=False)}`" if "default" in schema else ""
+    derived = WHY.get(f"{place}.{name}")
+    default = f"derived: {derived}" if derived and not default else default
     words = words_of(section, name).removesuffix(f" [{unit}]")
     cells = (f"`{name}`", unit, allowed_words(schema), "needed" if needed else default, words)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"

@@ -18,9 +18,9 @@ class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14); optional limits are for manufacture and assembly."""
 
     cavity_height_mm: Millimetres
-    """Height of the paraboloid that stays inside the cavity: room for the LED."""
+    """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
     cavity_radius_mm: Millimetres
-    """Radius of that paraboloid at z = 0."""
+    """Radius of that paraboloid at z = 0. A ray file needs it given."""
     min_thickness_mm: MillimetresOrZero
     """Least wall, along rays from the origin."""
     max_radius_mm: Millimetres

@@ -39,7 +39,8 @@ def _from_number(value: Any) -> Any:
     return value
 
 
-_Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number, json_schema_input_type=float | ToleranceSpec)]
+_Amount = Annotated[float, Field(ge=0.0, le=100.0)]
+_Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number, json_schema_input_type=_Amount | ToleranceSpec)]
 
 # Largest amounts, by the end of the name: beyond them, a part is another part.
 _LARGEST = {"_mm": 5.0, "_deg": 20.0, "_um": 100.0, "_mrad": 100.0, "index": 0.1, "source_flux": 0.5}

@@ -20,7 +20,7 @@ _KINDS = ("union_tag_invalid", "union_tag_not_found")
 
 
 @dataclass(frozen=True)
-class _Place:
+class _FieldPlace:
     """Field of an error: its dotted name as the user wrote it, the sections that hold it, and its name in them."""
 
     name: str
@@ -60,16 +60,16 @@ def _line(origin: str, name: str, value: object, words: str) -> str:
     return " ".join(": ".join(part for part in parts if part).split())
 
 
-def _by_place(entries: Iterable[ErrorDetails], root: type[BaseModel]) -> list[tuple[_Place, list[ErrorDetails]]]:
+def _by_place(entries: Iterable[ErrorDetails], root: type[BaseModel]) -> list[tuple[_FieldPlace, list[ErrorDetails]]]:
     """The errors of each field together: a field that takes a number or a list has one for either."""
-    groups: dict[str, tuple[_Place, list[ErrorDetails]]] = {}
+    groups: dict[str, tuple[_FieldPlace, list[ErrorDetails]]] = {}
     for each in entries:
         place = _place(each["loc"], root)
         groups.setdefault(place.name, (place, []))[1].append(each)
     return list(groups.values())
 
 
-def _problem(error: ErrorDetails, place: _Place) -> str:
+def _problem(error: ErrorDetails, place: _FieldPlace) -> str:
     """Words for what is wrong with a known field, with the value that was meant."""
     context = error.get("ctx", {})
     if error["type"] == "missing":
@@ -81,16 +81,17 @@ def _problem(error: ErrorDetails, place: _Place) -> str:
         either = f"must be one of {', '.join(kinds)}" + (f"; did you mean {near}?" if near else "")
         return either if error["type"] == _KINDS[0] else f"kind is missing; it {either}"
     words = error["msg"].removeprefix("Value error, ")
-    near = _nearest(str(error["input"]), re.findall(r"'([^']*)'", str(context.get("expected", ""))))
+    given = error["input"] if isinstance(error["input"], str) else ""
+    near = _nearest(given, re.findall(r"'([^']*)'", str(context.get("expected", ""))))
     return f"{words}; did you mean {near}?" if near and error["type"] == "literal_error" else words
 
 
-def _kinds_of(place: _Place) -> list[str]:
+def _kinds_of(place: _FieldPlace) -> list[str]:
     fields = [each.model_fields[place.last] for each in place.holders if place.last in each.model_fields]
     return [kind for field in fields for each in sections_in(field.annotation) if (kind := kind_of(each))]
 
 
-def _hint(place: _Place, root: type[BaseModel]) -> tuple[str, str]:
+def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
     """Advice on an unknown name, and the whole name that was meant, "" where none is near."""
     before = place.name.rpartition(".")[0]
     near = _nearest(place.last, place.known)
@@ -114,7 +115,7 @@ def _nearest(name: str, known: Sequence[str]) -> str | None:
     return next(iter(with_unit or get_close_matches(name, known, n=1, cutoff=_LIKENESS)), None)
 
 
-def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _Place:
+def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlace:
     """The field at ``location``, without what pydantic adds: the kind of a section, and the branch of a choice."""
     holders: tuple[type[BaseModel], ...] = (root,)
     inside, parts, annotation = holders, list[str](), Any
@@ -123,6 +124,8 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _Place:
         fields = [each.model_fields[part] for each in inside if part in each.model_fields]
         if isinstance(part, int):
             parts.append(str(part))
+        elif len(inside) > 1 and tagged:
+            inside = tagged
         elif fields:
             holders, annotation = inside, fields[0].annotation
             inside = tuple(dict.fromkeys(each for field in fields for each in sections_in(field.annotation)))
@@ -132,7 +135,7 @@ def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _Place:
         elif not _is_branch(part) and ((inside and number == len(location) - 1) or _holds_names(annotation)):
             holders = inside
             parts.append(part)
-    return _Place(".".join(parts), holders, next((each for each in reversed(parts) if not each.isdigit()), ""))
+    return _FieldPlace(".".join(parts), holders, next((each for each in reversed(parts) if not each.isdigit()), ""))
 
 
 def _is_branch(part: str) -> bool:
