@@ -18,6 +18,7 @@ import click
 
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
+from lensforge.commands.new import new
 from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
@@ -57,7 +58,7 @@ def cli() -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct, schema,
+    compare, correct, schema, new,
 ):  # fmt: skip
     cli.add_command(command)
 

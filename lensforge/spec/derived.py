@@ -11,7 +11,7 @@ from typing import Any
 
 _CAVITY = 1.2  # radius of the cavity over that of the circle around the source: shipped specs have 1.13 to 1.41
 _CAVITY_LEAST = 0.02  # of the largest radius: around a point source
-_CAVITY_HEIGHT = 0.6  # height of the cavity over its radius
+CAVITY_HEIGHT = 0.6  # height of the cavity over its radius
 _WALL, _WALL_MOST = 0.27, 0.15  # of the root of the largest radius (mm); at most this share of it
 _INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
@@ -22,7 +22,7 @@ _GLYPH = 1.6  # height of a narrow glyph over its width
 
 WHY = {
     "constraints.cavity_radius_mm": f"{_CAVITY:g} x the circle around the source",
-    "constraints.cavity_height_mm": f"{_CAVITY_HEIGHT:g} x cavity_radius_mm",
+    "constraints.cavity_height_mm": f"{CAVITY_HEIGHT:g} x cavity_radius_mm",
     "constraints.min_thickness_mm": f"{_WALL:g} x the root of max_radius_mm",
     "lens.inner_offset_mm": f"{_INNER:g} x max_radius_mm: the search starts from this hemisphere",
     "lens.outer_offset_mm": f"{_OUTER:g} x max_radius_mm",
@@ -47,7 +47,7 @@ class LensSizes:
     @property
     def cavity_height_mm(self) -> float:
         """Height of the cavity, above a source that is raised."""
-        return _digits(_CAVITY_HEIGHT * self.cavity_radius_mm + max(self.height_mm, 0.0), ceil)
+        return _digits(CAVITY_HEIGHT * self.cavity_radius_mm + max(self.height_mm, 0.0), ceil)
 
     @property
     def min_thickness_mm(self) -> float:
@@ -152,6 +152,11 @@ def _pattern_mm(target: Mapping[str, Any]) -> float | None:
     turned = hypot(across, up or across) if _number(target, "rotation_deg") else across
     x, y, _ = _triple(target.get("centre_mm"))
     return turned + 2.0 * max(abs(x), abs(y))
+
+
+def rounded_length(value_mm: float) -> float:
+    """A length that something has to fit into, rounded up to three digits."""
+    return _digits(value_mm, ceil)
 
 
 def _get(table: Any, name: str) -> Any:

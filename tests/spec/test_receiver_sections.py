@@ -237,8 +237,6 @@ SQUARE: Table = {"distance_mm": 100.0, "receiver_mm": 100.0}
     ("target", "message"),
     [
         (DISC, "target: its receiver is missing; give distance_mm and receiver_mm, or"),
-        ({"kind": "beam", "fwhm_deg": 9.0}, "its receiver is missing; give half_angle_deg"),
-        ({**DISC, "distance_mm": 100.0}, "receiver_mm: missing; a plane on the axis has both"),
         ({**DISC, "receiver_mm": 100.0}, "distance_mm: missing; a plane on the axis has both"),
         ({**DISC, **SQUARE, "half_angle_deg": 30.0}, "half_angle_deg is the far field, distance_mm"),
         ({**DISC, "half_angle_deg": 30.0}, "on the far field lengths are in degrees; give diameter_deg"),
