@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 import click
 
 from lensforge.commands.design import design
+from lensforge.commands.examples import examples
 from lensforge.commands.interrupts import Interrupts
 from lensforge.commands.new import new
 from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
@@ -58,7 +59,7 @@ def cli() -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct, schema, new,
+    compare, correct, schema, new, examples,
 ):  # fmt: skip
     cli.add_command(command)
 

@@ -223,7 +223,7 @@ def load_spec(path: Path | str) -> Spec:
     if not isinstance(path, Path | str):
         raise InputError(f"load_spec: {short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)
-    content = read_toml(path, missing="the shipped specs are in examples/")
+    content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
     for section in ("source", "lens", "target", "receivers", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
