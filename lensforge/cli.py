@@ -17,14 +17,17 @@ from typing import Any, NoReturn
 import click
 
 from lensforge.commands.design import design
+from lensforge.commands.examples import examples
 from lensforge.commands.interrupts import Interrupts
+from lensforge.commands.new import new
 from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
+from lensforge.commands.schema import schema
 from lensforge.commands.stages import check, evaluate, export, report, verify
 from lensforge.commands.streams import lasting_streams, open_standard_streams
 from lensforge.commands.studies import sweep, tradeoff
-from lensforge.errors import LensforgeError
+from lensforge.errors import LensforgeError, WrongFields
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
 from lensforge.version import __version__
 
@@ -56,13 +59,16 @@ def cli() -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct,
+    compare, correct, schema, new, examples,
 ):  # fmt: skip
     cli.add_command(command)
 
 
 def main(interrupts: Interrupts | None = None) -> None:
-    """Entry point: every exit has a code and at most one line on stderr. ``interrupts``: installed already."""
+    """Entry point: every exit has a code and at most one line on stderr, or one for each wrong field of a spec.
+
+    ``interrupts``: installed already.
+    """
     ignore_settings_in_working_folder()
     open_standard_streams()
     own = Interrupts().install() if interrupts is None else interrupts
@@ -97,6 +103,8 @@ def _run(interrupts: Interrupts) -> int:
 
 def _failure(error: BaseException) -> int:
     """Say what is wrong, and return the exit code."""
+    if isinstance(error, WrongFields):
+        return max(_say(line, error.exit_code) for line in error.lines)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):

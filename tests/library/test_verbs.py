@@ -165,7 +165,7 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.compare("a", on="b"), "compare: give a Light"),
         (lambda: lf.SquareSource(side_mm=-1.0), "SquareSource: side_mm = -1.0"),
         (lambda: lf.SquareSource(side=1.0), "SquareSource: side"),
-        (lambda: lf.Spec(), "Spec: source: Field required"),
+        (lambda: lf.Spec(), "Spec: source: missing: the LED"),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )
