@@ -18,12 +18,13 @@ import click
 
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
-from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
+from lensforge.commands.part import compare, correct, handover, photometry
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
 from lensforge.commands.stages import check, evaluate, export, report, verify
 from lensforge.commands.streams import lasting_streams, open_standard_streams
 from lensforge.commands.studies import sweep, tradeoff
+from lensforge.commands.tolerances import sensitivity, yield_
 from lensforge.errors import LensforgeError
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
 from lensforge.version import __version__

@@ -1,0 +1,48 @@
+"""The screen on stdout: titled blocks of labelled lines, the same on a terminal and in a pipe."""
+
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import click
+
+from lensforge.commands.printing import printable
+
+_WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
+_WIDEST_LABEL = 16
+
+Row = tuple[str, str]  # label and text
+
+
+@dataclass(frozen=True)
+class Block:
+    """A title, and labelled lines below it."""
+
+    title: str
+    rows: Sequence[Row] = ()
+
+
+def print_screen(blocks: Sequence[Block]) -> None:
+    """Print ``blocks``, their texts in one column, long lines wrapped."""
+    shown = click.HelpFormatter(width=_width())
+    labels = [printable(label) for block in blocks for label, _ in block.rows]
+    widest = min(max(map(len, labels), default=0), _WIDEST_LABEL)
+    for block in blocks:
+        shown.write_text(_line(block.title))
+        if block.rows:
+            with shown.indentation():
+                rows = [(_line(label).ljust(widest), _line(text)) for label, text in block.rows]
+                shown.write_dl(rows, col_max=widest)
+    click.echo(shown.getvalue().rstrip("\n"))
+
+
+def _width() -> int:
+    if not sys.stdout.isatty():
+        return _WIDTH
+    return max(min(shutil.get_terminal_size().columns, _WIDTH), _LEAST_WIDTH)
+
+
+def _line(text: str) -> str:
+    """``text`` as one line, with plain spaces in the place of the thin ones of a page."""
+    return printable(" ".join(text.split()))
