@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 import click
 
+from lensforge.commands.command_group import CommandGroup
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
 from lensforge.commands.part import compare, correct, handover, photometry
@@ -41,7 +42,7 @@ class _Interrupted(Exception):
     """An interrupt on its way through click, which would print an empty line for :class:`KeyboardInterrupt`."""
 
 
-class _Group(click.Group):
+class _Group(CommandGroup):
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
@@ -51,8 +52,11 @@ class _Group(click.Group):
 
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, message="%(version)s")
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Turn an LED and a target light pattern into a lens that a machine shop can cut."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 for command in (
@@ -101,7 +105,7 @@ def _failure(error: BaseException) -> int:
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):
-        return _say(f"{error.format_message()}; see --help", 2)
+        return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
     if isinstance(error, MemoryError):
         return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:

@@ -18,6 +18,7 @@ from lensforge.commands.options import (
     with_rays,
 )
 from lensforge.commands.output import Output, with_output
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.errors import InputError
 from lensforge.optimisation.checkpoint import CHECKPOINT
 from lensforge.run_folder import Run
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 @click.option("--snapshots", is_flag=True, help="Draw lens and light after each level into DIR/snapshots.")
 @click.option("--anyway", is_flag=True, help="Design even where less than half of what a target asks is possible.")
 @click.option(
-    "--starts", type=click.IntRange(1, 1000), default=1, show_default=True, help="Searches; the best is kept."
+    "--starts", metavar="N", type=WholeNumber(1, 1000), default=1, show_default=True, help="Searches; the best is kept."
 )
 @RAYS
 @THREADS
@@ -58,10 +59,11 @@ def design(
     device: Literal["cpu", "cuda"],
     output: Output,
 ) -> None:
-    """Make a lens from SPEC: design, evaluate, export, check, verify, photometry, report.
+    """Make a lens from SPEC, from the search to the report.
 
-    All files go into one folder, report.html among them. An interrupted search continues with --resume. Lengths in
-    the spec are in mm, angles in degrees, flux in W or lm; `lensforge new` writes one.
+    The stages are design, evaluate, export, check, verify, photometry and report; all files go into one folder. An
+    interrupted search continues with --resume. Lengths in the spec are in mm, angles in degrees, flux in W or lm;
+    examples/ has specs to begin from.
     """
     from lensforge.commands.stage_clock import StageClock
 

@@ -43,7 +43,10 @@ def handover(
     offset_outer: float,
     output: Output,
 ) -> None:
-    """Write the files that go to the shop with the STEP in DIR: drawing and verdicts (HTML, PDF), tables of points."""
+    """Write the files that go to the shop with the STEP.
+
+    A drawing with the findings of the check (HTML, PDF), and tables of points.
+    """
     from lensforge.commands.stage_clock import StageClock
     from lensforge.drawings.grids import GridRequest
 
@@ -101,7 +104,10 @@ def compare(
     rays: int | None,
     output: Output,
 ) -> None:
-    """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
+    """Compare the machined part with the design in DIR.
+
+    By a photograph of its light (--on), or by points measured on a surface (--points).
+    """
     from lensforge.commands.stage_clock import StageClock
 
     of_points = {"--surface": surface, "--registration": unless_own(registration, "rigid"), "--rays": rays}
@@ -155,7 +161,10 @@ def correct(
     threads: int | None,
     output: Output,
 ) -> None:
-    """Write the STEP of a face corrected for its second cut by points measured on the first, lens_corrected_*.step."""
+    """Correct a face for its second cut by measured points.
+
+    Writes lens_corrected_inner.step or lens_corrected_outer.step from points measured on the first cut.
+    """
     from lensforge.commands.stage_clock import StageClock
 
     with StageClock("correct", quiet=output.quiet), threads_of_torch(threads):

@@ -23,7 +23,7 @@ class DesignProgress:
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level."""
-        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}{self._left(step)}")
+        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}", self._left(step))
         last = step.steps_done == step.steps_total
         new_level = self._of_steps and self._last is not None and self._last.level != step.level
         shown = step if last else self._last
@@ -41,7 +41,7 @@ class DesignProgress:
         if step.steps_done == first:
             return ""
         pace = (step.seconds - began) / (step.steps_done - first)
-        return f", {duration(pace * (step.steps_total - step.steps_done))} left"
+        return f"{duration(pace * (step.steps_total - step.steps_done))} left"
 
     def _words(self, step: Step) -> str:
         of_steps = f"/{step.steps_total}" if self._of_steps else ""

@@ -31,7 +31,10 @@ _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 def rays(
     file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None, output: Output
 ) -> None:
-    """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT)."""
+    """Summarise, draw or convert a file of rays or candela.
+
+    Ray files of many formats, and photometric files: IES LM-63 and EULUMDAT.
+    """
     require_regular_file(file, missing="give the path of a ray file or a photometric file")
     for option, path in (("--to", to), ("--plot", plot)):
         if path is not None:

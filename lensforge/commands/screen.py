@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -29,7 +30,7 @@ def print_screen(blocks: Sequence[Block]) -> None:
     labels = [printable(label) for block in blocks for label, _ in block.rows]
     widest = min(max(map(len, labels), default=0), _WIDEST_LABEL)
     for block in blocks:
-        shown.write_text(_line(block.title))
+        shown.write(f"{_wrapped(block.title)}\n")
         if block.rows:
             with shown.indentation():
                 rows = [(_line(label).ljust(widest), _line(text)) for label, text in block.rows]
@@ -41,6 +42,11 @@ def _width() -> int:
     if not sys.stdout.isatty():
         return _WIDTH
     return max(min(shutil.get_terminal_size().columns, _WIDTH), _LEAST_WIDTH)
+
+
+def _wrapped(title: str) -> str:
+    """``title`` at the screen's width; a path in it is never broken, so that it can be copied."""
+    return textwrap.fill(_line(title), _width(), break_long_words=False, break_on_hyphens=False)
 
 
 def _line(text: str) -> str:

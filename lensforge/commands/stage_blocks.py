@@ -28,7 +28,7 @@ def blocks_of(result: StageResult, run: Run) -> list[Block]:
     blocks = _blocks(result, run)
     conditions = result.conditions if isinstance(result, SimulatedResult) else None
     under = [] if conditions is None else [("Conditions", str(conditions))]
-    return [*blocks, Block("Record", [*under, ("File", str(run.folder / f"{stem_of(result)}.json"))])]
+    return [*blocks, Block(f"Written: {run.folder / stem_of(result)}.json", under)]
 
 
 def _blocks(result: StageResult, run: Run) -> list[Block]:

@@ -7,7 +7,7 @@ each stage is written once it has ended; a study writes how far it is every two 
 import threading
 import time
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from rich.live import Live
@@ -30,7 +30,7 @@ class StageClock:
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
         self._quiet, self._study = quiet, study
-        self._name, self._detail, self._began = name, "", time.monotonic()
+        self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
         self._live: Live | None = None
         self._ended = threading.Event()
 
@@ -44,7 +44,7 @@ class StageClock:
         if self.live:
             self._live = Live(
                 console=self._console,
-                get_renderable=self._line,
+                get_renderable=self._running,
                 refresh_per_second=_FRAMES_PER_SECOND,
                 transient=True,
                 redirect_stdout=False,
@@ -61,24 +61,22 @@ class StageClock:
         self._ended.set()
         if self._live is not None:
             self._live.stop()
-        if error is None and self._name:
-            self._write(self._line())
+        if error is None:
+            self._write()
 
     def begin(self, name: str, detail: str = "") -> None:
         """End the stage that runs, and begin ``name``."""
-        if self._name:
-            self._write(self._line())
-        self._name, self._detail, self._began = name, detail, time.monotonic()
+        self._write()
+        self._name, self._detail, self._left, self._began = name, detail, "", time.monotonic()
 
     def end(self) -> None:
         """End the stage that runs; none begins."""
-        if self._name:
-            self._write(self._line())
+        self._write()
         self._name = ""
 
-    def show(self, detail: str) -> None:
-        """Show how far the stage is, beside its time."""
-        self._detail = detail
+    def show(self, detail: str, left: str = "") -> None:
+        """Show how far the stage is, beside its time, and while it runs what is ``left``."""
+        self._detail, self._left = detail, left
 
     def head(self, words: str) -> None:
         """End the stage that runs, and write a line on the stages that follow."""
@@ -87,25 +85,29 @@ class StageClock:
 
     def note(self, words: str) -> None:
         """Write a line above the clock."""
-        self._write(Text(printable(words)))
+        if not self._quiet:
+            self._console.print(printable(words), soft_wrap=True, markup=False)
 
     def warn(self, words: str) -> None:
         """Write a warning as one line, also where progress is not asked for."""
         self._console.print(warning_line(words), soft_wrap=True, markup=False)
 
-    def _line(self) -> Text:
-        """Stage, its time, and how far it is; on a terminal cut at its width."""
-        if not self._name:
-            return Text("")
+    def _line(self) -> str:
+        """Stage, its time, and how far it is."""
         passed = duration(time.monotonic() - self._began)
-        line = f"{printable(self._name):<{_NAME_COLUMNS}} {passed:>{_TIME_COLUMNS}}  {printable(self._detail)}"
-        return Text(line.rstrip(), no_wrap=True, overflow="ellipsis")
+        return f"{printable(self._name):<{_NAME_COLUMNS}} {passed:>{_TIME_COLUMNS}}  {printable(self._detail)}".rstrip()
 
-    def _write(self, line: Text) -> None:
-        if not self._quiet:
-            self._console.print(line, soft_wrap=not self.live)
+    def _running(self) -> Text:
+        """The line of the stage that runs, cut at the width of the terminal."""
+        line = f"{self._line()}, {self._left}" if self._left else self._line()
+        return Text(line if self._name else "", no_wrap=True, overflow="ellipsis")
+
+    def _write(self) -> None:
+        """Write the line of the stage; on a terminal cut at its width, elsewhere in full."""
+        if self._name and not self._quiet:
+            cut: dict[str, Any] = {"no_wrap": True, "overflow": "ellipsis"} if self.live else {"soft_wrap": True}
+            self._console.print(self._line(), markup=False, **cut)
 
     def _write_until_ended(self) -> None:
         while not self._ended.wait(_SILENT_SECONDS):
-            if self._name:
-                self._write(self._line())
+            self._write()

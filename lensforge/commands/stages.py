@@ -10,6 +10,7 @@ from lensforge.arguments import threads_of_torch
 from lensforge.commands.conclusion import finish, finish_page
 from lensforge.commands.options import FOLDER, RAYS, THREADS
 from lensforge.commands.output import Output, with_output
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.errors import InputError
 from lensforge.files import require_writable
 from lensforge.records import StageResult
@@ -21,7 +22,9 @@ from lensforge.results import REPORT_FILE
 @FOLDER
 @RAYS
 @THREADS
-@click.option("--pixels", type=click.IntRange(1, 2048), help="Pixels across the receiver; default: from the spec.")
+@click.option(
+    "--pixels", metavar="N", type=WholeNumber(1, 2048), help="Pixels across the receiver; default: from the spec."
+)
 @click.option("--source", type=click.Path(path_type=Path), help="A ray file to use instead of the spec's source.")
 @click.option("--temperature", type=float, metavar="C", help="Temperature (Celsius) of the lens and the air around it.")
 @click.option("--name", help="Name of the record under other conditions; default: made from them.")
@@ -56,8 +59,18 @@ def evaluate(
     "--schema", type=click.Choice(["AP214", "AP242"]), default="AP214", show_default=True, help="Schema of the STEP."
 )
 @click.option("--runout", type=float, metavar="DEG", help="Also write the faces untrimmed, extended by DEG degrees.")
-@click.option("--nodes", type=int, help="Spline nodes across each optical face; default: as many as the form needs.")
-@click.option("--rings", type=int, help="Equal rings of the mesh; default: its facets are within 1 um of the faces.")
+@click.option(
+    "--nodes",
+    metavar="N",
+    type=WholeNumber(1, 10_000),
+    help="Spline nodes across each optical face; default: as many as the form needs.",
+)
+@click.option(
+    "--rings",
+    metavar="N",
+    type=WholeNumber(1, 100_000),
+    help="Equal rings of the mesh; default: its facets are within 1 um of the faces.",
+)
 @click.option("--date", metavar="YYYY-MM-DD", help="Date of the files for the shop; default: that of the spec.")
 @with_output
 def export(
@@ -69,7 +82,10 @@ def export(
     date: str | None,
     output: Output,
 ) -> None:
-    """Write STEP, STL and 3MF of the lens in DIR, and verify them by reading them back."""
+    """Write STEP, STL and 3MF of the lens in DIR.
+
+    Each file is verified by reading it back.
+    """
     from lensforge.commands.stage_clock import StageClock
 
     with StageClock("export", quiet=output.quiet):
@@ -81,7 +97,11 @@ def export(
 @FOLDER
 @with_output
 def check(directory: Path, output: Output) -> None:
-    """Check whether the lens in DIR can be cut, with which tools, and what to change in its spec."""
+    """Say if the lens in DIR can be cut, and what to change.
+
+    Each face, each tool, how much of the face it reaches, and the fields of the spec that change it. --json has all
+    measurements: best-fit spheres, curvature, walls, draft, cusps.
+    """
     from lensforge.commands.stage_clock import StageClock
 
     with StageClock("check", quiet=output.quiet):
@@ -110,9 +130,10 @@ def verify(
     base: Literal["polished", "black"],
     output: Output,
 ) -> None:
-    """Cast rays through the exported part in DIR, independently of the design.
+    """Cast rays through the exported part in DIR.
 
-    With other --rays than the preset's the result is written to verify_NUMBERrays.json beside verify.json.
+    The ray cast is independent of the design. With other --rays than the preset's the result is written to
+    verify_NUMBERrays.json beside verify.json.
     """
     from lensforge.commands.stage_clock import StageClock
 
@@ -134,7 +155,10 @@ def verify(
 @click.option("--pdf", is_flag=True, help="Also write a PDF next to the page; needs Chromium or Chrome.")
 @with_output
 def report(directories: tuple[Path, ...], out: Path | None, pdf: bool, output: Output) -> None:
-    """Build report.html from the files in DIR, or one page that compares several designs."""
+    """Build report.html from the files in DIR.
+
+    Of several folders one page is built that compares the designs.
+    """
     if len(directories) == 1 and out is not None:
         raise InputError(f"--out = {out}: the report on one design is written to its folder; give two folders or more")
     from lensforge.commands.stage_clock import StageClock

@@ -10,6 +10,7 @@ from lensforge.commands.design import run_with_progress
 from lensforge.commands.options import ACCURACY, RAYS, SCHEDULER, SEED, THREADS, resume_after_interrupt, with_rays
 from lensforge.commands.output import Output, with_output
 from lensforge.commands.sweep_blocks import sweep_block, tradeoff_block
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.criteria import require
 from lensforge.spec import Accuracy, Spec, load_spec
 
@@ -39,7 +40,9 @@ def sweep(
     scheduler: str | None,
     output: Output,
 ) -> None:
-    """Design SPEC for each value of a field; writes sweep.json, sweep.png and sweep.html.
+    """Design SPEC for each value of one field.
+
+    Writes sweep.json, sweep.png and sweep.html.
 
     \b
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
@@ -80,7 +83,8 @@ def sweep(
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
 @click.option(
     "--most-rays",
-    type=click.IntRange(2**12, 2**24),
+    metavar="N",
+    type=WholeNumber(2**12, 2**24),
     default=2**20,
     show_default=True,
     help="Rays of the longest runs in the convergence study; 2^24 takes a few minutes.",
@@ -88,7 +92,10 @@ def sweep(
 @THREADS
 @with_output
 def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
-    """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
+    """Measure accuracy against time for the scene of SPEC.
+
+    Writes tradeoff.json and tradeoff.html.
+    """
     content = load_spec(spec)
     directory = out or Path("cad_out") / content.name
 

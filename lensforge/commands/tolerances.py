@@ -8,6 +8,7 @@ from lensforge.arguments import threads_of_torch
 from lensforge.commands.conclusion import finish
 from lensforge.commands.options import FOLDER, RAYS, SCHEDULER, SEED, THREADS
 from lensforge.commands.output import Output, with_output
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.spec.tolerances import read_tolerances
 from lensforge.toleranced_folder import run_sensitivity, run_yield
 
@@ -18,7 +19,10 @@ from lensforge.toleranced_folder import run_sensitivity, run_yield
 @THREADS
 @with_output
 def sensitivity(directory: Path, rays: int | None, threads: int | None, output: Output) -> None:
-    """Compute how each tolerance of the lens in DIR, at its end, changes its light; writes sensitivity.json."""
+    """Change each tolerance of the lens in DIR, one at a time.
+
+    Each is set to its end; the change of the light goes to sensitivity.json.
+    """
     from lensforge.commands.progress import PartsProgress
     from lensforge.commands.stage_clock import StageClock
 
@@ -30,7 +34,9 @@ def sensitivity(directory: Path, rays: int | None, threads: int | None, output: 
 
 @click.command("yield")
 @FOLDER
-@click.option("--parts", type=click.IntRange(40, 100_000), default=1000, show_default=True, help="Number of parts.")
+@click.option(
+    "--parts", type=WholeNumber(40, 100_000), metavar="N", default=1000, show_default=True, help="Number of parts."
+)
 @RAYS
 @SEED
 @click.option(
@@ -53,7 +59,11 @@ def yield_(
     scheduler: str | None,
     output: Output,
 ) -> None:
-    """Draw parts of the lens in DIR from its tolerances: how many pass, what decides; writes yield.json, yield.csv."""
+    """Draw parts of the lens in DIR from its tolerances.
+
+    The share that passes, which tolerance decides, and how large each may be; writes yield.json, yield.csv and
+    yield.html. An interrupted study goes on where it was.
+    """
     from lensforge.commands.progress import PartsProgress
     from lensforge.commands.stage_clock import StageClock
 

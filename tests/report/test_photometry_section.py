@@ -51,7 +51,9 @@ def test_numbers_of_a_lamp_are_those_of_the_record():
     assert facts["light of the lamp"] == "24\u2009000 ± 12 lm"
     assert facts["IES distribution"] == "V very short"
     assert facts["BUG rating"] == str(record.bug) == "B4 U0 G3"
-    assert facts["forward, 30° to 60°"] == "5999 lm"  # half of the flux between sin^2 of 30 and 60 degrees: 6000, by a table of 2 degrees
+    assert (
+        facts["forward, 30° to 60°"] == "5999 lm"
+    )  # half of the flux between sin^2 of 30 and 60 degrees: 6000, by a table of 2 degrees
     assert facts["glare class (EN 13201)"] == record.glare.glare_class == "G*6"
     assert facts["mean illuminance"].startswith(f"{record.road.mean_lx.value:.4g}")
     assert facts["classes (EN 13201)"] == f"P: {record.road.p_class}; C: {record.road.c_class}"
