@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 import click
 
-from lensforge.commands.command_group import CommandGroup
+from lensforge.commands.command_group import NOTES, CommandGroup
 from lensforge.commands.design import design
 from lensforge.commands.interrupts import Interrupts
 from lensforge.commands.part import compare, correct, handover, photometry
@@ -50,7 +50,13 @@ class _Group(CommandGroup):
             raise _Interrupted from None
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=NOTES,
+    no_args_is_help=False,
+    invoke_without_command=True,
+)
 @click.version_option(__version__, message="%(version)s")
 @click.pass_context
 def cli(context: click.Context) -> None:

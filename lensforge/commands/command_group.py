@@ -1,7 +1,5 @@
 """The help of ``lensforge`` itself: its commands by what they are for, units, presets, exit codes and completion."""
 
-from typing import Any
-
 import click
 
 SECTIONS = {
@@ -11,7 +9,7 @@ SECTIONS = {
     "The shop and the machined part": ("handover", "compare", "correct"),
 }
 _REST = "Files"
-_NOTES = """\b
+NOTES = """\b
 Units:    lengths in mm, angles in degrees, wavelengths in nm, flux lm or W.
 Numbers:  whole numbers may be written as 1e6.
 Presets:  --accuracy draft, standard (default) or reference: more rays, finer
@@ -26,9 +24,6 @@ Shell:    completion by eval "$(_LENSFORGE_COMPLETE=bash_source lensforge)"
 
 class CommandGroup(click.Group):
     """The group of all commands, which is called without one, too."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, epilog=_NOTES, no_args_is_help=False, invoke_without_command=True, **options)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings, those of no heading last."""

@@ -14,13 +14,12 @@ from lensforge.verification.proof import Proof
 if TYPE_CHECKING:
     from lensforge.drawings.handover import Handover
 
-_ALSO = {"relief": "the base is in the ball's way", "tilt": "too steep", "tool": "beyond the reach of a tool"}
+_ALSO = {"relief": "base in the way", "tilt": "too steep", "tool": "beyond the reach of a tool"}
 _SMALL_MM = 0.1  # lengths below it are shown in micrometres
 
 
 def lens_rows(design: Design, spec: Spec) -> Iterator[Row]:
-    """Lines on the search and the size of the lens."""
-    yield "Search", f"{count(design.steps)} steps, {len(design.history)} levels"
+    """A line on the size of the lens."""
     limits = spec.constraints
     height = "" if limits.max_height_mm is None else f" (at most {limits.max_height_mm:g})"
     yield (
@@ -34,10 +33,10 @@ def start_rows(design: Design) -> Iterator[Row]:
     """Lines on the searches from several seeds, the kept one first, and how far they scatter."""
     if design.spread is None:
         return
-    best, *others = sorted(design.starts, key=lambda start: start.rank)
-    yield "Kept", f"seed {best.seed} of {len(design.starts)}: {best.words}"
-    yield "Next", f"seed {others[0].seed}: {others[0].words}"
-    yield "Scatter", f"{figure(design.spread, digits=2)} standard deviation of the merit over the seeds"
+    best, following, *_ = sorted(design.starts, key=lambda start: start.rank)
+    scatter = figure(design.spread, digits=2)
+    yield "Kept", f"seed {best.seed} of {len(design.starts)} (standard deviation of the merit {scatter})"
+    yield "Next", f"seed {following.seed}: {following.words}"
 
 
 def solid_rows(part: Part) -> Iterator[Row]:

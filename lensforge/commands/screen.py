@@ -11,7 +11,7 @@ import click
 from lensforge.commands.printing import printable
 
 _WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
-_WIDEST_LABEL = 16
+_WIDEST_LABEL = 24
 
 Row = tuple[str, str]  # label and text
 
@@ -39,7 +39,7 @@ def print_screen(blocks: Sequence[Block]) -> None:
 
 
 def _width() -> int:
-    if not sys.stdout.isatty():
+    if sys.stdout is None or not sys.stdout.isatty():  # None: closed by the shell
         return _WIDTH
     return max(min(shutil.get_terminal_size().columns, _WIDTH), _LEAST_WIDTH)
 

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 from lensforge.commands.light_blocks import light_rows, photometry_rows
 from lensforge.commands.part_blocks import cutting_rows, lens_rows, proof_rows, solid_rows, start_rows
+from lensforge.commands.rounded import count
 from lensforge.commands.screen import Block, Row
 from lensforge.commands.stage_blocks import reasons
 from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import Photometry
+from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, Photometry
 from lensforge.geometry.part import Part
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design
@@ -16,7 +17,8 @@ from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run
 from lensforge.verification.proof import Proof
 
-_MOST_REASONS = 2  # of light and files; all are in run.json, and in the message of a command that fails
+_STEM = "lens"  # of the files
+_MOST_REASONS = 1  # of light and of files; all are in run.json, and in the message of a command that fails
 
 
 def summary(run: Run) -> list[Block]:
@@ -25,11 +27,11 @@ def summary(run: Run) -> list[Block]:
     verdict = run.verdict
     return [
         Block(f"{run.spec.name}: {found.sentence} {found.criteria}"),
-        Block(f"Light: {verdict.light}", [*_light(run), *reasons(verdict, "light")[:_MOST_REASONS]]),
-        Block("Lens", list(_lens(run))),
+        Block(f"Light: {verdict.light}", [*_light(run), *_why(run)]),
+        Block(_search(run), list(_lens(run))),
         Block(f"Files: {verdict.files}", [*_files(run), *reasons(verdict, "files")[:_MOST_REASONS]]),
         Block(f"Cutting: {verdict.cutting}", list(_cutting(run))),
-        Block(f"Written: {run.folder / REPORT_FILE}", [("beside it", _written(run))]),
+        Block(f"Written: {run.folder / REPORT_FILE}", [("Beside it", _written(run))]),
     ]
 
 
@@ -39,6 +41,17 @@ def _light(run: Run) -> Iterator[Row]:
         yield from light_rows(light)
     if photometry is not None:
         yield from photometry_rows(photometry)
+
+
+def _why(run: Run) -> list[Row]:
+    """The reason why the light does not pass; limits of the spec are lines of their own already."""
+    found = [] if run.spec.limits else reasons(run.verdict, "light")[:_MOST_REASONS]
+    return [(label, reason.rpartition(": ")[0] or reason) for label, reason in found]  # the remedy is in the message
+
+
+def _search(run: Run) -> str:
+    design = run.find(Design)
+    return "Lens" if design is None else f"Lens: {count(design.steps)} steps in {len(design.history)} levels"
 
 
 def _lens(run: Run) -> Iterator[Row]:
@@ -61,11 +74,15 @@ def _cutting(run: Run) -> Iterator[Row]:
     if check is not None:
         yield from cutting_rows(check)
         if run.verdict.cutting != "pass":
-            yield "Change", f"`lensforge check {run.folder}` says what, in the spec"
+            yield "Change", "`lensforge check` on this folder says what, in the spec"
 
 
 def _written(run: Run) -> str:
-    """Names of the files that go to others."""
+    """The files that go to others."""
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
-    return ", ".join([*names, *([] if photometry is None else ["lens.ies", "lens.ldt", "lens.tm25ray"])])
+    names += [] if photometry is None else [IES_FILE, LDT_FILE, TM25_FILE]
+    first = names[:1]  # "lens.step, .stl, .3mf"
+    return ", ".join(
+        [*first, *(name.removeprefix(_STEM) if name.startswith(f"{_STEM}.") else name for name in names[1:])]
+    )

@@ -1,6 +1,7 @@
 """Whole numbers of the command line: ``1000000``, ``1_000_000`` or ``1e6``, within a range."""
 
 from decimal import Decimal, InvalidOperation
+from typing import Any
 
 import click
 
@@ -12,7 +13,7 @@ class WholeNumber(click.IntRange):
 
     name = "whole number"
 
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read ``value``, and refuse it where it is no whole number, or not in the range."""
         if isinstance(value, str):
             try:

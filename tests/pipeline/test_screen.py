@@ -50,7 +50,7 @@ def is_rounded(shown: str, exact: float) -> bool:
 def test_a_run_ends_in_one_screen(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(small_run, capsys).splitlines()
     assert len(lines) <= 30 and max(map(len, lines)) <= 80
-    for title in ("Light: ", "Lens", "Files: ", "Cutting: ", "Written: "):
+    for title in ("Light: ", "Lens: ", "Files: ", "Cutting: ", "Written: "):
         assert any(line.startswith(title) for line in lines), title
     assert f"Light: {small_run.verdict.light}" in lines
 
