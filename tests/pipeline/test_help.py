@@ -18,13 +18,16 @@ def test_the_bare_command_prints_its_help() -> None:
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
+OF_TEXT = ("examples", "new", "schema")  # what they print is a document, and no record
+
+
 @pytest.mark.parametrize("name", sorted(cli.commands))
 def test_every_command_says_what_it_does_in_a_line(name: str) -> None:
     command = cli.commands[name]
     assert command.help and command.get_short_help_str(200).endswith(".")
     done = CliRunner().invoke(cli, [name, "--help"])
     assert done.exit_code == 0 and max(map(len, done.stdout.splitlines())) <= 80
-    assert "--json" in done.stdout and "--quiet" in done.stdout
+    assert name in OF_TEXT or ("--json" in done.stdout and "--quiet" in done.stdout)
 
 
 @pytest.mark.parametrize(("text", "number"), [("1e6", 10**6), ("2.5E3", 2500), ("1_000", 1000), ("65536", 65536)])
