@@ -17,6 +17,7 @@ _INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 _RECEIVER = 1.5  # side of the receiver over the pattern
 _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
+_AREAS = ("square", "disc", "rectangle", "chip_array")
 _ACROSS = ("width_mm", "diameter_mm", "length_mm", "outer_diameter_mm")
 _LARGEST_MM = 1e9  # of any length of a spec
 _GLYPH = 1.6  # height of a narrow glyph over its width
@@ -73,14 +74,16 @@ def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple
     names: list[tuple[str, str]] = []
     limits = filled.get("constraints")
     largest = _number(limits, "max_radius_mm")
-    place = _reach(filled.get("source"))
-    sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))  # without a size the spec is refused for that alone
+    source = filled.get("source")
+    # A spec without its size, or that of its source, is refused for that alone: any other values do.
+    place = _reach(source) or ((0.0, 0.0) if _get(source, "kind") in _AREAS else None)
+    sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))
     lens = filled.setdefault("lens", {})
     if isinstance(lens, dict):
         for side in ("inner", "outer"):
             if lens.get(f"fixed_{side}") is None:
                 _fill(filled, names, "lens", f"{side}_offset_mm", getattr(sizes, f"{side}_offset_mm"))
-    if isinstance(limits, dict) and largest is not None:
+    if isinstance(limits, dict):
         _fill(filled, names, "constraints", "min_thickness_mm", sizes.min_thickness_mm)
         if place is not None:
             _fill(filled, names, "constraints", "cavity_radius_mm", sizes.cavity_radius_mm)
@@ -166,11 +169,12 @@ def _get(table: Any, name: str) -> Any:
 
 
 def _number(table: Any, name: str) -> float | None:
-    """A finite number above or at 0; None for anything else, which its section will refuse."""
-    value = _get(table, name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= _LARGEST_MM:
+    """A number from 0 on, as its section would read it; None for anything else, which that refuses."""
+    try:
+        value = float(_get(table, name))
+    except (TypeError, ValueError, OverflowError):
         return None
-    return float(value)
+    return value if 0.0 <= value <= _LARGEST_MM else None
 
 
 def _sizes(values: Any) -> list[float]:

@@ -43,6 +43,18 @@ def test_derived_values_follow_a_change_and_given_ones_stay() -> None:
     assert fixed.lens.start_mm == (7.0, 27.4)
 
 
+def test_a_size_that_is_a_text_counts_as_the_section_reads_it() -> None:
+    content = tomllib.loads(SHORTEST.replace("14.0", '"14.0"'))
+    assert parse_spec(content, "lamp") == parse_spec(tomllib.loads(SHORTEST), "lamp")
+
+
+def test_a_wrong_size_is_named_alone() -> None:
+    for wrong in ("diametre_mm = 1.0", 'diameter_mm = "wide"'):
+        with pytest.raises(lf.InputError) as refusal:
+            parse_spec(tomllib.loads(SHORTEST.replace("diameter_mm = 1.0", wrong).replace("14.0", "-1.0")), "lamp")
+        assert len(str(refusal.value).splitlines()) == 2 and "cavity" not in str(refusal.value)
+
+
 def test_a_script_may_leave_them_out_too() -> None:
     target = {"kind": "disc", "diameter_mm": 100.0, "distance_mm": 200.0}
     spec = lf.Spec(source=lf.SquareSource(side_mm=1.0), target=target, constraints={"max_radius_mm": 14.0})
