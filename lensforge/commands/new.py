@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from lensforge.arguments import source_of
 from lensforge.errors import InputError
 from lensforge.files import replacing, require_writable
 from lensforge.materials.catalogue import MATERIALS
@@ -111,7 +112,6 @@ def _content(name: str, sections: dict[str, Any], radius_mm: float, material: st
 
 def _checked_text(content: dict[str, Any], folder: Path, anyway: bool) -> str:
     """TOML of ``content`` with derived values, after the check of what is possible. Raises :class:`InputError`."""
-    from lensforge.arguments import source_of
     from lensforge.optimisation.scene_check import SceneCheck
     from lensforge.sources.cavity import cavity_around
 

@@ -6,7 +6,7 @@ hand is in docs/results.md. A value that is given is never touched.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, floor, hypot, log10
+from math import ceil, floor, hypot, inf, log10
 from typing import Any
 
 _CAVITY = 1.2  # radius of the cavity over that of the circle around the source: shipped specs have 1.13 to 1.41
@@ -17,7 +17,9 @@ _INNER, _OUTER = 0.43, 0.98  # hemispheres over the largest radius
 _AROUND_CAVITY = 1.05  # least inner hemisphere over the cavity
 _RECEIVER = 1.5  # side of the receiver over the pattern
 _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where that is not known
+_AREAS = ("square", "disc", "rectangle", "chip_array")
 _ACROSS = ("width_mm", "diameter_mm", "length_mm", "outer_diameter_mm")
+_LARGEST_MM = 1e9  # of any length of a spec
 _GLYPH = 1.6  # height of a narrow glyph over its width
 
 WHY = {
@@ -72,14 +74,16 @@ def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple
     names: list[tuple[str, str]] = []
     limits = filled.get("constraints")
     largest = _number(limits, "max_radius_mm")
-    place = _reach(filled.get("source"))
-    sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))  # without a size the spec is refused for that alone
+    source = filled.get("source")
+    # A spec without its size, or that of its source, is refused for that alone: any other values do.
+    place = _reach(source) or ((0.0, 0.0) if _get(source, "kind") in _AREAS else None)
+    sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))
     lens = filled.setdefault("lens", {})
     if isinstance(lens, dict):
         for side in ("inner", "outer"):
             if lens.get(f"fixed_{side}") is None:
                 _fill(filled, names, "lens", f"{side}_offset_mm", getattr(sizes, f"{side}_offset_mm"))
-    if isinstance(limits, dict) and largest is not None:
+    if isinstance(limits, dict):
         _fill(filled, names, "constraints", "min_thickness_mm", sizes.min_thickness_mm)
         if place is not None:
             _fill(filled, names, "constraints", "cavity_radius_mm", sizes.cavity_radius_mm)
@@ -110,19 +114,22 @@ def _reach(source: Any) -> tuple[float, float] | None:
 
 
 def _source_extent(source: Any) -> float | None:
-    size = {name: _number(source, name) for name in ("side_mm", "width_mm", "height_mm", "diameter_mm")}
-    match _get(source, "kind"):
-        case "square" if size["side_mm"] is not None:
-            return size["side_mm"] / 2.0**0.5
-        case "disc" if size["diameter_mm"] is not None:
-            return 0.5 * size["diameter_mm"]
-        case "rectangle" if size["width_mm"] is not None and size["height_mm"] is not None:
-            return 0.5 * hypot(size["width_mm"], size["height_mm"])
-        case "chip_array" if size["width_mm"] is not None and size["height_mm"] is not None:
-            columns, rows = (_number(source, name) or 1.0 for name in ("columns", "rows"))
-            across, up, _ = _triple(_get(source, "pitch_mm"))
-            return 0.5 * hypot((columns - 1) * across + size["width_mm"], (rows - 1) * up + size["height_mm"])
-    return None
+    """Radius (mm) of the circle around an emitting area, in its own plane; None for a ray set."""
+    side, width, height, diameter = (
+        _number(source, name) for name in ("side_mm", "width_mm", "height_mm", "diameter_mm")
+    )
+    kind = _get(source, "kind")
+    if kind == "square":
+        return None if side is None else side / 2.0**0.5
+    if kind == "disc":
+        return None if diameter is None else 0.5 * diameter
+    if width is None or height is None or kind not in ("rectangle", "chip_array"):
+        return None
+    if kind == "chip_array":
+        columns, rows = (_number(source, name) or 1.0 for name in ("columns", "rows"))
+        across, up, _ = _triple(_get(source, "pitch_mm"))
+        width, height = (columns - 1.0) * across + width, (rows - 1.0) * up + height
+    return 0.5 * hypot(width, height)
 
 
 def _receiver_of(target: Mapping[str, Any]) -> tuple[str, float] | None:
@@ -132,8 +139,7 @@ def _receiver_of(target: Mapping[str, Any]) -> tuple[str, float] | None:
         return None if across is None else ("receiver_mm", _digits(_RECEIVER * across, ceil))
     if target.get("kind") not in ("beam", "batwing", "photometric") or target.get("receiver_mm") is not None:
         return None
-    beam = target.get("fwhm_deg", target.get("to_deg"))
-    widths = [each for each in (beam if isinstance(beam, list | tuple) else [beam]) if isinstance(each, int | float)]
+    widths = _sizes(target.get("fwhm_deg", target.get("to_deg")))
     wide = _HALF_ANGLE * max(widths) if widths else _MOST_HALF_ANGLE_DEG
     return "half_angle_deg", min(_digits(wide, ceil), _MOST_HALF_ANGLE_DEG)
 
@@ -141,8 +147,7 @@ def _receiver_of(target: Mapping[str, Any]) -> tuple[str, float] | None:
 def _pattern_mm(target: Mapping[str, Any]) -> float | None:
     """Side (mm) of the square about the axis that holds a pattern."""
     sides = [value for name in _ACROSS if (value := _number(target, name)) is not None]
-    half = target.get("half_width_mm")
-    sides += [2.0 * each for each in (half if isinstance(half, list | tuple) else [half]) if isinstance(each, float)]
+    sides += [2.0 * each for each in _sizes(target.get("half_width_mm"))]
     if not sides:
         return None
     up = _number(target, "height_mm")
@@ -164,24 +169,31 @@ def _get(table: Any, name: str) -> Any:
 
 
 def _number(table: Any, name: str) -> float | None:
-    """A finite number above or at 0; None for anything else, which its section will refuse."""
-    value = _get(table, name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1e9:
+    """A number from 0 on, as its section would read it; None for anything else, which that refuses."""
+    try:
+        value = float(_get(table, name))
+    except (TypeError, ValueError, OverflowError):
         return None
-    return float(value)
+    return value if 0.0 <= value <= _LARGEST_MM else None
+
+
+def _sizes(values: Any) -> list[float]:
+    """The numbers above 0 among one or several values."""
+    several = values if isinstance(values, list | tuple) else [values]
+    return [size for each in several if (size := _number({"": each}, ""))]
 
 
 def _triple(values: Any) -> tuple[float, float, float]:
-    known = (
-        [float(each) for each in values if isinstance(each, int | float)] if isinstance(values, list | tuple) else []
-    )
+    """Coordinates, 0 for those that are left out or that their section will refuse."""
+    several = values if isinstance(values, list | tuple) else ()
+    known = [float(each) if isinstance(each, int | float) and abs(each) <= _LARGEST_MM else 0.0 for each in several]
     x, y, z = (*known, 0.0, 0.0, 0.0)[:3]
     return x, y, z
 
 
 def _digits(value: float, towards: Any = round) -> float:
     """``value`` to three significant digits."""
-    if not value > 0.0:
+    if not 0.0 < value < inf:
         return value
     places = 2 - floor(log10(value))
     return float(round(towards(round(value * 10.0**places, 6)) / 10.0**places, 12))

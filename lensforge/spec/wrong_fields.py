@@ -118,7 +118,8 @@ def _nearest(name: str, known: Sequence[str]) -> str | None:
 def _place(location: tuple[int | str, ...], root: type[BaseModel]) -> _FieldPlace:
     """The field at ``location``, without what pydantic adds: the kind of a section, and the branch of a choice."""
     holders: tuple[type[BaseModel], ...] = (root,)
-    inside, parts, annotation = holders, list[str](), Any
+    inside, parts = holders, list[str]()
+    annotation: Any = None
     for number, part in enumerate(location):
         tagged = tuple(each for each in inside if kind_of(each) == part)
         fields = [each.model_fields[part] for each in inside if part in each.model_fields]

@@ -43,6 +43,18 @@ def test_derived_values_follow_a_change_and_given_ones_stay() -> None:
     assert fixed.lens.start_mm == (7.0, 27.4)
 
 
+def test_a_size_that_is_a_text_counts_as_the_section_reads_it() -> None:
+    content = tomllib.loads(SHORTEST.replace("14.0", '"14.0"'))
+    assert parse_spec(content, "lamp") == parse_spec(tomllib.loads(SHORTEST), "lamp")
+
+
+def test_a_wrong_size_is_named_alone() -> None:
+    for wrong in ("diametre_mm = 1.0", 'diameter_mm = "wide"'):
+        with pytest.raises(lf.InputError) as refusal:
+            parse_spec(tomllib.loads(SHORTEST.replace("diameter_mm = 1.0", wrong).replace("14.0", "-1.0")), "lamp")
+        assert len(str(refusal.value).splitlines()) == 2 and "cavity" not in str(refusal.value)
+
+
 def test_a_script_may_leave_them_out_too() -> None:
     target = {"kind": "disc", "diameter_mm": 100.0, "distance_mm": 200.0}
     spec = lf.Spec(source=lf.SquareSource(side_mm=1.0), target=target, constraints={"max_radius_mm": 14.0})
@@ -77,6 +89,25 @@ def test_a_lens_of_any_size_holds_its_source_and_starts_with_a_wall(radius_mm: f
     assert sizes.cavity_radius_mm >= 1.19 * share * radius_mm and sizes.cavity_radius_mm > 0.0
     assert sizes.cavity_radius_mm < sizes.inner_offset_mm < sizes.outer_offset_mm <= radius_mm
     assert sizes.outer_offset_mm - sizes.inner_offset_mm > sizes.min_thickness_mm > 0.0
+
+
+@pytest.mark.parametrize(
+    "value", [10**400, float("nan"), float("inf"), -1.0, "a", True, None, [], {}, [float("nan")] * 9]
+)
+def test_values_that_are_none_are_left_to_their_sections(value: object) -> None:
+    for section, field in [
+        ("source", "diameter_mm"),
+        ("source", "position_mm"),
+        ("target", "width_mm"),
+        ("target", "half_width_mm"),
+        ("target", "centre_mm"),
+        ("constraints", "max_radius_mm"),
+    ]:
+        content = tomllib.loads(SHORTEST)
+        content[section][field] = value
+        with_derived(content)
+    beam = tomllib.loads(SHORTEST) | {"target": {"kind": "beam", "fwhm_deg": value}}
+    assert 0.0 < with_derived(beam)[0]["target"]["half_angle_deg"] <= 85.0
 
 
 def test_a_ray_file_needs_its_cavity_and_given_tables_are_not_changed() -> None:

@@ -72,12 +72,12 @@ def test_a_wrong_field_is_named_as_written_with_what_was_meant(changes: dict[str
 
 
 def test_all_wrong_fields_are_told_unknown_names_first() -> None:
-    found = lines_of({"evaluate.pixels": 0, "source.side": 1.0, "optimise.rays": 2, "lens.sigma": 1.0})
+    found = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.gap": 1.0})
     assert [line.split(":")[0] for line in found] == [
-        "source.side = 1.0",
-        "lens.sigma = 1.0",
+        "evaluate.pixel = 9",
+        "tolerances.gap = 1.0",
+        "source.side_mm = -1.0",
         "optimise.rays = 2",
-        "evaluate.pixels = 0",
     ]
 
 
