@@ -8,7 +8,7 @@ from lensforge.commands.rounded import count
 from lensforge.commands.screen import Block, Row
 from lensforge.commands.stage_blocks import reasons
 from lensforge.evaluation.light import Light
-from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, Photometry
+from lensforge.far_field.photometry import IES_FILE, LDT_FILE, TM25_FILE, TM33_FILE, Photometry
 from lensforge.geometry.part import Part
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design
@@ -81,7 +81,7 @@ def _written(run: Run) -> str:
     """The files that go to others."""
     part, photometry = run.find(Part), run.find(Photometry)
     names = [] if part is None else list(part.files)
-    names += [] if photometry is None else [IES_FILE, LDT_FILE, TM25_FILE]
+    names += [] if photometry is None else [IES_FILE, LDT_FILE, TM33_FILE, TM25_FILE]
     first = names[:1]  # "lens.step, .stl, .3mf"
     return ", ".join(
         [*first, *(name.removeprefix(_STEM) if name.startswith(f"{_STEM}.") else name for name in names[1:])]
