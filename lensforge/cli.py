@@ -16,15 +16,20 @@ from typing import Any, NoReturn
 
 import click
 
+from lensforge.commands.command_group import NOTES, CommandGroup
 from lensforge.commands.design import design
+from lensforge.commands.examples import examples
 from lensforge.commands.interrupts import Interrupts
-from lensforge.commands.part import compare, correct, handover, photometry, sensitivity, yield_
+from lensforge.commands.new import new
+from lensforge.commands.part import compare, correct, handover, photometry
 from lensforge.commands.printing import printable
 from lensforge.commands.rays import rays
+from lensforge.commands.schema import schema
 from lensforge.commands.stages import check, evaluate, export, report, verify
 from lensforge.commands.streams import lasting_streams, open_standard_streams
 from lensforge.commands.studies import sweep, tradeoff
-from lensforge.errors import LensforgeError
+from lensforge.commands.tolerances import sensitivity, yield_
+from lensforge.errors import LensforgeError, WrongFields
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
 from lensforge.version import __version__
 
@@ -40,7 +45,7 @@ class _Interrupted(Exception):
     """An interrupt on its way through click, which would print an empty line for :class:`KeyboardInterrupt`."""
 
 
-class _Group(click.Group):
+class _Group(CommandGroup):
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
@@ -48,21 +53,33 @@ class _Group(click.Group):
             raise _Interrupted from None
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=NOTES,
+    no_args_is_help=False,
+    invoke_without_command=True,
+)
 @click.version_option(__version__, message="%(version)s")
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Turn an LED and a target light pattern into a lens that a machine shop can cut."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct,
+    compare, correct, schema, new, examples,
 ):  # fmt: skip
     cli.add_command(command)
 
 
 def main(interrupts: Interrupts | None = None) -> None:
-    """Entry point: every exit has a code and at most one line on stderr. ``interrupts``: installed already."""
+    """Entry point: every exit has a code and at most one line on stderr, or one for each wrong field of a spec.
+
+    ``interrupts``: installed already.
+    """
     ignore_settings_in_working_folder()
     open_standard_streams()
     own = Interrupts().install() if interrupts is None else interrupts
@@ -97,10 +114,12 @@ def _run(interrupts: Interrupts) -> int:
 
 def _failure(error: BaseException) -> int:
     """Say what is wrong, and return the exit code."""
+    if isinstance(error, WrongFields):
+        return max(_say(line, error.exit_code) for line in error.lines)
     if isinstance(error, LensforgeError):
         return _say(str(error), error.exit_code)
     if isinstance(error, click.ClickException):
-        return _say(f"{error.format_message()}; see --help", 2)
+        return _say(f"{error.format_message().rstrip('.')}; see --help", 2)
     if isinstance(error, MemoryError):
         return _say("out of memory; use fewer --rays or a lower --accuracy", 1)
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:

@@ -1,6 +1,7 @@
 """Errors that a user may see, each with the exit code of the command line.
 
-An error message is one line: what is wrong, the value, what is allowed, and what to try.
+An error message is one line: what is wrong, the value, what is allowed, and what to try. That of a spec has a line for
+each wrong field.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,15 @@ class InputError(LensforgeError):
     """The user's input cannot be used: a spec field, a file, an option."""
 
     exit_code = 2
+
+
+class WrongFields(InputError):
+    """Several fields of a spec are wrong: one complete line for each."""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The lines."""
+        return tuple(str(self).splitlines())
 
 
 class CriterionMissed(LensforgeError):

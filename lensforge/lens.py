@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from pydantic import JsonValue
 
-from lensforge.errors import InputError
+from lensforge.errors import InputError, WrongFields
 from lensforge.files import json_in, read_json_bytes, write_json
 from lensforge.materials.material import Material
 from lensforge.optics.media import Media
@@ -166,7 +166,10 @@ def _lens_in(file: bytes, path: Path) -> Lens:
             if isinstance(content.get(side), dict):
                 content[side].setdefault("kind", "srbf")
     record = validated(LensRecord, without_schema(content, SCHEMA, path, _REMEDY), path, _REMEDY)
-    spec = parse_spec(record.spec, str(path))
+    try:
+        spec = parse_spec(record.spec, str(path))
+    except WrongFields as error:  # nobody wrote this spec: the first field says as much as all
+        raise InputError(f"{error.lines[0]}; {_REMEDY}") from None
     if spec.lens.levels == "auto":
         raise InputError(f'{path}: spec.lens.levels = "auto", must be the numbers of its lens; {_REMEDY}')
     try:

@@ -1,4 +1,4 @@
-"""What a case may end in: accepted, or refused in one line. All else is a failure."""
+"""What a case may end in: accepted, or refused in one line (a spec: a line for each field). All else is a failure."""
 
 import traceback
 import warnings
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import lensforge as lf
-from lensforge.errors import LensforgeError
+from lensforge.errors import LensforgeError, WrongFields
 
 MOST_CHARACTERS = 1000  # of a line that a person still reads
 _PACKAGE = str(Path(lf.__file__).parent)
@@ -40,9 +40,11 @@ def _read(read: Callable[[Path], object], folder: Path) -> Outcome:
     try:
         read(folder)
     except LensforgeError as error:
-        line = str(error)
-        problem = _problem(line)
-        return Outcome("failed", f"{problem}: {line[:200]!r}", _place(error)) if problem else Outcome("refused", line)
+        lines = error.lines if isinstance(error, WrongFields) else (str(error),)
+        for line in lines:
+            if problem := _problem(line):
+                return Outcome("failed", f"{problem}: {line[:200]!r}", _place(error))
+        return Outcome("refused", "\n".join(lines))
     except (Exception, SystemExit) as error:
         return Outcome("failed", f"{type(error).__name__}: {str(error)[:200]}", _place(error))
     return Outcome("accepted")

@@ -8,12 +8,15 @@ import click
 
 from lensforge import seeds
 from lensforge.commands.interrupts import Interrupts
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
 from lensforge.spec import Spec
 
 FOLDER = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-RAYS = click.option("--rays", type=click.IntRange(1, 2**28), help="Number of rays; default: by spec or preset.")
-THREADS = click.option("--threads", type=click.IntRange(1, 256), help="Threads; default: all cores.")
+RAYS = click.option(
+    "--rays", type=WholeNumber(1, 2**28), metavar="N", help="Number of rays, such as 1e6; default: by spec or preset."
+)
+THREADS = click.option("--threads", metavar="N", type=WholeNumber(1, 256), help="Threads; default: all cores.")
 SCHEDULER = click.option(
     "--scheduler",
     metavar="ADDRESS",
@@ -24,10 +27,16 @@ ACCURACY = click.option(
     type=click.Choice(["draft", "standard", "reference"]),
     default="standard",
     show_default=True,
-    help="Preset of rays and tables: speed against accuracy.",
+    help="Preset. draft: for a first look, up to 289 functions a surface, 1 million rays to evaluate; standard: for a "
+    "lens to be made, up to 1,089 functions, 8 million rays; reference: up to 4,225 functions, 17 million rays, hours.",
 )
 SEED = click.option(
-    "--seed", type=click.IntRange(0, seeds.MOST), default=0, show_default=True, help="Seed of the random rays."
+    "--seed",
+    metavar="N",
+    type=WholeNumber(0, seeds.MOST),
+    default=0,
+    show_default=True,
+    help="Seed of the random rays.",
 )
 IES_VERSION = click.option(
     "--ies-version",

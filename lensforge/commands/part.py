@@ -1,4 +1,4 @@
-"""Commands on a finished part: sensitivity, handover, comparison with the machined part, its correction, photometry."""
+"""Commands on a finished part: handover, comparison with the machined part, its correction, photometry."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -7,85 +7,20 @@ import click
 
 from lensforge import pipeline
 from lensforge.arguments import threads_of_torch
-from lensforge.commands.options import FOLDER, IES_VERSION, RAYS, SCHEDULER, SEED, THREADS
-from lensforge.commands.printing import conclude, finish, print_conditions, print_table, warning_line
-from lensforge.commands.yield_table import print_yield
+from lensforge.commands.conclusion import finish, finish_handover
+from lensforge.commands.options import FOLDER, IES_VERSION, RAYS, THREADS
+from lensforge.commands.output import Output, with_output
 from lensforge.compared_folder import run_compare_photo, run_compare_surface, run_correct
 from lensforge.errors import InputError
 from lensforge.measured_part import refuse_unused
+from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.other_conditions import unless_own
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
-from lensforge.spec.tolerances import read_tolerances
-from lensforge.toleranced_folder import run_sensitivity, run_yield
 
 if TYPE_CHECKING:
     _Pixel = click.ParamType[tuple[float, float]]
 else:
     _Pixel = click.ParamType  # generic from click 8.4 on only
-
-
-@click.command()
-@FOLDER
-@RAYS
-@THREADS
-def sensitivity(directory: Path, rays: int | None, threads: int | None) -> None:
-    """Compute how each tolerance of the lens in DIR, at its end, changes its light; writes sensitivity.json."""
-    from lensforge.commands.progress import PartsBar
-
-    with threads_of_torch(threads), PartsBar("lens by lens") as bar:
-        result = run_sensitivity(directory, rays=rays, progress=bar.on_parts)
-    print_conditions(result)
-    shown = ("nmse", "uniformity", "rsd", "efficiency")
-    print_table({name: each for name, each in result.plain()["nominal"].items() if name in shown}, "as_designed.")
-    click.echo("\t".join(("error", "amount", "unit", *(f"change of {name}" for name in shown))))
-    for row in result.rows:
-        changes = (str(getattr(row.change, name)) for name in shown)
-        click.echo("\t".join((row.name, f"{row.amount:g}", row.unit, *changes)))
-    conclude(directory, (result,))
-
-
-@click.command("yield")
-@FOLDER
-@click.option("--parts", type=click.IntRange(40, 100_000), default=1000, show_default=True, help="Number of parts.")
-@RAYS
-@SEED
-@click.option(
-    "--tolerances",
-    metavar="PRESET|FILE",
-    help="Others than the spec's: precision, standard, moulded, or a TOML file with [tolerances].",
-)
-@click.option("--budget/--no-budget", default=True, show_default=True, help="Largest amount of each tolerance.")
-@THREADS
-@SCHEDULER
-def yield_(
-    directory: Path,
-    parts: int,
-    rays: int | None,
-    seed: int,
-    tolerances: str | None,
-    budget: bool,
-    threads: int | None,
-    scheduler: str | None,
-) -> None:
-    """Draw parts of the lens in DIR from its tolerances: how many pass, what decides; writes yield.json, yield.csv."""
-    from lensforge.commands.progress import PartsBar
-
-    other = None if tolerances is None else read_tolerances(tolerances)
-    with threads_of_torch(threads), PartsBar() as bar:
-        result = run_yield(
-            directory,
-            parts=parts,
-            rays=rays,
-            seed=seed,
-            tolerances=other,
-            budget=budget,
-            scheduler=scheduler,
-            progress=bar.on_parts,
-            announce=bar.on_stage,
-        )
-    print_conditions(result)
-    print_yield(result)
-    conclude(directory, (result,))
 
 
 @click.command()
@@ -98,6 +33,7 @@ def yield_(
 @click.option("--slope", type=float, default=60.0, show_default=True, metavar="DEG", help="Where the raster ends.")
 @click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
 @click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
+@with_output
 def handover(
     directory: Path,
     spacing: float | None,
@@ -106,16 +42,19 @@ def handover(
     slope: float,
     offset_inner: float,
     offset_outer: float,
+    output: Output,
 ) -> None:
-    """Write the files that go to the shop with the STEP in DIR: drawing and verdicts (HTML, PDF), tables of points."""
+    """Write the files that go to the shop with the STEP.
+
+    A drawing with the findings of the check (HTML, PDF), and tables of points.
+    """
+    from lensforge.commands.stage_clock import StageClock
     from lensforge.drawings.grids import GridRequest
 
     request = GridRequest(spacing, error, interpolation, slope, offset_inner, offset_outer)
-    result = pipeline.run_handover(directory, request)
-    click.echo(f"files\t{', '.join(result.files)}")
-    print_table({f"{each.file}.error_nm": each.error_nm for each in result.grids})
-    print_table({"points": result.points, "sha256": result.sha256, "refused": [each.reason for each in result.refused]})
-    conclude(directory)
+    with StageClock("handover", quiet=output.quiet):
+        result = pipeline.run_handover(directory, request)
+    finish_handover(output, directory, result)
 
 
 class _Corner(_Pixel):
@@ -152,6 +91,7 @@ class _Corner(_Pixel):
     help="Motion that fits --points to the design.",
 )
 @RAYS
+@with_output
 def compare(
     directory: Path,
     on: Path | None,
@@ -163,24 +103,30 @@ def compare(
     surface: Literal["inner", "outer"] | None,
     registration: Literal["rigid", "shift", "none"],
     rays: int | None,
+    output: Output,
 ) -> None:
-    """Compare the machined part with the design in DIR: a photograph of its light, or points on a surface."""
+    """Compare the machined part with the design in DIR.
+
+    By a photograph of its light (--on), or by points measured on a surface (--points).
+    """
+    from lensforge.commands.stage_clock import StageClock
+
     of_points = {"--surface": surface, "--registration": unless_own(registration, "rigid"), "--rays": rays}
     of_photo = {"--off": off, "--corners": corners or None, "--target-mm": target_mm, "--gamma": unless_own(gamma, 1.0)}
-    if on is not None and points is None:
-        refuse_unused("a photograph", of_points)
-        found = run_compare_photo(
-            directory, on=on, off=off, corners=list(corners) if corners else None, target_mm=target_mm, gamma=gamma
-        )
-        finish(directory, found)
-    elif points is not None and on is None:
-        refuse_unused("points", of_photo)
-        if surface is None:
-            raise InputError("compare: --points needs --surface, inner or outer")
-        measured = run_compare_surface(directory, points=points, surface=surface, registration=registration, rays=rays)
-        finish(directory, measured)
-    else:
-        raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
+    found: PhotoComparison | SurfaceComparison
+    with StageClock("compare", quiet=output.quiet):
+        if on is not None and points is None:
+            refuse_unused("a photograph", of_points)
+            given = list(corners) if corners else None
+            found = run_compare_photo(directory, on=on, off=off, corners=given, target_mm=target_mm, gamma=gamma)
+        elif points is not None and on is None:
+            refuse_unused("points", of_photo)
+            if surface is None:
+                raise InputError("compare: --points needs --surface, inner or outer")
+            found = run_compare_surface(directory, points=points, surface=surface, registration=registration, rays=rays)
+        else:
+            raise InputError("compare: give --on PHOTO, or --points FILE with --surface")
+    finish(output, directory, found)
 
 
 @click.command()
@@ -204,6 +150,7 @@ def compare(
 )
 @RAYS
 @THREADS
+@with_output
 def correct(
     directory: Path,
     points: Path,
@@ -213,9 +160,15 @@ def correct(
     registration: Literal["rigid", "shift", "none"],
     rays: int | None,
     threads: int | None,
+    output: Output,
 ) -> None:
-    """Write the STEP of a face corrected for its second cut by points measured on the first, lens_corrected_*.step."""
-    with threads_of_torch(threads):
+    """Correct a face for its second cut by measured points.
+
+    Writes lens_corrected_inner.step or lens_corrected_outer.step from points measured on the first cut.
+    """
+    from lensforge.commands.stage_clock import StageClock
+
+    with StageClock("correct", quiet=output.quiet), threads_of_torch(threads):
         made = run_correct(
             directory,
             points=points,
@@ -225,24 +178,32 @@ def correct(
             registration=registration,
             rays=rays,
         )
-    finish(directory, made)
+    finish(output, directory, made)
 
 
 @click.command()
 @FOLDER
 @RAYS
 @THREADS
+@with_output
 @click.option(
     "--lumens", type=click.FloatRange(1e-6, 1e9), help="Flux of the LED (lm); default: the spec's, or relative to 1000."
 )
 @IES_VERSION
 def photometry(
-    directory: Path, rays: int | None, threads: int | None, lumens: float | None, ies_version: str | None
+    directory: Path,
+    rays: int | None,
+    threads: int | None,
+    lumens: float | None,
+    ies_version: str | None,
+    output: Output,
 ) -> None:
     """Compute lumens, candela and beam angles of the lens in DIR; write IES, EULUMDAT, TM-33 and TM-25 files."""
+    from lensforge.commands.stage_clock import StageClock
+
     version = require_ies_version(int(ies_version or NEWEST))
-    with threads_of_torch(threads):
+    with StageClock("photometry", quiet=output.quiet) as clock, threads_of_torch(threads):
         result = pipeline.run_photometry(directory, rays=rays, lumens=lumens, ies_version=version)
-    for words in result.warnings:
-        click.echo(warning_line(words), err=True)
-    finish(directory, result)
+        for words in result.warnings:
+            clock.warn(words)
+    finish(output, directory, result)

@@ -1,118 +1,93 @@
-"""Progress on stderr: of a design by level, loss, efficiency and time left; of a study by its parts."""
+"""Progress of a design, by level, error and time left, and of a study, by its parts."""
 
-import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
-from lensforge.commands.printing import warning_line
+from lensforge.commands.rounded import duration
+from lensforge.commands.stage_clock import StageClock
 from lensforge.optimisation.design import Progress as Step
+from lensforge.results import REPORT_FILE, STAGES
 from lensforge.spec import Spec
 
-_LINE_SECONDS = 10.0
+_NAMES = {*(kind.stage for kind in STAGES), REPORT_FILE.partition(".")[0]}
 
 
-class LiveBar:
-    """A bar on a terminal's stderr, with ``columns`` after it; elsewhere it is disabled."""
+class DesignProgress:
+    """Progress of a search and of the stages after it, on ``clock``; ``observers`` are called with every step."""
 
-    def __init__(self, words: str, *columns: ProgressColumn) -> None:
-        self._console = Console(stderr=True, highlight=False)
-        self._bar = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            *columns,
-            console=self._console,
-            disable=not self._console.is_terminal,
-        )
-        self._task = self._bar.add_task(words, total=None, numbers="")
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-
-class Reporter(LiveBar):
-    """A live bar on a terminal; elsewhere a line at the end of each level and the start of each stage.
-
-    ``observers`` are called with every step.
-    """
-
-    def __init__(self, spec: Spec, *observers: Callable[[Step], None]) -> None:
-        time_left = TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-        super().__init__(spec.name, TextColumn("{task.fields[numbers]}"), *time_left)
-        self._observers = observers
+    def __init__(self, clock: StageClock, spec: Spec, *observers: Callable[[Step], None]) -> None:
+        self._clock, self._observers = clock, observers
         levels = spec.lens.levels
         self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
-        self._name = spec.name
         self._last: Step | None = None
+        self._level_began = 0, 0.0  # step and seconds
 
     def on_step(self, step: Step) -> None:
-        """Show a gradient step."""
-        numbers = f"NMSE {step.nmse:.4f}  efficiency {step.efficiency:.3f}"
-        self._bar.update(
-            self._task,
-            completed=step.steps_done,
-            total=step.steps_total,
-            description=f"{self._name}  level {step.level + 1}{self._of_levels}",
-            numbers=numbers,
-        )
+        """Show a gradient step; where there is no terminal, write a line for each level."""
+        self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}", self._left(step))
+        last = step.steps_done == step.steps_total
         new_level = self._of_steps and self._last is not None and self._last.level != step.level
-        if self._bar.disable and (new_level or step.steps_done == step.steps_total):
-            shown = step if step.steps_done == step.steps_total else self._last
-            assert shown is not None
-            of_steps = f"/{step.steps_total}" if self._of_steps else ""
-            self._console.print(
-                f"level {shown.level + 1}{self._of_levels}  step {shown.steps_done}{of_steps}  "
-                f"NMSE {shown.nmse:.4f}  efficiency {shown.efficiency:.3f}"
-            )
+        shown = step if last else self._last
+        if not self._clock.live and (new_level or last) and shown is not None:
+            self._clock.note(self._words(shown))
         self._last = step
         for observer in self._observers:
             observer(step)
 
-    def on_stage(self, stage: str) -> None:
-        """Show that a stage after the design begins."""
-        if self._bar.disable:
-            self._console.print(stage)
-        self._bar.update(self._task, description=f"{self._name}  {stage}", numbers="")
+    def _left(self, step: Step) -> str:
+        """The time that the remaining steps take at the pace of this level so far; levels differ in theirs."""
+        if self._last is None or self._last.level != step.level:
+            self._level_began = step.steps_done, step.seconds
+        first, began = self._level_began
+        if step.steps_done == first:
+            return ""
+        pace = (step.seconds - began) / (step.steps_done - first)
+        return f"{duration(pace * (step.steps_total - step.steps_done))} left"
 
-    def on_warning(self, words: str) -> None:
-        """Show a warning on the source as one line, above the bar."""
-        self._console.print(warning_line(words), soft_wrap=True, markup=False)
-
-
-class PartsBar(LiveBar):
-    """A live bar of measured parts on a terminal; elsewhere a line for each stage, and every ten seconds."""
-
-    def __init__(self, words: str = "yield") -> None:
-        super().__init__(words, TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
-        self._said = time.monotonic()
+    def _words(self, step: Step) -> str:
+        of_steps = f"/{step.steps_total}" if self._of_steps else ""
+        return (
+            f"level {step.level + 1}{self._of_levels}  step {step.steps_done}{of_steps}  "
+            f"NMSE {step.nmse:.4f}  efficiency {step.efficiency:.3f}"
+        )
 
     def on_stage(self, words: str) -> None:
-        """Show that a stage begins."""
-        if self._bar.disable:
-            self._console.print(words, soft_wrap=True, markup=False)
-        self._bar.update(self._task, description=words)
+        """Begin a stage; other words, on one of several searches, are a line of their own."""
+        if words in _NAMES:
+            self._clock.begin(words)
+        else:
+            self._clock.note(words)
+
+
+class PartsProgress:
+    """Progress of a study on ``clock``: its stages, and how many parts have been measured."""
+
+    def __init__(self, clock: StageClock, parts: str = "parts") -> None:
+        self._clock, self._parts = clock, parts
+        self._stage = ""
+
+    def on_stage(self, words: str) -> None:
+        """Begin a stage; "budget: source height" is a part of "budget"."""
+        stage, _, detail = words.partition(": ")
+        if stage != self._stage:
+            self._clock.begin(stage)
+            self._stage = stage
+        self._clock.show(detail)
 
     def on_parts(self, done: int, expected: int) -> None:
         """Show how many parts have been measured."""
-        self._bar.update(self._task, completed=done, total=expected)
-        if self._bar.disable and time.monotonic() - self._said > _LINE_SECONDS:
-            self._said = time.monotonic()
-            self._console.print(f"{done} of {expected} parts")
+        self._clock.show(f"{done} of {expected} {self._parts}")
+
+
+class StudyProgress:
+    """Progress of a trade-off on ``clock``: a line for each of its studies."""
+
+    def __init__(self, clock: StageClock) -> None:
+        self._clock = clock
+
+    def on_stage(self, words: str) -> None:
+        """Begin a study; a warning is a line of its own."""
+        kind, _, rest = words.partition(": ")
+        if kind == "warning":
+            self._clock.warn(rest)
+        else:
+            self._clock.begin("study", words)

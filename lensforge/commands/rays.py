@@ -1,12 +1,13 @@
 """``rays``: a ray file or a photometric file summarised, drawn, or converted."""
 
-import json
 from pathlib import Path
 
 import click
 
 from lensforge.commands.options import IES_VERSION
-from lensforge.commands.printing import print_table
+from lensforge.commands.output import Output, print_json, with_output
+from lensforge.commands.record_rows import record_rows
+from lensforge.commands.screen import Block, print_screen
 from lensforge.errors import InputError
 from lensforge.files import require_regular_file, require_writable
 from lensforge.records import Record
@@ -21,7 +22,6 @@ _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--header", "only_header", is_flag=True, help="Read only the header: fast, whatever the size.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--to", type=click.Path(path_type=Path), help="Convert to this file; its suffix chooses the format.")
 @click.option("--format", "format_name", help="Format of --to, if its suffix stands for several.")
 @IES_VERSION
@@ -30,16 +30,20 @@ _PLOT_SUFFIXES = (".png", ".svg", ".pdf")
     type=click.Path(path_type=Path),
     help="Draw origins and directions of the rays, or the polar diagram; PNG, SVG or PDF.",
 )
+@with_output
 def rays(
     file: Path,
     only_header: bool,
-    as_json: bool,
     to: Path | None,
     format_name: str | None,
     ies_version: str | None,
     plot: Path | None,
+    output: Output,
 ) -> None:
-    """Summarise, draw or convert a ray file or a photometric file (IES LM-63, EULUMDAT, TM-33)."""
+    """Summarise, draw or convert a file of rays or candela.
+
+    Ray files of many formats, and photometric files: IES LM-63, EULUMDAT and TM-33.
+    """
     require_regular_file(file, missing="give the path of a ray file or a photometric file")
     for option, path in (("--to", to), ("--plot", plot)):
         if path is not None:
@@ -55,11 +59,11 @@ def rays(
     else:
         found = _rays(file, only_header, to, format_name, plot)
     content = found.model_dump(mode="json", exclude={"inputs", "version"})
-    if as_json:
-        click.echo(json.dumps(content, indent=2, allow_nan=False))
-        return
-    content.get("header", {}).pop("spectral_tables", None)
-    print_table(content)
+    if output.json:
+        print_json(content)
+    elif output.screen:
+        content.get("header", {}).pop("spectral_tables", None)
+        print_screen([Block(str(file), list(record_rows(content)))])
 
 
 def _rays(file: Path, only_header: bool, to: Path | None, format_name: str | None, plot: Path | None) -> Record:

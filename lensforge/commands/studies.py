@@ -5,13 +5,14 @@ from pathlib import Path
 import click
 
 from lensforge.arguments import threads_of_torch
+from lensforge.commands.conclusion import finish_study
 from lensforge.commands.design import run_with_progress
 from lensforge.commands.options import ACCURACY, RAYS, SCHEDULER, SEED, THREADS, resume_after_interrupt, with_rays
-from lensforge.commands.printing import print_table
+from lensforge.commands.output import Output, with_output
+from lensforge.commands.sweep_blocks import sweep_block, tradeoff_block
+from lensforge.commands.whole_number import WholeNumber
 from lensforge.criteria import require
 from lensforge.spec import Accuracy, Spec, load_spec
-
-_PRINTED = ("nmse", "uniformity", "efficiency", "max_radius_mm", "height_mm")
 
 
 @click.command()
@@ -25,6 +26,7 @@ _PRINTED = ("nmse", "uniformity", "efficiency", "max_radius_mm", "height_mm")
 @RAYS
 @THREADS
 @SCHEDULER
+@with_output
 def sweep(
     spec: Path,
     vary: str,
@@ -36,13 +38,17 @@ def sweep(
     rays: int | None,
     threads: int | None,
     scheduler: str | None,
+    output: Output,
 ) -> None:
-    """Design SPEC for each value of a field; writes sweep.json, sweep.png and sweep.html.
+    """Design SPEC for each value of one field.
+
+    Writes sweep.json, sweep.png and sweep.html.
 
     \b
     lensforge sweep examples/pi.toml --vary constraints.max_radius_mm=8,10,12,14 \\
         --scale lens.inner_offset_mm --scale lens.outer_offset_mm
     """
+    from lensforge.commands.stage_clock import StageClock
     from lensforge.studies.sweep.runs import resumable, run_sweep
     from lensforge.studies.sweep.vary import parse_variation
 
@@ -51,24 +57,24 @@ def sweep(
     directory = out or Path("cad_out") / f"{content.name}_sweep"
     resume_after_interrupt(lambda: resumable(directory))
 
-    def run_design(spec: Spec, folder: Path, resume: bool) -> object:
-        return run_with_progress(spec, folder, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
+    with StageClock("sweep", quiet=output.quiet, study=True) as clock:
 
-    result = run_sweep(
-        content,
-        variation,
-        directory,
-        run_design,
-        accuracy=accuracy,
-        seed=seed,
-        resume=resume,
-        scheduler=scheduler,
-        announce=lambda line: click.echo(line, err=True),
-    )
-    for row in result.designs:
-        figures = row.model_dump(mode="json", include=set(_PRINTED), exclude_none=True)
-        print_table({key: figures[key] for key in _PRINTED if key in figures}, f"{row.folder}.")
-    click.echo(f"page\t{directory / 'sweep.html'}")
+        def run_design(spec: Spec, folder: Path, resume: bool) -> object:
+            clock.begin("design")
+            return run_with_progress(spec, folder, clock, accuracy=accuracy, seed=seed, threads=threads, resume=resume)
+
+        result = run_sweep(
+            content,
+            variation,
+            directory,
+            run_design,
+            accuracy=accuracy,
+            seed=seed,
+            resume=resume,
+            scheduler=scheduler,
+            announce=clock.head,
+        )
+    finish_study(output, directory, result, sweep_block(result), "sweep.html")
     require(result.criteria)
 
 
@@ -77,21 +83,27 @@ def sweep(
 @click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>.")
 @click.option(
     "--most-rays",
-    type=click.IntRange(2**12, 2**24),
+    metavar="N",
+    type=WholeNumber(2**12, 2**24),
     default=2**20,
     show_default=True,
     help="Rays of the longest runs in the convergence study; 2^24 takes a few minutes.",
 )
 @THREADS
-def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None) -> None:
-    """Measure accuracy against time for the scene of SPEC; writes tradeoff.json and tradeoff.html."""
+@with_output
+def tradeoff(spec: Path, out: Path | None, most_rays: int, threads: int | None, output: Output) -> None:
+    """Measure accuracy against time for the scene of SPEC.
+
+    Writes tradeoff.json and tradeoff.html.
+    """
     content = load_spec(spec)
     directory = out or Path("cad_out") / content.name
 
+    from lensforge.commands.progress import StudyProgress
+    from lensforge.commands.stage_clock import StageClock
     from lensforge.studies.tradeoff.measure import Effort, run_tradeoff
 
-    with threads_of_torch(threads):
-        effort = Effort.up_to(most_rays)
-        found = run_tradeoff(content, directory, effort=effort, announce=lambda line: click.echo(line, err=True))
-    print_table(found.model_dump(mode="json", include={"presets"})["presets"])
-    click.echo(f"page\t{directory / 'tradeoff.html'}")
+    with StageClock("tradeoff", quiet=output.quiet, study=True) as clock, threads_of_torch(threads):
+        announce = StudyProgress(clock).on_stage
+        found = run_tradeoff(content, directory, effort=Effort.up_to(most_rays), announce=announce)
+    finish_study(output, directory, found, tradeoff_block(found), "tradeoff.html")

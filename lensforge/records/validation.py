@@ -28,7 +28,9 @@ def input_error(error: ValidationError, origin: str, *, remedy: str = "", unions
     field = shortened(field)
     message = shortened(" ".join(first["msg"].removeprefix("Value error, ").split()), _MOST_OF_MESSAGE)
     more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    parts = [part for part in (origin, f"{field}{_given(first['input'])}" if field else "", f"{message}{more}") if part]
+    parts = [
+        part for part in (origin, f"{field}{given_words(first['input'])}" if field else "", f"{message}{more}") if part
+    ]
     return InputError(" ".join((": ".join(parts) + (f"; {remedy}" if remedy else "")).split()))
 
 
@@ -37,7 +39,7 @@ def _is_kind(two_before: object, before: object, part: object, unions: Collectio
     return isinstance(part, str) and (before in unions or (isinstance(before, int) and two_before in unions))
 
 
-def _given(value: object) -> str:
+def given_words(value: object) -> str:
     """`` = value``, or the type of a list; empty for tables and arrays, whose message already says what is wrong."""
     if isinstance(value, Mapping | BaseModel | np.ndarray):
         return ""

@@ -37,7 +37,7 @@ def measured(results: Results) -> list[Measured]:
         found.append(Measured("A photograph of its light", photo_facts(photo), pictures))
     for side, surface in results.surfaces.items():
         pictures = [_surface_pictures(results, surface)]
-        found.append(Measured(f"The {side} surface, measured", _surface_facts(surface), pictures))
+        found.append(Measured(f"The {side} surface, measured", surface_facts(surface), pictures))
     for side, made in results.corrections.items():
         title = f"The {side} surface, corrected for a second cut"
         found.append(Measured(title, correction_facts(made), [correction_pictures(made)]))
@@ -108,7 +108,8 @@ def _photo_lines(photo: PhotoComparison) -> list[PagePicture]:
     ]
 
 
-def _surface_facts(surface: SurfaceComparison) -> Facts:
+def surface_facts(surface: SurfaceComparison) -> Facts:
+    """Facts from measured points on one surface, and the light with it."""
     form, design, part = surface.form_deviation_um, surface.design, surface.measured
     facts = [
         ("Points", f"{number(surface.point_count)}, {percent(surface.used_share)} of them on the surface"),

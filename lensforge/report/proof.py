@@ -36,13 +36,13 @@ def cast_facts(results: Results) -> dict[str, Facts]:
     return {
         f"Rays through the exported mesh{suffix(record.receivers, index)}": [
             ("Rays", number(record.rays)),
-            *_receiver_facts(receiver, designed.get(receiver.name)),
+            *receiver_facts(receiver, designed.get(receiver.name)),
         ]
         for index, receiver in enumerate(record.receivers)
     }
 
 
-def _receiver_facts(receiver: ReceiverProof, designed: float | None) -> Facts:
+def receiver_facts(receiver: ReceiverProof, designed: float | None) -> Facts:
     """Facts on one receiver; ``designed``: efficiency of the design's light there."""
     deviation, quantity = receiver.deviation_mm, light_unit(None, far_field=receiver.far_field).quantity
     largest = "largest, at 1 m" if receiver.far_field else "largest"

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import GetCoreSchemaHandler
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from lensforge.records.arrays import read_only, real_numbers
@@ -29,6 +30,20 @@ class Numbers:
         """Validate by :meth:`checked`, write by :func:`packed`."""
         text = core_schema.plain_serializer_function_ser_schema(packed)
         return core_schema.no_info_plain_validator_function(self.checked, serialization=text)
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """The table, or nested lists of as many axes."""
+        lists: JsonSchemaValue = {"type": "number"}
+        for _ in range(self.ndim):
+            lists = {"type": "array", "items": lists}
+        shape = {"type": "array", "items": {"type": "integer"}}
+        table = {
+            "type": "object",
+            "properties": {"shape": shape, "float64": {"type": "string"}},
+            "required": ["shape", "float64"],
+            "additionalProperties": False,
+        }
+        return {"anyOf": [lists, table]}
 
     def checked(self, value: Any) -> np.ndarray:
         """Convert ``value`` to a new, read-only float64 array. Raises :class:`ValueError` for a wrong shape or type."""

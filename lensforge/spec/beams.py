@@ -22,17 +22,18 @@ class _FarFieldTarget(TargetSection):
 
 
 class BeamTarget(_FarFieldTarget, SoftTarget):
-    """A beam by its full width at half maximum, one for both directions or along x and along y.
-
-    ``profile``: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y the width is
-    that of an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by ``edge_deg``.
-    """
+    """A beam by its full width at half maximum."""
 
     needs: ClassVar[tuple[str, ...]] = ("fwhm",)
 
     kind: Literal["beam"] = "beam"
     fwhm_deg: BeamAngle | tuple[BeamAngle, BeamAngle] | None = None
+    """Full width at half maximum, one for both directions or along x and along y."""
     profile: Literal["gaussian", "cosine", "flat"] = "gaussian"
+    """Course of the intensity: "gaussian", "cosine" (a power of the cosine of the angle from the axis; between x and y
+    the width is that of an ellipse), or "flat" up to the half width and dark beyond it, with soft edges by
+    ``edge_deg``.
+    """
 
     @model_validator(mode="after")
     def _only_flat_beams_have_edges(self) -> "BeamTarget":
@@ -42,7 +43,7 @@ class BeamTarget(_FarFieldTarget, SoftTarget):
 
 
 class BatwingTarget(_FarFieldTarget, SoftTarget):
-    """Even illuminance on a plane at right angles to the axis: 1 / cos^3 of the angle, up to ``to_deg``.
+    """Even illuminance on a plane at right angles to the axis: intensity as 1 / cos^3 of the angle.
 
     ``edge_deg``: standard deviation of the Gaussian whose integral the illuminance falls as: to half at ``to_deg``.
     """
@@ -51,6 +52,7 @@ class BatwingTarget(_FarFieldTarget, SoftTarget):
 
     kind: Literal["batwing"] = "batwing"
     to_deg: Annotated[float, Field(ge=0.1, le=85.0)] | None = None
+    """Angle from the axis up to which the light is even."""
 
 
 class PhotometricTarget(_FarFieldTarget):
@@ -61,3 +63,4 @@ class PhotometricTarget(_FarFieldTarget):
 
     kind: Literal["photometric"] = "photometric"
     file: FilePath
+    """IES LM-63 or EULUMDAT file."""

@@ -34,7 +34,7 @@ def _as_rows(value: Any) -> Any:
 
 _Rows = Annotated[
     tuple[Annotated[tuple[float, ...], Field(min_length=1, max_length=_MOST_ANGLES)], ...],
-    BeforeValidator(_as_rows),
+    BeforeValidator(_as_rows, json_schema_input_type=float | tuple[float, ...] | tuple[tuple[float, ...], ...]),
     Field(max_length=_MOST_WAVELENGTHS),
 ]
 
@@ -43,8 +43,11 @@ class LayerSection(Section):
     """A layer that absorbs nothing: ``refractive_index`` at all wavelengths, or ``material`` of the catalogue."""
 
     refractive_index: _Index | None = None
+    """Index at all wavelengths; or give ``material``."""
     material: Label | None = None
+    """Material of the catalogue, its index by wavelength; or give ``refractive_index``."""
     thickness_nm: Annotated[float, Field(gt=0.0, le=100_000.0)]
+    """Thickness of the layer."""
 
     @model_validator(mode="after")
     def _one_index(self) -> "LayerSection":
@@ -69,17 +72,21 @@ class LayerSection(Section):
 class CoatingSection(Section):
     """Reflectance of a face below total reflection, in place of Fresnel's; what is not reflected passes.
 
-    One of: ``reflectance``, a number for all angles and wavelengths; ``reflectance`` at ``angle_deg`` (rising from 0,
-    in the less dense medium: the air), in rows by ``wavelength_nm`` (rising) or in one row for all; ``file``, a table
-    with columns angle_deg, wavelength_nm and reflectance, which is read into these fields as the spec is; ``layers``,
-    of which the first lies next to what surrounds the body. Up to 90 degrees a table goes on to 1.
+    One of ``reflectance``, ``file`` and ``layers``. Up to 90 degrees a table goes on to 1.
     """
 
     reflectance: _Rows = ()
+    """Share of the light that is reflected: a number for all angles and wavelengths, a row of them at ``angle_deg``, or
+    such a row for each of ``wavelength_nm``.
+    """
     angle_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=90.0)], ...], Field(max_length=_MOST_ANGLES)] = ()
+    """Angles of incidence of the table, rising from 0, in the less dense medium: the air."""
     wavelength_nm: Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_WAVELENGTHS)] = ()
+    """Wavelengths of the table's rows, rising."""
     layers: Annotated[tuple[LayerSection, ...], Field(max_length=_MOST_LAYERS)] = ()
+    """Thin layers, of which the first lies next to what surrounds the body."""
     file: FilePath | None = None
+    """Table with columns angle_deg, wavelength_nm and reflectance, read into these fields as the spec is."""
 
     @model_validator(mode="before")
     @classmethod

@@ -12,16 +12,19 @@ from lensforge.spec.section import Millimetres, Section
 class CoverGlassSection(Section):
     """A plate across the axis, as wide as the light, in what surrounds the lens.
 
-    ``distance_mm``: height of its near face above z = 0, beyond the whole lens. Of ``absorption_per_mm`` light loses
-    exp(-absorption times path) (Beer and Lambert). What its faces reflect goes back and is followed no further.
-    ``coating``: of both faces, its ``layers`` counted from outside the glass.
+    What its faces reflect goes back and is followed no further.
     """
 
     refractive_index: Annotated[float, Field(ge=1.0, le=4.0)]
+    """Index of the plate at all wavelengths."""
     thickness_mm: Millimetres
+    """Thickness of the plate."""
     distance_mm: Millimetres
+    """Height of its near face above z = 0, beyond the whole lens."""
     absorption_per_mm: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """Absorption of the plate: light loses exp(-absorption times path) (Beer and Lambert)."""
     coating: CoatingSection | None = None
+    """Coating of both faces, its ``layers`` counted from outside the glass."""
 
     @property
     def glass(self) -> CoverGlass:

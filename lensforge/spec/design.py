@@ -1,32 +1,36 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm.
 
-A wrong field is reported in one line: its name, its value, what is allowed.
+Each wrong field is reported in a line: its name, its value, what is allowed.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.records.validation import its_type
+from lensforge.spec.derived import with_derived
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
-from lensforge.spec.light_limits import LightLimitSpec, require_limit_fits
+from lensforge.spec.light_limits import LightLimitSpec
+from lensforge.spec.limit_fits import require_limit_fits
 from lensforge.spec.part import BaseSection, ManufactureSection
 from lensforge.spec.photometry import PhotometrySection, require_seen_from_afar
 from lensforge.spec.receiver_section import Target
 from lensforge.spec.receivers import AnyReceiver
 from lensforge.spec.scene import implied_receiver, named, require_outside
 from lensforge.spec.search import ConstraintsSection, EvaluateSection, OptimiseSection
-from lensforge.spec.section import Section, spec_error
+from lensforge.spec.section import Section
 from lensforge.spec.source import SourceSpec
+from lensforge.spec.tables import changed, name_kinds, plain, short, table_of
 from lensforge.spec.tolerances import TolerancesSection
 from lensforge.spec.toml_file import read_toml
+from lensforge.spec.wrong_fields import spec_error
 
 _MOST_RECEIVERS, _MOST_LIMITS = 16, 1000
 _OneReceiver = Annotated[AnyReceiver, Field(discriminator="kind")]
@@ -34,24 +38,46 @@ _OF_GIVEN_LEVELS = ("steps_per_level", "rays", "uniformity_steps")  # fields of 
 
 
 class Spec(Section):
-    """One design: source, starting lens, constraints and target, and the settings of every stage.
-
-    ``target``: with the receiver that it names; or ``receivers``, each with its targets. ``limits``: on the light.
-    """
+    """One design: source, starting lens, constraints and target, and the settings of every stage."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] = "lens"
+    """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
+    """The LED: where light starts, how much, and in which directions."""
     lens: LensSection
+    """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
+    """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
     target: Target | None = None
+    """The light that is wanted, with the receiver that it names; or give ``receivers``."""
     receivers: Annotated[tuple[_OneReceiver, ...], Field(max_length=_MOST_RECEIVERS)] = ()
+    """Surfaces that the light falls on, each with its targets; or give ``target`` alone."""
     limits: Annotated[tuple[LightLimitSpec, ...], Field(max_length=_MOST_LIMITS)] = ()
+    """Light that must be at least, or at most, so much."""
     optimise: OptimiseSection = Field(default_factory=OptimiseSection)
+    """Settings of the search."""
     evaluate: EvaluateSection = Field(default_factory=EvaluateSection)
+    """Settings of the simulation of the finished lens."""
     base: BaseSection = Field(default_factory=BaseSection)
+    """The clamping base, which holds the lens below z = 0."""
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
+    """Equipment of the shop, and names for its files."""
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
+    """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)
+    """Lighting that the lens is for: general, of an area, or of a road."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_derived_values(cls, content: Any, handler: ModelWrapValidatorHandler["Spec"]) -> "Spec":
+        """Derive what is left out; it counts as left out, so that it follows when the spec is changed or saved."""
+        if not isinstance(content, Mapping):
+            return handler(content)
+        filled, names = with_derived(content)
+        spec = handler(filled)
+        for section, name in names:
+            (getattr(spec, section) if section else spec).model_fields_set.discard(name)
+        return spec
 
     def replace(self, changes: Mapping[str, object] | None = None, /, **sections: object) -> "Spec":
         """Make another spec: ``spec.replace(target={"distance_mm": 200.0})``, or dotted names in ``changes``.
@@ -61,11 +87,11 @@ class Spec(Section):
         """
         if changes is not None and not isinstance(changes, Mapping):
             raise InputError(
-                f"replace: {_short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
+                f"replace: {short(changes)} is {its_type(changes)}; give a table of changes or sections by name"
             )
         content = self.model_dump(exclude_unset=True)
-        _name_kinds(content, self.model_dump())
-        return parse_spec(_changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
+        name_kinds(content, self.model_dump())
+        return parse_spec(changed(content, {**(changes or {}), **sections}), f"{self.name}, changed")
 
     def with_levels(self, levels: tuple[int, ...]) -> "Spec":
         """The spec of a lens whose ``lens.levels`` a search has chosen: with these numbers, without a time to keep."""
@@ -89,7 +115,7 @@ class Spec(Section):
     def save(self, path: Path | str) -> None:
         """Write the spec as TOML; :func:`load_spec` reads an equal one. Raises :class:`InputError`."""
         if not isinstance(path, Path | str):
-            raise InputError(f"save: {_short(path)} is {its_type(path)}; give the path of a TOML file")
+            raise InputError(f"save: {short(path)} is {its_type(path)}; give the path of a TOML file")
         content = self.to_toml()
         try:
             with replacing(Path(path)) as temporary:
@@ -101,8 +127,8 @@ class Spec(Section):
         """The spec as TOML: what was given, each kind named."""
         content = self.model_dump(mode="json", exclude_unset=True)
         everything = self.model_dump(mode="json")
-        _name_kinds(content, everything)
-        return tomli_w.dumps({"name": self.name, **_table(_plain(content))})
+        name_kinds(content, everything)
+        return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
 
     @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
@@ -177,6 +203,16 @@ class Spec(Section):
         return self
 
     @model_validator(mode="after")
+    def _starts_within_the_largest_radius(self) -> "Spec":
+        start, largest = self.lens.outer_offset_mm, self.constraints.max_radius_mm
+        if start is not None and start > largest:
+            raise ValueError(
+                f"lens.outer_offset_mm = {start:g} is beyond constraints.max_radius_mm = {largest:g}, the largest "
+                "lens; lower it, or raise the radius"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _limits_can_be_kept(self) -> "Spec":
         require_feasible(self.lens, self.constraints, self.manufacture)
         return self
@@ -185,9 +221,9 @@ class Spec(Section):
 def load_spec(path: Path | str) -> Spec:
     """Read ``path``; file names inside it are taken relative to its folder. Raises :class:`InputError`."""
     if not isinstance(path, Path | str):
-        raise InputError(f"load_spec: {_short(path)} is {its_type(path)}; give the path of a TOML file")
+        raise InputError(f"load_spec: {short(path)} is {its_type(path)}; give the path of a TOML file")
     path = Path(path)
-    content = read_toml(path, missing="the shipped specs are in examples/")
+    content = read_toml(path, missing="`lensforge new` writes one, `lensforge examples` lists the shipped ones")
     content.setdefault("name", path.stem)
     for section in ("source", "lens", "target", "receivers", "base", "constraints"):
         resolve_files(content.get(section), path.parent)
@@ -195,11 +231,11 @@ def load_spec(path: Path | str) -> Spec:
 
 
 def parse_spec(content: Mapping[str, object], origin: str) -> Spec:
-    """Validate ``content``; ``origin`` names it in the error, which is one line for the first wrong field."""
+    """Validate ``content``; ``origin`` names it in the error, a line for each wrong field."""
     try:
         return Spec.model_validate(content)
     except ValidationError as error:
-        raise spec_error(error, origin) from None
+        raise spec_error(error, origin, Spec) from None
 
 
 def require_spec(spec: object, verb: str) -> Spec:
@@ -207,53 +243,4 @@ def require_spec(spec: object, verb: str) -> Spec:
     if isinstance(spec, Spec):
         return spec
     advice = "read it with load_spec first" if isinstance(spec, Path | str) else "make one with Spec(...) or load_spec"
-    raise InputError(f"{verb}: {_short(spec)} is {its_type(spec)}, no Spec; {advice}")
-
-
-def _short(value: object) -> str:
-    return repr(str(value)[:60])
-
-
-def _changed(content: dict[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """A copy of ``content`` in which dotted names have new values; a table of changes goes into a table."""
-    result = dict(content)
-    for name, value in changes.items():
-        if not isinstance(name, str):
-            raise InputError(
-                f"replace: the name {_short(name)} is {its_type(name)}, must be text such as 'target.distance_mm'"
-            )
-        section, _, rest = name.partition(".")
-        before = result.get(section)
-        if rest:
-            result[section] = _changed(dict(before) if isinstance(before, Mapping) else {}, {rest: value})
-        elif isinstance(value, Mapping) and isinstance(before, Mapping):
-            result[section] = _changed(dict(before), value)
-        else:
-            result[section] = value
-    return result
-
-
-def _name_kinds(given: object, everything: object) -> None:
-    """Add each ``kind`` that was left to its class: without it a file could not be read again."""
-    if isinstance(given, dict) and isinstance(everything, dict):
-        if "kind" in everything:
-            given["kind"] = everything["kind"]
-        for key, value in given.items():
-            _name_kinds(value, everything.get(key))
-    elif isinstance(given, list | tuple) and isinstance(everything, list | tuple):
-        for one, whole in zip(given, everything, strict=True):
-            _name_kinds(one, whole)
-
-
-def _table(value: object) -> dict[str, object]:
-    assert isinstance(value, dict)
-    return value
-
-
-def _plain(value: object) -> object:
-    """Convert to what TOML can hold: no None, paths as text."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items() if entry is not None}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return str(value) if isinstance(value, Path) else value
+    raise InputError(f"{verb}: {short(spec)} is {its_type(spec)}, no Spec; {advice}")

@@ -18,6 +18,7 @@ class CosineIntensity(Section):
 
     kind: Literal["cosine"] = "cosine"
     power: Annotated[float, Field(ge=0.0, le=1e4)] = 1.0
+    """Power of the cosine; 1 is Lambertian."""
 
 
 class TableIntensity(Section):
@@ -25,7 +26,9 @@ class TableIntensity(Section):
 
     kind: Literal["table"] = "table"
     gamma_deg: Annotated[tuple[Annotated[float, Field(ge=0.0, le=180.0)], ...], Field(max_length=MOST_ENTRIES)]
+    """Angles from the axis, rising."""
     intensity: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
+    """Intensity (W/sr or relative) at each of these angles."""
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableIntensity":
@@ -44,6 +47,7 @@ class PhotometricIntensity(Section):
 
     kind: Literal["photometric"] = "photometric"
     file: FilePath
+    """IES LM-63 or EULUMDAT file."""
 
 
 IntensitySpec = Annotated[CosineIntensity | TableIntensity | PhotometricIntensity, Field(discriminator="kind")]
@@ -54,6 +58,7 @@ class LineSpectrum(Section):
 
     kind: Literal["line"] = "line"
     wavelength_nm: Nanometres
+    """Wavelength of all light."""
 
 
 class TableSpectrum(Section):
@@ -61,7 +66,9 @@ class TableSpectrum(Section):
 
     kind: Literal["table"] = "table"
     wavelength_nm: Annotated[tuple[Nanometres, ...], Field(max_length=MOST_ENTRIES)]
+    """Wavelengths, rising."""
     weight: Annotated[tuple[Weight, ...], Field(max_length=MOST_ENTRIES)]
+    """Power density (relative, per nm) at each wavelength."""
 
     @model_validator(mode="after")
     def _is_a_function(self) -> "TableSpectrum":
@@ -81,6 +88,7 @@ class FileSpectrum(Section):
 
     kind: Literal["file"] = "file"
     file: FilePath
+    """Text file of wavelength (nm) and relative power density in two columns, OPTIS or LightTools."""
 
 
 SpectrumSpec = Annotated[LineSpectrum | TableSpectrum | FileSpectrum, Field(discriminator="kind")]

@@ -16,10 +16,12 @@ LumensPerWatt = Annotated[float, Field(ge=1e-9, le=LARGEST_LM_PER_W)]  # light o
 
 
 class FluxSection(Section):
-    """Flux of a source or of a part of it: ``flux_w`` (W), ``flux_lm`` (lm), or both, which is its lm/W."""
+    """Flux of a source or of a part of it; both fluxes together state its lm/W."""
 
     flux_w: Watts | None = None
+    """Radiant flux."""
     flux_lm: Lumens | None = None
+    """Luminous flux."""
 
     @model_validator(mode="after")
     def _lumens_fit_the_watts(self) -> "FluxSection":
@@ -41,9 +43,6 @@ class EmitterSection(FluxSection):
     """Fields of every source.
 
     ``flux_w``, ``flux_lm``: of the whole source; with neither it has 1 W, or what its file states.
-    ``luminous_efficacy_lm_per_w`` of its light, lm per W of radiation: with it, or where it follows from both fluxes or
-    from a spectrum, reports show lux, without it W/m^2. ``spectrum``: used where the lens material is dispersive, and
-    for the luminous efficacy; for a ray file it replaces the file's own.
 
     ``rotate_z_deg``, ``tilt_deg`` and ``position_mm`` say where the source sits, in lens coordinates, and apply in
     this order: the source is turned about the z axis, then about the x axis by the first angle of ``tilt_deg``, then
@@ -53,10 +52,18 @@ class EmitterSection(FluxSection):
     """
 
     luminous_efficacy_lm_per_w: LumensPerWatt | None = None
+    """Luminous efficacy of the light: with it, with both fluxes or with a spectrum reports show lux, without it W/m^2.
+    """
     spectrum: SpectrumSpec | None = None
+    """Spectrum, used where the lens material is dispersive, and for the luminous efficacy; for a ray file it replaces
+    the file's own.
+    """
     rotate_z_deg: Turn = 0.0
+    """Turn about the z axis, before the tilt."""
     tilt_deg: tuple[Degrees, Degrees] = (0.0, 0.0)
+    """Tilt about the x axis, then about the y axis, each about the lens origin by the right-hand rule."""
     position_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Shift (x, y, z), after turn and tilt."""
 
     @model_validator(mode="after")
     def _efficacy_is_that_of_the_fluxes(self) -> "EmitterSection":

@@ -42,7 +42,9 @@ class FixedSphere(_ByFormula):
 
     kind: Literal["sphere"] = "sphere"
     radius_mm: Millimetres
+    """Radius."""
     centre_z_mm: Coordinate = 0.0
+    """Height of the centre above z = 0; the origin must lie inside the sphere."""
 
     @property
     def surface(self) -> Surface:
@@ -51,16 +53,17 @@ class FixedSphere(_ByFormula):
 
 
 class FixedAsphere(_ByFormula):
-    """Even asphere by the sag of ISO 10110-12: ``radius_mm`` at the vertex, below 0 for a dome over the source.
-
-    ``coefficients``: A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ...
-    """
+    """Even asphere by the sag of ISO 10110-12."""
 
     kind: Literal["asphere"] = "asphere"
     vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
     radius_mm: Coordinate
+    """Radius of curvature at the vertex, below 0 for a dome over the source."""
     conic_constant: _Conic = 0.0
+    """Conic constant: 0 a sphere, -1 a paraboloid."""
     coefficients: _Series = ()
+    """Coefficients A_4, A_6, A_8, ... in mm^-3, mm^-5, mm^-7, ..."""
 
     @property
     def surface(self) -> Surface:
@@ -73,10 +76,15 @@ class FixedBiconic(_ByFormula):
 
     kind: Literal["biconic"] = "biconic"
     vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
     radius_x_mm: Coordinate
+    """Radius of curvature in the x-z plane."""
     radius_y_mm: Coordinate
+    """Radius of curvature in the y-z plane."""
     conic_x: _Conic = 0.0
+    """Conic constant in the x-z plane."""
     conic_y: _Conic = 0.0
+    """Conic constant in the y-z plane."""
 
     @property
     def surface(self) -> Surface:
@@ -86,18 +94,19 @@ class FixedBiconic(_ByFormula):
 
 
 class FixedToroid(_ByFormula):
-    """Toroid (ISO 10110-12): an even asphere in y, turned about a line along y ``rotation_radius_mm`` from the vertex.
-
-    ``radius_mm``, ``conic_constant`` and ``coefficients`` (A_4, A_6, ...) are those of the profile in the y-z plane;
-    both radii are below 0 for a dome.
-    """
+    """Toroid (ISO 10110-12): an even asphere in y, turned about a line along y; both radii are below 0 for a dome."""
 
     kind: Literal["toroid"] = "toroid"
     vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
     radius_mm: Coordinate
+    """Radius of curvature of the profile in the y-z plane, at the vertex."""
     rotation_radius_mm: Coordinate
+    """Distance of the line about which the profile turns from the vertex."""
     conic_constant: _Conic = 0.0
+    """Conic constant of the profile."""
     coefficients: _Series = ()
+    """Coefficients A_4, A_6, ... of the profile in mm^-3, mm^-5, ..."""
 
     @property
     def surface(self) -> Surface:
@@ -107,17 +116,19 @@ class FixedToroid(_ByFormula):
 
 
 class FixedXYPolynomial(_ByFormula):
-    """Conic with a polynomial added to its sag (ISO 10110-19): ``terms`` [i, j, c] of c (mm) (x/N)^i (y/N)^j.
-
-    N is ``normalisation_mm``; with 1, c is in mm^(1-i-j).
-    """
+    """Conic with a polynomial added to its sag (ISO 10110-19)."""
 
     kind: Literal["xy_polynomial"] = "xy_polynomial"
     vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
     radius_mm: Coordinate
+    """Radius of curvature of the conic at its vertex, below 0 for a dome."""
     conic_constant: _Conic = 0.0
+    """Conic constant."""
     normalisation_mm: Millimetres = 1.0
+    """Length N by which x and y are divided; with 1, c is in mm^(1-i-j)."""
     terms: Annotated[tuple[tuple[_Power, _Power, Coordinate], ...], Field(max_length=500)] = ()
+    """Terms [i, j, c] of c (mm) (x/N)^i (y/N)^j."""
 
     @property
     def surface(self) -> Surface:
@@ -127,7 +138,7 @@ class FixedXYPolynomial(_ByFormula):
 
 
 class FixedZernike(_ByFormula):
-    """Conic with Zernike polynomials added to its sag: ``coefficients_mm`` by Noll's number (1 is piston, 4 defocus).
+    """Conic with Zernike polynomials added to its sag.
 
     Normalised as Noll's (J. Opt. Soc. Am. 66, 207, 1976): each has an rms of 1 over the disc of
     ``normalisation_radius_mm``, beyond which the polynomials go on.
@@ -135,10 +146,15 @@ class FixedZernike(_ByFormula):
 
     kind: Literal["zernike"] = "zernike"
     vertex_z_mm: Millimetres
+    """Height of the vertex above z = 0."""
     radius_mm: Coordinate
+    """Radius of curvature of the conic at its vertex, below 0 for a dome."""
     conic_constant: _Conic = 0.0
+    """Conic constant."""
     normalisation_radius_mm: Millimetres
+    """Radius of the disc of the polynomials."""
     coefficients_mm: dict[Annotated[int, Field(ge=1, le=_MOST_ZERNIKE)], Coordinate] = Field(default_factory=dict)
+    """Coefficients by Noll's number (1 is piston, 4 defocus)."""
 
     @property
     def surface(self) -> Surface:

@@ -27,10 +27,15 @@ class GivenSurface(FixedFace):
 
     kind: Literal["given"] = "given"
     origin: Label = ""
+    """Origin of the face, in words."""
     form_error_nm: Annotated[float, Field(ge=0.0)] = 0.0
+    """Largest distance of the surface from the face that was read."""
     normal_error_urad: Annotated[float, Field(ge=0.0)] = 0.0
+    """Largest angle between the normals of both."""
     unit: Label = "mm"
+    """Unit of the file that was read."""
     face: SurfaceRecord
+    """The surface itself, as a record."""
 
     @property
     def title(self) -> str:
@@ -79,27 +84,30 @@ class _OfFile(FixedFace):
 
 
 class FixedLensFace(_OfFile):
-    """A ``face`` of another result: its folder, or its lens.json. It is that face exactly."""
+    """A face of another result. It is that face exactly."""
 
     kind: Literal["lens"] = "lens"
     file: Annotated[FilePath, AfterValidator(lens_file)]
+    """Result folder, or its lens.json."""
     face: Literal["inner", "outer"]
+    """Face of that lens."""
 
     def _read(self) -> GivenFace:
         return face_of_lens(self.file, self.face)
 
 
 class FixedCadFace(_OfFile):
-    """A face of a STEP or IGES ``file`` in the coordinates of the lens, after a shift by ``shift_mm``; any unit.
-
-    ``face``: its name, its number in the file from 1, or "first", the one that the axis meets first above the origin;
-    several where the face comes in parts.
-    """
+    """A face of a STEP or IGES file in the coordinates of the lens; any unit."""
 
     kind: Literal["cad"] = "cad"
     file: FilePath
+    """STEP or IGES file."""
     face: _FaceName | Annotated[tuple[_FaceName, ...], Field(min_length=1, max_length=100)] = "first"
+    """Face by its name, by its number in the file from 1, or "first", the one that the axis meets first above the
+    origin; several where the face comes in parts.
+    """
     shift_mm: _Shift = (0.0, 0.0, 0.0)
+    """Shift of the file's face along x, y and z."""
 
     def _read(self) -> GivenFace:
         faces = self.face if isinstance(self.face, tuple) else (self.face,)
@@ -107,17 +115,20 @@ class FixedCadFace(_OfFile):
 
 
 class FixedPoints(_OfFile):
-    """A face through the points of a text ``file``, a grid or a cloud, in the coordinates of the lens after a shift.
+    """A face through the points of a text file, a grid or a cloud, in the coordinates of the lens.
 
     Points a little below z = 0 make the normals at the rim as good as elsewhere (those of a sphere 1 urad, else 20).
-    ``coordinates``: "cartesian", x, y, z in mm in each line, or "polar", the angle from the axis and the azimuth in
-    degrees and the distance from the origin in mm.
     """
 
     kind: Literal["points"] = "points"
     file: FilePath
+    """Text file of points, one in each line."""
     coordinates: Literal["cartesian", "polar"] = "cartesian"
+    """Columns: "cartesian", x, y, z in mm, or "polar", the angle from the axis and the azimuth in degrees and the
+    distance from the origin in mm.
+    """
     shift_mm: _Shift = (0.0, 0.0, 0.0)
+    """Shift of the points along x, y and z."""
 
     def _read(self) -> GivenFace:
         return face_of_points(self.file, self.coordinates, self.shift_mm)

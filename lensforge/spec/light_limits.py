@@ -23,11 +23,10 @@ _OF_PICTURES = (
 
 
 class LimitSection(Section):
-    """Fields of every limit. ``receiver``: by its name, by default the first; ``name``: in records and on pages.
+    """Fields of every limit.
 
-    Bounds on the light itself have one unit: ``_w_per_m2`` and ``_lx`` on surfaces, ``_w_per_sr`` and ``_cd`` in the
-    far field, ``_relative`` to the maximum on the receiver. Light is that of the evaluation's picture, after its
-    filter, bilinear between pixels.
+    Bounds on the light itself have one unit. Light is that of the evaluation's picture, after its filter, bilinear
+    between pixels.
     """
 
     others: ClassVar[tuple[str, ...]] = ()  # quantities besides the light that may be bounded
@@ -35,17 +34,29 @@ class LimitSection(Section):
 
     kind: str
     name: Label | None = None
+    """Name in records and on pages."""
     receiver: Annotated[str, Field(max_length=64)] | None = None
+    """Name of the receiver, by default the first."""
     at_least_w_per_m2: Amount | None = None
+    """Least irradiance, on surfaces."""
     at_most_w_per_m2: Amount | None = None
+    """Largest irradiance, on surfaces."""
     at_least_lx: Amount | None = None
+    """Least illuminance, on surfaces."""
     at_most_lx: Amount | None = None
+    """Largest illuminance, on surfaces."""
     at_least_w_per_sr: Amount | None = None
+    """Least radiant intensity, in the far field."""
     at_most_w_per_sr: Amount | None = None
+    """Largest radiant intensity, in the far field."""
     at_least_cd: Amount | None = None
+    """Least luminous intensity, in the far field."""
     at_most_cd: Amount | None = None
+    """Largest luminous intensity, in the far field."""
     at_least_relative: Fraction | None = None
+    """Least light, relative to the maximum on the receiver."""
     at_most_relative: Fraction | None = None
+    """Largest light, relative to the maximum on the receiver."""
 
     @property
     def unit(self) -> Unit | None:
@@ -95,9 +106,11 @@ class PointsLimit(LimitSection):
     at_mm: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None = (
         None
     )
+    """Places (x, y) on a surface."""
     at_deg: (
         Annotated[tuple[tuple[DegreesOff, DegreesOff], ...], Field(min_length=1, max_length=_MOST_POINTS)] | None
     ) = None
+    """Directions (x, y) in the far field."""
 
     @property
     def points(self) -> tuple[tuple[float, float], ...]:
@@ -118,9 +131,13 @@ class LineLimit(LimitSection):
 
     kind: Literal["line"] = "line"
     from_mm: tuple[Coordinate, Coordinate] | None = None
+    """First end on a surface."""
     to_mm: tuple[Coordinate, Coordinate] | None = None
+    """Second end on a surface."""
     from_deg: tuple[DegreesOff, DegreesOff] | None = None
+    """First end in the far field."""
     to_deg: tuple[DegreesOff, DegreesOff] | None = None
+    """Second end in the far field."""
 
     @property
     def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -138,20 +155,21 @@ class LineLimit(LimitSection):
 
 
 class ZoneLimit(LimitSection):
-    """Light in a zone, by default the whole window of the receiver: everywhere in it, how even it is, and its share.
-
-    ``min_over_mean``, ``min_over_max``: least light over the mean, and over the largest, in the zone. ``share``: of the
-    flux of the source.
-    """
+    """Light in a zone: everywhere in it, how even it is, and its share."""
 
     others: ClassVar[tuple[str, ...]] = ("min_over_mean", "min_over_max", "share")
 
     kind: Literal["zone"] = "zone"
     zone: Annotated[_ZONES, Field(discriminator="kind")] | None = None
+    """Shape of the zone; by default the whole window of the receiver."""
     at_least_min_over_mean: Fraction | None = None
+    """Smallest allowed ratio of the least light in the zone to its mean."""
     at_least_min_over_max: Fraction | None = None
+    """Smallest allowed ratio of the least light in the zone to the largest."""
     at_least_share: Fraction | None = None
+    """Least share of the flux of the source."""
     at_most_share: Fraction | None = None
+    """Largest share of the flux of the source."""
 
     @property
     def unit(self) -> Unit | None:
@@ -177,6 +195,7 @@ class GlareLimit(LimitSection):
 
     kind: Literal["glare"] = "glare"
     from_deg: Annotated[float, Field(ge=0.0, le=180.0)]
+    """Angle from the receiver's axis from which on the limit holds."""
 
     @model_validator(mode="after")
     def _caps(self) -> "GlareLimit":
@@ -186,18 +205,22 @@ class GlareLimit(LimitSection):
 
 
 class BeamAngleLimit(LimitSection):
-    """Full angle in the far field over which the intensity is above ``level`` of its maximum, in one plane.
+    """Full angle in the far field over which the intensity is above a level, in one plane.
 
-    ``azimuth_deg``: of the plane through the axis, from x towards y. Between the outermost directions of that level.
+    Between the outermost directions of that level.
     """
 
     others: ClassVar[tuple[str, ...]] = ("deg",)
 
     kind: Literal["beam_angle"] = "beam_angle"
     azimuth_deg: Azimuth = 0.0
+    """Azimuth of the plane through the axis, from x towards y."""
     level: Annotated[float, Field(ge=0.01, le=0.99)] = 0.5
+    """Level that bounds the beam, relative to the maximum."""
     at_least_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
+    """Least full angle."""
     at_most_deg: Annotated[float, Field(gt=0.0, le=180.0)] | None = None
+    """Largest full angle."""
 
     @model_validator(mode="after")
     def _bounds_the_angle(self) -> "BeamAngleLimit":
@@ -209,42 +232,3 @@ class BeamAngleLimit(LimitSection):
 LightLimitSpec = Annotated[
     PointsLimit | LineLimit | ZoneLimit | GlareLimit | BeamAngleLimit, Field(discriminator="kind")
 ]
-
-
-def require_limit_fits(limit: LimitSection, unit: Unit, extent: tuple[float, float], receiver: str) -> None:
-    """Raise ``ValueError`` for units that ``receiver`` does not have, or places off it.
-
-    ``unit``, ``extent``: of its places.
-    """
-    far_field = unit == "deg"
-    if isinstance(limit, GlareLimit | BeamAngleLimit) and not far_field:
-        raise ValueError(f"a {limit.kind} limit is one of the far field, {receiver} is none; name a receiver that is")
-    if limit.unit is not None and limit.unit != unit:
-        words = "degrees" if far_field else "mm"
-        raise ValueError(f"its places are in {limit.unit}, on {receiver} they are in {words}")
-    light = limit.light_unit
-    if light not in (None, "relative") and (light in OF_FAR_FIELD) != far_field:
-        allowed = "w_per_sr, cd" if far_field else "w_per_m2, lx"
-        raise ValueError(f"its light is in {light}, on {receiver} it is in one of {allowed}, relative")
-    for x, y in _places(limit):
-        off = (
-            x * x + y * y > 0.25 * extent[0] ** 2 if far_field else abs(x) > 0.5 * extent[0] or abs(y) > 0.5 * extent[1]
-        )
-        if off:
-            reach = (
-                f"{0.5 * extent[0]:g} {unit}" if far_field else f"{0.5 * extent[0]:g} in x and {0.5 * extent[1]:g} in y"
-            )
-            raise ValueError(f"the place ({x:g}, {y:g}) is off {receiver}, which reaches {reach}")
-
-
-def _places(limit: LimitSection) -> tuple[tuple[float, float], ...]:
-    match limit:
-        case PointsLimit():
-            return limit.points
-        case LineLimit():
-            return limit.ends
-        case ZoneLimit(zone=zone) if zone is not None:
-            return (zone.centre,)
-        case GlareLimit():
-            return ((limit.from_deg, 0.0),)
-    return ()

@@ -25,31 +25,35 @@ _CHECKED = 400  # wavelengths of the range at which a formula is tried
 
 
 class OpticalData(Section):
-    """Index of a material: ``formula`` with ``coefficients``, or ``refractive_index`` at ``wavelength_nm``.
-
-    ``formula``: a name of ``materials.formulas``, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 /
-    (w^2 - c)) or "cauchy" (n = a + b / w^2 + ...), wavelength w in um. It holds over ``range_nm``; a table over its own
-    wavelengths, between which it is linear. ``absorption_per_mm`` at ``absorption_nm`` likewise; without them the
-    material is clear. ``source``: where the numbers come from.
-
-    ``schott_coefficients`` [D0, D1, D2, E0, E1, pole]: of the index against temperature (``materials.temperature``);
-    ``reference_temperature_c``: at which the index is the one above; ``expansion_per_k``: of every length.
-    """
+    """Index of a material: ``formula`` with ``coefficients``, or ``refractive_index`` at ``wavelength_nm``."""
 
     source: Label = ""
+    """Origin of the numbers, in words."""
     formula: Annotated[str, Field(max_length=40)] | None = None
+    """Name of a dispersion formula, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 / (w^2 - c)) or
+    "cauchy" (n = a + b / w^2 + ...), wavelength w in um.
+    """
     coefficients: Annotated[tuple[float, ...], Field(max_length=MOST_COEFFICIENTS)] = ()
+    """Coefficients of the formula."""
     range_nm: tuple[_Wavelength, _Wavelength] | None = None
+    """Wavelengths over which the formula holds."""
     wavelength_nm: _Wavelengths = ()
+    """Wavelengths of a table of the index, rising; between them it is linear."""
     refractive_index: Annotated[tuple[float, ...], Field(max_length=_MOST_ROWS)] = ()
+    """Index at each of these wavelengths."""
     absorption_nm: _Wavelengths = ()
+    """Wavelengths of a table of the absorption, rising; without it the material is clear."""
     absorption_per_mm: Annotated[
         tuple[Annotated[float, Field(ge=0.0, le=100.0)], ...], Field(max_length=_MOST_ROWS)
     ] = ()
+    """Absorption at each of these wavelengths."""
 
     schott_coefficients: tuple[float, float, float, float, float, float] | None = None
+    """Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."""
     reference_temperature_c: Celsius = REFERENCE_C
+    """Temperature at which the index is the one above."""
     expansion_per_k: Expansion | None = None
+    """Linear expansion of every length with temperature."""
 
     @model_validator(mode="after")
     def _usable(self) -> "OpticalData":

@@ -10,30 +10,38 @@ _MOST_SHRINKAGE = 0.1  # several times that of any optical plastic: PMMA, PC and
 
 
 class BaseSection(Section):
-    """The clamping base: the paper's one-inch cylinder, a square, a STEP ``file`` of one's own, or none.
+    """The clamping base: the paper's one-inch cylinder, a square, a STEP file of one's own, or none.
 
-    ``height_mm``: total height. ``relief_step_mm``: depth of the base's top below the rim, so that a cutter reaches the
-    rim; with ``relief_setback_mm`` the step's wall is a circle at least that far inside the rim, with 0 the wall
-    follows the rim straight down. ``bore_setback_mm``: the bore below the cavity is a circle at least that far outside
-    the cavity's rim, with 0 it follows the rim straight down. Left out, these three are what the cutter needs at a face
-    that is designed for it (:meth:`Spec.is_cut`), and 0 elsewhere. ``flat_mm``: distance of a clocking flat, across +x,
-    from the axis. ``pocket_*``: a wider bore from below for the LED. ``flange_*``: a wider ring at the bottom. A STEP
-    file has all of these itself: one solid in the lens's coordinates, its top in z = 0.
+    The three lengths of relief and bore, left out, are what the cutter needs at a face that is designed for it,
+    and 0 elsewhere. A STEP file has all lengths itself.
     """
 
     kind: Literal["cylinder", "square", "step", "none"] = "cylinder"
+    """Shape of the base; "step": that of ``file``."""
     file: FilePath | None = None
+    """STEP file of one solid in the lens's coordinates, its top in z = 0."""
     diameter_mm: Millimetres = 25.4
+    """Diameter of a cylinder."""
     side_mm: Millimetres = 25.4
+    """Side of a square."""
     height_mm: Millimetres = 2.0
+    """Total height."""
     relief_step_mm: MillimetresOrZero | None = None
+    """Depth of the base's top below the rim, so that a cutter reaches the rim."""
     relief_setback_mm: MillimetresOrZero | None = None
+    """Least distance of the step's wall, a circle, inside the rim; with 0 the wall follows the rim straight down."""
     bore_setback_mm: MillimetresOrZero | None = None
+    """Least distance of the bore, a circle, outside the cavity's rim; with 0 it follows the rim straight down."""
     flat_mm: Millimetres | None = None
+    """Distance of a clocking flat, across +x, from the axis."""
     pocket_diameter_mm: Millimetres | None = None
+    """Diameter of a wider bore from below, for the LED."""
     pocket_depth_mm: Millimetres = 1.0
+    """Depth of that bore."""
     flange_diameter_mm: Millimetres | None = None
+    """Diameter of a wider ring at the bottom."""
     flange_height_mm: Millimetres = 0.5
+    """Height of that ring."""
 
     @model_validator(mode="after")
     def _file_is_the_whole_base(self) -> "BaseSection":
@@ -105,35 +113,46 @@ class Tool(Section):
     """A ball-end mill: ball, a cylindrical shank of ``length_mm`` from the ball's centre, then the holder's cone."""
 
     name: Annotated[Label, Field(min_length=1)]
+    """Name of the tool in verdicts."""
     radius_mm: Millimetres
+    """Radius of the ball."""
     shank_radius_mm: Millimetres
+    """Radius of the shank."""
     length_mm: Millimetres
+    """Length of the shank, from the ball's centre."""
     holder_half_angle_deg: Annotated[float, Field(ge=0.0, lt=90.0)] = 45.0
+    """Half angle of the holder's cone."""
 
 
 class ManufactureSection(Section):
-    """Equipment of the shop: the paper's ball cutter by default, and any further ``tools`` with shank and holder.
-
-    ``make``: the lens itself, or the mould inserts that are cut to its shape. ``shrinkage``: of the moulded lens; the
-    insert's faces are the lens's times 1 + shrinkage. ``form_tolerance_um``: full width of the zone, half of it on
-    each side of the face along its normal, in which every point of an optical face must lie. ``max_tilt_deg``: largest
-    angle between a tool's axis and the lens axis. ``stepover_mm``: between passes. ``slope_limit_mrad``: of the cusps
-    they leave. ``required``: a part that cannot be cut counts as a failure of the run. ``author``, ``organisation``,
-    ``date``: of the files for the shop, which never take a date from the clock.
-    """
+    """Equipment of the shop: the paper's ball cutter by default, and any further tools with shank and holder."""
 
     cutter_radius_mm: Millimetres = 1.0
+    """Radius of the ball cutter."""
     tools: Annotated[tuple[Tool, ...], Field(max_length=100)] = ()
+    """Further ball-end mills."""
     make: Literal["part", "insert"] = "part"
+    """Parts that are cut: the lens itself, or the mould inserts of its shape."""
     shrinkage: Annotated[float, Field(ge=0.0, le=_MOST_SHRINKAGE)] = 0.0
+    """Shrinkage of the moulded lens, as a share; the insert's faces are the lens's times 1 + shrinkage."""
     form_tolerance_um: Annotated[float, Field(ge=1e-3, le=1e4)] | None = None
+    """Full width of the zone, half of it on each side of the face along its normal, in which every point of an optical
+    face must lie.
+    """
     required: bool = False
+    """Count a part that cannot be cut as a failure of the run."""
     max_tilt_deg: Annotated[float, Field(ge=0.0, le=120.0)] = 90.0
+    """Largest angle between a tool's axis and the lens axis."""
     stepover_mm: Millimetres = 0.02
+    """Distance between passes."""
     slope_limit_mrad: Annotated[float, Field(gt=0.0, le=500.0)] = 1.0
+    """Largest slope of the cusps that the passes leave."""
     author: Label = ""
+    """Author of the files for the shop."""
     organisation: Label = ""
+    """Organisation in the files for the shop."""
     date: CalendarDate | None = None
+    """Date of the files for the shop, which never take one from the clock."""
 
     @model_validator(mode="after")
     def _only_a_mould_shrinks(self) -> "ManufactureSection":

@@ -16,22 +16,26 @@ _FAR = 5.0  # widths of a lamp: there 1/r^2 errs by less than 1 % (five-times ru
 
 
 class PhotometrySection(Section):
-    """Lighting that a lens is for.
-
-    ``use``: "general", or "area": the IES distribution type and the BUG rating; "road": these, and the classes of
-    EN 13201 of a road of ``road_width_m`` along whose edge lamps stand every ``pole_spacing_m``, ``pole_height_m``
-    above it, each ``overhang_m`` over the road. ``street_side_deg``: direction from the lens towards the street, from
-    its +x to its +y. ``lenses``: equal lenses in a lamp. ``maintenance_factor``: what dirt and age leave of the light.
-    """
+    """Lighting that a lens is for, and the road that it lights."""
 
     use: Literal["general", "area", "road"] = "general"
+    """Lighting: "general"; "area" adds the IES distribution type and the BUG rating; "road" adds these, and the classes
+    of EN 13201 of a road along whose edge the lamps stand.
+    """
     street_side_deg: Azimuth = 90.0
+    """Direction from the lens towards the street, from its +x to its +y."""
     lenses: Annotated[int, Field(ge=1, le=100_000)] = 1
+    """Equal lenses in a lamp."""
     pole_height_m: Metres | None = None
+    """Height of a lamp above the road."""
     pole_spacing_m: Metres | None = None
+    """Distance between lamps along the road."""
     road_width_m: Metres | None = None
+    """Width of the road."""
     overhang_m: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0
+    """Distance of a lamp from the edge of the road, over the road."""
     maintenance_factor: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Share of the light that dirt and age leave."""
 
     @model_validator(mode="after")
     def _names_its_road(self) -> "PhotometrySection":

@@ -30,15 +30,19 @@ def _visible(text: str) -> str:
 
 
 class _PictureTarget(SoftTarget):
-    """A picture ``width_*`` wide; ``height_*``: by default in proportion."""
+    """A picture, by its width."""
 
     needs: ClassVar[tuple[str, ...]] = ("width",)
     takes: ClassVar[tuple[str, ...]] = (*SoftTarget.takes, "height")
 
     width_mm: Millimetres | None = None
+    """Width on a surface."""
     height_mm: Millimetres | None = None
+    """Height on a surface; by default in proportion."""
     width_deg: DegreesWide | None = None
+    """Width in the far field."""
     height_deg: DegreesWide | None = None
+    """Height in the far field; by default in proportion."""
 
     def size_of(self, rows: int, columns: int) -> tuple[float, float]:
         """Width and height of a picture of so many rows and columns, in the target's unit."""
@@ -51,18 +55,19 @@ class TextTarget(_PictureTarget):
 
     kind: Literal["text"] = "text"
     text: Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_visible)]
+    """One line of visible characters."""
 
 
 class ImageTarget(_PictureTarget):
-    """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted.
-
-    ``luminance``: "as_stored" takes the values themselves, half the value for half the light, and of colours their
-    luma; "srgb" what a screen would show, decoded by the sRGB curve. What is transparent is dark.
-    """
+    """A PNG, TIFF, JPEG or BMP file; the light that it stands for is what is wanted. What is transparent is dark."""
 
     kind: Literal["image"] = "image"
     file: FilePath
+    """PNG, TIFF, JPEG or BMP file."""
     luminance: Luminance = "as_stored"
+    """Light that a value stands for: "as_stored" takes the values themselves, half the value for half the light, and of
+    colours their luma; "srgb" what a screen would show, decoded by the sRGB curve.
+    """
 
 
 class ArrayTarget(_PictureTarget):
@@ -72,6 +77,7 @@ class ArrayTarget(_PictureTarget):
 
     kind: Literal["array"] = "array"
     values: Annotated[Float[np.ndarray, "h w"], Numbers(2)]
+    """Light (relative), row by row from the top."""
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 
@@ -119,3 +125,4 @@ class TableTarget(_PictureTarget):
 
     kind: Literal["table"] = "table"
     file: FilePath
+    """CSV, a line for each row from the top, or npz with one array."""

@@ -17,17 +17,16 @@ Scale = Annotated[float, Field(ge=1e-9, le=1e9)]  # from a file in nm or km to m
 
 
 class Placement(EmitterSection):
-    """Placement of a ray set in lens coordinates; the fields apply in their order, and then those of every source.
-
-    ``origin``: the file's own, its virtual focus, or a point (mm) of the file, put at the lens origin. ``scale``:
-    factor of all lengths. ``axis``: the direction in the file that becomes the lens axis +z. ``mirror``: ``x`` maps x
-    to -x. Then ``rotate_z_deg``, ``tilt_deg`` and ``position_mm``.
-    """
+    """Placement of a ray set in lens coordinates; the fields apply in their order, and then those of every source."""
 
     origin: Literal["file", "virtual_focus"] | tuple[Coordinate, Coordinate, Coordinate] = "file"
+    """Point that is put at the lens origin: the file's own origin, its virtual focus, or a point (mm) of the file."""
     scale: Scale = 1.0
+    """Factor of all lengths."""
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
+    """Direction in the file that becomes the lens axis +z."""
     mirror: Literal["none", "x", "y"] = "none"
+    """Mirror image: "x" maps x to -x."""
 
 
 class RayfileSource(Placement):
@@ -35,6 +34,7 @@ class RayfileSource(Placement):
 
     kind: Literal["rayfile"] = "rayfile"
     file: FilePath
+    """Ray file: TM-25, IES, Zemax, LightTools, SPEOS and others."""
 
     @property
     def description(self) -> str:
@@ -45,11 +45,13 @@ class RayfileSource(Placement):
 class RayfilePart(FluxSection):
     """One of several ray files: its flux, or that of the file.
 
-    With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts. ``spectrum`` replaces the file's own.
+    With ``source.flux_w`` or ``source.flux_lm`` only the ratio counts.
     """
 
     file: FilePath
+    """Ray file."""
     spectrum: SpectrumSpec | None = None
+    """Spectrum in place of the file's own."""
 
 
 class RayfilesSource(Placement):
@@ -57,6 +59,7 @@ class RayfilesSource(Placement):
 
     kind: Literal["rayfiles"] = "rayfiles"
     files: Annotated[tuple[RayfilePart, ...], Field(min_length=1, max_length=100)]
+    """The ray files, in one coordinate system."""
 
     @property
     def description(self) -> str:
@@ -65,20 +68,21 @@ class RayfilesSource(Placement):
 
 
 class RaySource(Placement):
-    """Ray set given as arrays, such as that of another program: start points (mm), directions, and the flux of each.
-
-    Directions need not have length 1. ``ray_flux``: W, or relative where ``flux_w`` or ``flux_lm`` says how much all of
-    them carry; without it all rays have the same. ``wavelengths_nm``: used where the lens material is dispersive, and
-    for the luminous efficacy.
-    """
+    """Ray set given as arrays, such as that of another program."""
 
     positional: ClassVar[str] = "rays"
 
     kind: Literal["rays"] = "rays"
     positions_mm: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    """Start points (x, y, z)."""
     directions: Annotated[Float[np.ndarray, "n 3"], Numbers(2, 3)]
+    """Directions; they need not have length 1."""
     ray_flux: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+    """Flux of each ray in W, or relative where ``flux_w`` or ``flux_lm`` says how much all of them carry; without it
+    all rays have the same.
+    """
     wavelengths_nm: Annotated[Float[np.ndarray, " n"], Numbers(1)] | None = None
+    """Wavelength of each ray, used where the lens material is dispersive, and for the luminous efficacy."""
 
     if TYPE_CHECKING:  # the arguments of the class; the fields themselves are validated as everywhere
 

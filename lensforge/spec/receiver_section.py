@@ -42,20 +42,21 @@ _MOST_TARGETS = 1000
 
 
 class ReceiverSection(Section):
-    """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens.
-
-    ``targets`` add up. ``share``: of the merit, relative to the other receivers. ``pixel_aspect``: width over height of
-    a pixel. ``rotation_deg``: about the direction that the receiver faces, from x towards y.
-    """
+    """Fields of every receiver; receivers are transparent, each sees every ray that leaves the lens."""
 
     unit: ClassVar[Unit] = "mm"
 
     kind: str
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
+    """Name of the receiver, by default its kind."""
     targets: Annotated[tuple[Target, ...], Field(min_length=1, max_length=_MOST_TARGETS)]
+    """Targets on it, which add up."""
     share: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    """Weight in the merit, relative to the other receivers."""
     pixel_aspect: Annotated[float, Field(ge=0.01, le=100.0)] = 1.0
+    """Width over height of a pixel."""
     rotation_deg: Turn = 0.0
+    """Turn about the direction that the receiver faces, from x towards y."""
 
     @property
     def size(self) -> tuple[float, float]:

@@ -18,18 +18,23 @@ _LEAST_ACROSS = 1e-3  # sine of the angle at which a plane may be seen from the 
 class PlaneReceiver(ReceiverSection):
     """A rectangle in a plane in any pose.
 
-    ``normal``: of the plane; or ``tilt_deg``: the axis +z turned about x, then about y. Either side may be given: the
-    light comes from the lens. Its x and y are the lens's own, tilted the shortest way, then turned by ``rotation_deg``.
-    ``window_mm``: width and height of the centred rectangle in which flux counts as detected, by default all of it.
+    Either side may face the lens: the light comes from there. Its x and y are the lens's own, tilted the shortest way,
+    then turned by ``rotation_deg``.
     """
 
     kind: Literal["plane"] = "plane"
     centre_mm: tuple[Coordinate, Coordinate, Coordinate]
+    """Centre (x, y, z)."""
     normal: Direction | None = None
+    """Direction (x, y, z) of the normal; or give ``tilt_deg``."""
     tilt_deg: tuple[Degrees, Degrees] | None = None
+    """Tilt of the normal from +z: about x, then about y."""
     width_mm: Millimetres
+    """Width."""
     height_mm: Millimetres
+    """Height."""
     window_mm: tuple[Millimetres, Millimetres] | None = None
+    """Width and height of the centred rectangle in which flux counts as detected; by default all of it."""
 
     @property
     def size(self) -> tuple[float, float]:
@@ -76,13 +81,15 @@ class PlaneReceiver(ReceiverSection):
 
 
 class FarFieldReceiver(ReceiverSection):
-    """Intensity by direction, up to ``half_angle_deg`` from ``axis``."""
+    """Intensity by direction, around an axis."""
 
     unit: ClassVar[Unit] = "deg"
 
     kind: Literal["far_field"] = "far_field"
     axis: Direction = (0.0, 0.0, 1.0)
+    """Direction (x, y, z) of its centre."""
     half_angle_deg: HalfAngle
+    """Largest angle from the axis."""
 
     @property
     def size(self) -> tuple[float, float]:
@@ -116,8 +123,11 @@ class _CurvedReceiver(ReceiverSection):
     """A screen around the lens, whose chart is centred on the direction ``facing``."""
 
     centre_mm: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    """Centre (x, y, z) of the screen's curvature."""
     facing: Direction = (0.0, 0.0, 1.0)
+    """Direction (x, y, z) from the centre to the middle of the chart."""
     radius_mm: Millimetres
+    """Radius of the screen."""
 
     @model_validator(mode="after")
     def _faces_somewhere(self) -> "_CurvedReceiver":
@@ -127,7 +137,7 @@ class _CurvedReceiver(ReceiverSection):
 
 
 class CylinderReceiver(_CurvedReceiver):
-    """A cylindrical screen, unrolled: ``width_mm`` along the arc, ``height_mm`` along its axis.
+    """A cylindrical screen, unrolled.
 
     Its axis is the y axis of a frame that faces ``facing``: the lens's own, tilted the shortest way, then turned by
     ``rotation_deg``.
@@ -135,7 +145,9 @@ class CylinderReceiver(_CurvedReceiver):
 
     kind: Literal["cylinder"] = "cylinder"
     width_mm: Millimetres
+    """Width along the arc."""
     height_mm: Millimetres
+    """Height along the axis of the cylinder."""
 
     @property
     def size(self) -> tuple[float, float]:
@@ -165,6 +177,7 @@ class SphereReceiver(_CurvedReceiver):
 
     kind: Literal["sphere"] = "sphere"
     half_angle_deg: Annotated[float, Field(ge=0.01, le=150.0)]
+    """Largest angle from the direction that it faces, seen from its centre."""
 
     @property
     def size(self) -> tuple[float, float]:

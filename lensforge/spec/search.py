@@ -15,28 +15,33 @@ DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 
 
 class ConstraintsSection(Section):
-    """Feasible lenses, Eqs. (10) to (14): a paraboloid of ``cavity_*`` stays inside the cavity.
-
-    Optional, for manufacture: no concave region of a face is tighter than ``*_concave_radius_mm``, the ball that mills
-    it, and each face has a draft of at least ``*_draft_deg`` along the axis, the direction in which its mould opens.
-    ``max_wall_mm``: largest thickness, along rays from the origin as ``min_thickness_mm``.
-
-    Optional, for assembly: ``max_height_mm`` of the outer face above z = 0. ``keep_out``: a STEP file of solids in the
-    lens's coordinates (LED package, bond wires, board) from which lens and base stay ``keep_out_margin_mm`` away.
-    """
+    """Feasible lenses, Eqs. (10) to (14); optional limits are for manufacture and assembly."""
 
     cavity_height_mm: Millimetres
+    """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
     cavity_radius_mm: Millimetres
+    """Radius of that paraboloid at z = 0. A ray file needs it given."""
     min_thickness_mm: MillimetresOrZero
+    """Least wall, along rays from the origin."""
     max_radius_mm: Millimetres
+    """Largest distance of the outer surface from the origin."""
     inner_concave_radius_mm: Millimetres | None = None
+    """Least concave radius of the inner face: of the ball that mills it."""
     outer_concave_radius_mm: Millimetres | None = None
+    """Least concave radius of the outer face: of the ball that mills it."""
     inner_draft_deg: DraftDegrees | None = None
+    """Least draft of the inner face along the axis, the direction in which its mould opens."""
     outer_draft_deg: DraftDegrees | None = None
+    """Least draft of the outer face along the axis, the direction in which its mould opens."""
     max_wall_mm: Millimetres | None = None
+    """Largest wall, along rays from the origin, for sink marks and cycle time."""
     max_height_mm: Millimetres | None = None
+    """Largest height of the outer face above z = 0."""
     keep_out: FilePath | None = None
+    """STEP file of solids in the lens's coordinates (LED package, bond wires, board) that lens and base stay away from.
+    """
     keep_out_margin_mm: MillimetresOrZero = KEEP_OUT_MARGIN_MM
+    """Distance from these solids."""
 
     @property
     def tolerance_mm(self) -> float:
@@ -97,30 +102,39 @@ class ConstraintsSection(Section):
 class OptimiseSection(Section):
     """Settings of the search; omitted ones come from the accuracy preset.
 
-    With automatic levels ``seconds`` is the time that the search may take, set-up included; by default it goes on for
-    as long as it gains. ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
-
-    With ``robust`` it searches for the lens whose parts are best on average: every gradient step sees other parts,
-    drawn from the tolerances of the spec. Without it the tolerances have no effect on the lens.
-
-    Without ``fresnel`` the search neglects what both surfaces reflect, coated or not, and a cover glass; the evaluation
-    never does.
+    ``steps_per_level``, ``rays`` and ``uniformity_steps`` belong to levels that are given.
     """
 
     steps_per_level: Annotated[tuple[Steps, ...], Field(max_length=MOST_LEVELS)] | None = None
+    """Gradient steps of each level."""
     rays: Annotated[int, Field(ge=64, le=2**24)] | None = None
+    """Rays of a gradient step."""
     pixels: Annotated[int, Field(ge=4, le=1024)] = 64
+    """Pixels along a side of the receiver in the search."""
     learning_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.004
+    """Learning rate of the optimiser (Adam), which falls along a cosine."""
     uniformity_steps: Annotated[int, Field(ge=0, le=MOST_STEPS)] = 0
+    """Last steps, in which the merit is the uniformity of the target's region."""
     seconds: Annotated[float, Field(ge=1.0, le=1e6)] | None = None
+    """Time that the search with automatic levels may take, set-up included; by default it goes on for as long as it
+    gains.
+    """
     robust: bool = False
+    """Search for the lens whose parts are best on average: every gradient step sees other parts, drawn from the
+    tolerances. Without it they have no effect on the lens.
+    """
     fresnel: bool = True
+    """Count what both surfaces and a cover glass reflect in the search; the evaluation always does."""
 
 
 class EvaluateSection(Section):
-    """Settings of the evaluation. ``window_mm``: side of the square in which flux counts as detected."""
+    """Settings of the evaluation."""
 
     rays: Annotated[int, Field(ge=1, le=2**28)] | None = None
+    """Rays; by default those of the accuracy preset."""
     pixels: Annotated[int, Field(ge=1, le=2048)] = 128
+    """Pixels along the longer side of the picture."""
     window_mm: Millimetres | None = None
+    """Side of the square in which flux counts as detected; by default the whole receiver."""
     filter_variance: Annotated[float, Field(ge=0.0, le=1e8)] = 1.0
+    """Variance of the Gaussian filter of the picture, in pixels squared; 0: none."""

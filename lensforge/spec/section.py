@@ -8,27 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from lensforge.errors import InputError
-from lensforge.records.validation import input_error, same
+from lensforge.records.validation import same
+from lensforge.spec.wrong_fields import spec_error
 
-_UNIONS = (
-    "source",
-    "target",
-    "targets",
-    "receivers",
-    "limits",
-    "zone",
-    "intensity",
-    "spectrum",
-    "fixed_inner",
-    "fixed_outer",
-    "face",
-    "levels",
-)
 _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 
 
 class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
-    """Turns the validation error of a section that a script constructs into the one line of the command line.
+    """Turns the validation error of a section that a script constructs into the lines of the command line.
 
     A class that names its field ``positional`` takes that one without its name.
     """
@@ -44,7 +31,7 @@ class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metacla
         try:
             return super().__call__(**kwargs)
         except ValidationError as error:
-            raise spec_error(error, cls.__name__) from None
+            raise spec_error(error, cls.__name__, cls) from None
 
 
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
@@ -74,11 +61,6 @@ class Section(_Model):
 
     def __hash__(self) -> int:
         return hash(self.model_dump_json())
-
-
-def spec_error(error: ValidationError, origin: str) -> InputError:
-    """One line for the first wrong field of what ``origin`` names, its path as the user wrote it."""
-    return input_error(error, origin, unions=_UNIONS)
 
 
 def rounded_up(value: float, digits: int = 4) -> str:

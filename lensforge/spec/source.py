@@ -16,6 +16,7 @@ class SquareSource(EmitterSection):
 
     kind: Literal["square"] = "square"
     side_mm: MillimetresOrZero
+    """Side of the square; 0 for a point source."""
 
     @property
     def description(self) -> str:
@@ -27,6 +28,7 @@ class _PlanarSource(EmitterSection):
     """An emitting area, in the plane z = 0 unless placed, the same intensity profile at each of its points."""
 
     intensity: IntensitySpec = Field(default_factory=CosineIntensity)
+    """Intensity by angle; by default Lambertian."""
 
 
 class RectangleSource(_PlanarSource):
@@ -34,7 +36,9 @@ class RectangleSource(_PlanarSource):
 
     kind: Literal["rectangle"] = "rectangle"
     width_mm: Millimetres
+    """Width along x."""
     height_mm: Millimetres
+    """Height along y."""
 
     @property
     def description(self) -> str:
@@ -47,6 +51,7 @@ class DiscSource(_PlanarSource):
 
     kind: Literal["disc"] = "disc"
     diameter_mm: Millimetres
+    """Diameter."""
 
     @property
     def description(self) -> str:
@@ -61,9 +66,13 @@ class Chip(FluxSection):
     """
 
     x_mm: Coordinate
+    """Centre along x."""
     y_mm: Coordinate
+    """Centre along y."""
     width_mm: Millimetres
+    """Width along x."""
     height_mm: Millimetres
+    """Height along y."""
 
 
 class ChipsSource(_PlanarSource):
@@ -71,6 +80,7 @@ class ChipsSource(_PlanarSource):
 
     kind: Literal["chips"] = "chips"
     chips: Annotated[tuple[Chip, ...], Field(min_length=1, max_length=10_000)]
+    """The chips."""
 
     @property
     def description(self) -> str:
@@ -79,14 +89,19 @@ class ChipsSource(_PlanarSource):
 
 
 class ChipArraySource(_PlanarSource):
-    """Equal chips in rows and columns, centred on the axis; ``pitch_mm`` from centre to centre, in x and y."""
+    """Equal chips in rows and columns, centred on the axis."""
 
     kind: Literal["chip_array"] = "chip_array"
     columns: Annotated[int, Field(ge=1, le=100)]
+    """Chips along x."""
     rows: Annotated[int, Field(ge=1, le=100)]
+    """Chips along y."""
     width_mm: Millimetres
+    """Width of a chip."""
     height_mm: Millimetres
+    """Height of a chip."""
     pitch_mm: tuple[Millimetres, Millimetres]
+    """Distance of neighbouring centres, in x and y."""
 
     @property
     def description(self) -> str:
@@ -95,15 +110,15 @@ class ChipArraySource(_PlanarSource):
 
 
 class LuminanceSource(_PlanarSource):
-    """A picture of the lit source, ``width_mm`` wide and centred on the axis: a pixel's flux follows its light.
-
-    ``luminance``: the light that its values stand for, as in a target's picture.
-    """
+    """A picture of the lit source, centred on the axis: a pixel's flux follows its light."""
 
     kind: Literal["luminance"] = "luminance"
     file: FilePath
+    """PNG, TIFF, JPEG or BMP file."""
     width_mm: Millimetres
+    """Width of the picture."""
     luminance: Luminance = "as_stored"
+    """Light that its values stand for, as in a target's picture."""
 
     @property
     def description(self) -> str:
@@ -116,6 +131,7 @@ class RadianceSource(EmitterSection):
 
     kind: Literal["radiance"] = "radiance"
     file: FilePath
+    """NumPy archive (docs/rayfiles.md)."""
 
     @property
     def description(self) -> str:

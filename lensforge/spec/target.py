@@ -23,13 +23,11 @@ SideDegrees = DegreesWide | tuple[DegreesWide, DegreesWide]
 class TargetSection(Section):
     """Light wanted on a receiver: a pattern of irradiance, or of intensity on the far field.
 
-    Its receiver: either ``distance_mm`` and ``receiver_mm``, a square of that side in the plane at that distance, at
-    right angles to the axis; or ``half_angle_deg``, the far field about the axis; neither inside ``[[receivers]]``.
+    Its receiver: either ``distance_mm`` and ``receiver_mm``, a square in a plane at right angles to the axis; or
+    ``half_angle_deg``, the far field about the axis; neither inside ``[[receivers]]``.
 
     Lengths are in mm (``*_mm``), on the far field in degrees (``*_deg``): along x gamma cos(azimuth), along y gamma
-    sin(azimuth), gamma the angle from the receiver's axis. ``centre_*``: of the pattern on the receiver;
-    ``rotation_deg``: about its centre, from x towards y. ``level``: its peak among the targets of a receiver, which add
-    up. ``uniform_*``: side, or width and height, of the rectangle about its centre whose uniformity counts.
+    sin(azimuth), gamma the angle from the receiver's axis.
     """
 
     needs: ClassVar[tuple[str, ...]] = ()  # lengths without their unit, each of which must be given
@@ -38,14 +36,23 @@ class TargetSection(Section):
 
     kind: str
     distance_mm: Millimetres | None = None
+    """Distance of the plane from the origin."""
     receiver_mm: Millimetres | None = None
+    """Side of the square receiver in that plane."""
     half_angle_deg: HalfAngle | None = None
+    """Largest angle of the receiver in the far field from its axis."""
     centre_mm: tuple[Coordinate, Coordinate] | None = None
+    """Centre of the pattern on a surface."""
     centre_deg: tuple[DegreesOff, DegreesOff] | None = None
+    """Centre of the pattern in the far field."""
     rotation_deg: Turn = 0.0
+    """Turn of the pattern about its centre, from x towards y."""
     level: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    """Peak of the pattern, relative to the other targets of the receiver."""
     uniform_mm: Side | None = None
+    """Side, or width and height, of the rectangle about its centre whose uniformity counts, on a surface."""
     uniform_deg: SideDegrees | None = None
+    """Side, or width and height, of the rectangle about its centre whose uniformity counts, in the far field."""
 
     @model_validator(mode="after")
     def _lengths_have_one_unit(self) -> "TargetSection":
@@ -116,12 +123,14 @@ class TargetSection(Section):
 
 
 class SoftTarget(TargetSection):
-    """A target with sharp edges, softened by a Gaussian of standard deviation ``edge_mm`` or ``edge_deg``."""
+    """A target with sharp edges that a Gaussian softens."""
 
     takes: ClassVar[tuple[str, ...]] = (*TargetSection.takes, "edge")
 
     edge_mm: Annotated[float, Field(ge=0.0, le=1e9)] | None = None
+    """Standard deviation of the Gaussian that softens edges, on a surface; by default they are sharp."""
     edge_deg: DegreesOrZero | None = None
+    """Standard deviation of the Gaussian that softens edges, in the far field; by default they are sharp."""
 
     @property
     def edge(self) -> float:

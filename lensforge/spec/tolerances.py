@@ -6,22 +6,23 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from lensforge.errors import InputError
-from lensforge.spec.section import Section, spec_error
+from lensforge.spec.section import Section
 from lensforge.spec.tolerance_presets import PRESET_AMOUNTS, TolerancePreset
 from lensforge.spec.toml_file import read_toml
+from lensforge.spec.wrong_fields import spec_error
 
 Distribution = Literal["uniform", "normal", "truncated"]
 
 
 class ToleranceSpec(Section):
-    """One tolerance: ``amount`` either way, in the unit of the field's name, and how parts are spread over it.
-
-    "uniform": anywhere within the amount. "normal": Gaussian, 95 % of the parts within it (its standard deviation is
-    half the amount). "truncated": the same, without the parts beyond it, which inspection has sorted out.
-    """
+    """One tolerance, and how parts are spread over it."""
 
     amount: Annotated[float, Field(ge=0.0)]
+    """Amount either way, in the unit of the tolerance."""
     distribution: Distribution = "truncated"
+    """Spread: "uniform", anywhere within the amount; "normal", Gaussian, 95 % of the parts within it (its standard
+    deviation is half the amount); "truncated", the same without the parts beyond it, which inspection has sorted out.
+    """
 
     @model_validator(mode="after")
     def _has_a_width(self) -> "ToleranceSpec":
@@ -38,7 +39,8 @@ def _from_number(value: Any) -> Any:
     return value
 
 
-_Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number)]
+_Amount = Annotated[float, Field(ge=0.0, le=100.0)]
+_Tolerance = Annotated[ToleranceSpec, BeforeValidator(_from_number, json_schema_input_type=_Amount | ToleranceSpec)]
 
 # Largest amounts, by the end of the name: beyond them, a part is another part.
 _LARGEST = {"_mm": 5.0, "_deg": 20.0, "_um": 100.0, "_mrad": 100.0, "index": 0.1, "source_flux": 0.5}
@@ -48,44 +50,62 @@ _LARGEST |= {"source_size": 0.5, "shrinkage": 0.1}
 class TolerancesSection(Section):
     """Tolerances: a number, or ``{ amount = 0.05, distribution = "normal" }``; 0 for none.
 
-    What is left out comes from ``preset``. A shift is drawn in x and in y, a tilt about x and about y.
-
-    ``source_*``: the LED against its place in the spec; ``source_flux`` and ``source_size`` are shares. ``outer_*``,
-    ``gap_mm``: the outer face against the inner one. ``lens_*``: the whole lens against LED and receivers.
-    ``*_form_um`` (rms): error of a face as wide as astigmatism and coma. ``*_waviness_um`` (rms): finer errors with
-    periods from ``waviness_shortest_mm`` to ``waviness_longest_mm``, whose spectral density over spatial frequency in
-    the plane falls with the power ``waviness_exponent``. ``*_ripple_um`` (peak to valley): rings of the cutter about
-    the axis, every ``ripple_period_mm``. ``*_roughness_mrad``: rms slope along any line. Roughness and ripple are
-    between none and their amount; the shapes of form and waviness are drawn anew for every part, and their amounts are
-    the rms over parts and face. ``index``: of the batch. ``shrinkage``: change of all lengths, as a share.
+    What is left out comes from ``preset``. Roughness and ripple are between none and their amount; the shapes of form
+    and waviness are drawn anew for every part.
     """
 
     preset: TolerancePreset = "standard"
+    """Amounts of the tolerances that are left out (docs/definitions.md, section 16)."""
     source_shift_mm: _Tolerance | None = None
+    """Shift of the LED against its place in the spec, in x and in y."""
     source_height_mm: _Tolerance | None = None
+    """Shift of the LED along z."""
     source_tilt_deg: _Tolerance | None = None
+    """Tilt of the LED about x and about y."""
     source_flux: _Tolerance | None = None
+    """Error of the LED's flux, as a share."""
     source_size: _Tolerance | None = None
+    """Error of the LED's size, as a share."""
     outer_shift_mm: _Tolerance | None = None
+    """Shift of the outer face against the inner one, in x and in y."""
     gap_mm: _Tolerance | None = None
+    """Shift of the outer face against the inner one along z."""
     outer_tilt_deg: _Tolerance | None = None
+    """Tilt of the outer face against the inner one, about x and about y."""
     lens_shift_mm: _Tolerance | None = None
+    """Shift of the whole lens against LED and receivers, in x and in y."""
     lens_height_mm: _Tolerance | None = None
+    """Shift of the whole lens along z."""
     lens_tilt_deg: _Tolerance | None = None
+    """Tilt of the whole lens about x and about y."""
     inner_form_um: _Tolerance | None = None
+    """Error of form of the inner face as wide as astigmatism and coma, rms over parts and face."""
     outer_form_um: _Tolerance | None = None
+    """Error of form of the outer face as wide as astigmatism and coma, rms over parts and face."""
     inner_waviness_um: _Tolerance | None = None
+    """Finer errors of the inner face, rms over parts and face."""
     outer_waviness_um: _Tolerance | None = None
+    """Finer errors of the outer face, rms over parts and face."""
     inner_ripple_um: _Tolerance | None = None
+    """Rings of the cutter about the axis on the inner face, peak to valley."""
     outer_ripple_um: _Tolerance | None = None
+    """Rings of the cutter about the axis on the outer face, peak to valley."""
     inner_roughness_mrad: _Tolerance | None = None
+    """Slope of the inner face's roughness along any line, rms."""
     outer_roughness_mrad: _Tolerance | None = None
+    """Slope of the outer face's roughness along any line, rms."""
     index: _Tolerance | None = None
+    """Error of the index, of the batch."""
     shrinkage: _Tolerance | None = None
+    """Change of all lengths, as a share."""
     waviness_shortest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
+    """Shortest period of the waviness."""
     waviness_longest_mm: Annotated[float, Field(ge=0.01, le=100.0)] = 5.0
+    """Longest period of the waviness."""
     waviness_exponent: Annotated[float, Field(ge=0.0, le=6.0)] = 2.0
+    """Power with which the waviness's spectral density over spatial frequency in the plane falls."""
     ripple_period_mm: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
+    """Distance of the rings that the cutter leaves about the axis."""
 
     @model_validator(mode="after")
     def _amounts_are_small(self) -> "TolerancesSection":
@@ -131,4 +151,4 @@ def read_tolerances(name: str) -> TolerancesSection:
     try:
         return TolerancesSection.model_validate(content)
     except ValidationError as error:
-        raise spec_error(error, f"{name}: tolerances") from None
+        raise spec_error(error, f"{name}: tolerances", TolerancesSection) from None

@@ -86,7 +86,7 @@ def test_mirrored_parts_are_the_opposite_but_for_roughness() -> None:
     ("changes", "words"),
     [
         ({"gap_mm": {"amount": 0, "distribution": "normal"}}, "a distribution has a width"),
-        ({"gap_mm": {"distribution": "normal"}}, "gap_mm.amount: Field required"),
+        ({"gap_mm": {"distribution": "normal"}}, "gap_mm.amount: missing"),
         ({"gap_mm": 9.0}, "gap_mm = 9: must be at most 5"),
         ({"gap_mm": "wide"}, "must be a number, or a table"),
         ({"inner_form_um": {"amount": 1.0, "distribution": "normal"}}, "leave out distribution"),

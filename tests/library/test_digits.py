@@ -2,7 +2,7 @@
 
 import pytest
 
-from lensforge.commands.printing import print_table
+from lensforge.commands.rounded import figure, in_percent, measured, times
 from lensforge.records import Metric
 from lensforge.report.numerals import number_with_error
 
@@ -24,9 +24,17 @@ def test_a_value_ends_where_its_error_does(value, error, text):
     assert str(Metric(value=value, standard_error=error)) == text
 
 
-def test_the_command_line_prints_no_digit_beyond_the_error(capsys):
-    print_table({"scale": Metric(value=1.0203456, standard_error=0.00123).model_dump(), "ssim": 0.12345678901})
-    assert capsys.readouterr().out == "scale\t1.0203\nscale_standard_error\t0.0012\nssim\t0.12345678901\n"
+def test_the_command_line_prints_no_digit_beyond_the_error():
+    scale = Metric(value=1.0203456, standard_error=0.00123)
+    assert measured(scale) == "1.0203 ± 0.0012"
+    assert in_percent(scale) == "102.03 ± 0.12 %"
+    assert times(scale, 683.0, "lx") == "696.90 ± 0.84 lx"
+
+
+def test_what_has_no_error_is_printed_to_four_digits():
+    assert figure(0.12345678901, "mm") == "0.1235 mm"
+    assert figure(75696.56795739077, "mm³") == "75,697 mm³"
+    assert figure(64.869, "°") == "64.87°"
 
 
 def test_a_page_shows_an_error_by_one_digit_and_the_value_to_it():

@@ -165,7 +165,6 @@ def test_a_search_reports_and_stops(tmp_path: Path) -> None:
         (lambda: lf.compare("a", on="b"), "compare: give a Light"),
         (lambda: lf.SquareSource(side_mm=-1.0), "SquareSource: side_mm = -1.0"),
         (lambda: lf.SquareSource(side=1.0), "SquareSource: side"),
-        (lambda: lf.Spec(), "Spec: source: Field required"),
         (lambda: lf.RaySource([[0.0] * 7]), "one of them is (0, 0, 0)"),
     ],
 )
@@ -174,6 +173,14 @@ def test_bad_input_is_one_line(call: Callable[[], object], message: str) -> None
         call()
     assert message in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_every_wrong_field_of_a_spec_has_a_line() -> None:
+    with pytest.raises(lf.InputError) as refusal:
+        lf.Spec()
+    lines = str(refusal.value).splitlines()
+    assert [line.split(":")[1].strip() for line in lines] == ["source", "constraints"]
+    assert all(line.startswith("Spec: ") and "missing" in line for line in lines)
 
 
 def test_a_folder_without_a_result_is_one_line(tmp_path: Path) -> None:

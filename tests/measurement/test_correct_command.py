@@ -38,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     np.savetxt(directory / "points.csv", points, delimiter=",", header="x,y,z")
     done = run(directory, "--points", directory / "points.csv", "--surface", "inner", "--wavelength", 2.5)
     assert done.exit_code == 0, done.output
-    (directory / "printed.txt").write_text(done.output, encoding="utf-8")
+    (directory / "printed.txt").write_text(done.stdout, encoding="utf-8")
     return directory
 
 
@@ -46,7 +46,9 @@ def test_record_and_step_are_written_and_read_again(folder: Path) -> None:
     content = json.loads((folder / "correct_inner.json").read_text(encoding="utf-8"))
     made = lf.load(folder).corrections["inner"]
     assert made.wavelength_mm == content["wavelength_mm"] == 2.5
-    assert f"correction_um.rms\t{content['correction_um']['rms']}" in (folder / "printed.txt").read_text("utf-8")
+    printed = (folder / "printed.txt").read_text("utf-8")
+    assert printed.startswith("Inner surface, corrected for a second cut\n")
+    assert f"{content['correction_um']['rms']:.3g}" in printed
     assert (folder / "lens_corrected_inner.step").read_bytes() == made.step
     assert made.products()[".step"] == made.step
     assert made.expected_um.rms < 0.3 * made.deviation_um.rms

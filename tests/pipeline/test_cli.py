@@ -118,7 +118,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
 def designed(killed: Killed) -> Path:
     """The result folder of that design."""
     assert killed.resumed.returncode == 0, killed.resumed.stderr
-    assert "evaluate.efficiency\t" in killed.resumed.stdout
+    assert "  Efficiency " in killed.resumed.stdout
     return killed.folder
 
 
@@ -140,12 +140,11 @@ def test_single_stages_run_again(designed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "again"
     shutil.copytree(designed, folder)
     own_light, page = (folder / "evaluate.json").read_bytes(), (folder / "report.html").stat().st_mtime_ns
-    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8)
+    done = lensforge_here("evaluate", folder, "--rays", 2048, "--pixels", 8, "--json")
     assert done.returncode == 0, done.stderr
-    values = dict(line.split("\t") for line in done.stdout.splitlines())
-    assert values["rays"] == "2048"
-    assert values["pixels"] == "8"
-    assert float(values["nmse"]) > 0.0 and float(values["nmse_standard_error"]) > 0.0
+    values = json.loads(done.stdout)["evaluate_2048rays_8px"]
+    assert (values["rays"], values["pixels"]) == (2048, 8)
+    assert values["nmse"]["value"] > 0.0 and values["nmse"]["standard_error"] > 0.0
     assert own_light == (folder / "evaluate.json").read_bytes(), "other conditions: beside the lens's own light"
     assert json.loads((folder / "evaluate_2048rays_8px.json").read_text(encoding="utf-8"))["rays"] == 2048
     assert (folder / "report.html").stat().st_mtime_ns > page, "a report that is there is renewed"

@@ -61,6 +61,12 @@ def folder(own: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(own, tmp_path / "lens"))
 
 
+def shown(screen: str) -> dict[str, str]:
+    """Texts of the screen by their labels, those on one line."""
+    rows = (line.strip().split("  ", 1) for line in screen.splitlines() if "  " in line.strip())
+    return {label: text.strip() for label, text in rows}
+
+
 def own_files(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in ("evaluate.json", "evaluate.npz", "lens.json")}
 
@@ -71,9 +77,9 @@ def test_another_source_goes_beside_the_own_light(folder: Path, tmp_path: Path) 
     done = lensforge("evaluate", folder, "--source", led)
     assert done.exit_code == 0
     assert own_files(folder) == before
-    assert "record\tevaluate_led-cold.json" in done.stdout.splitlines()
-    assert "conditions\tray file led cold.csv" in done.stdout.splitlines()
-    assert "verdict.light" not in done.stdout, "of the lens: not the matter here"
+    assert "/evaluate_led-cold.json\n" in done.stdout
+    assert shown(done.stdout)["Conditions"] == "ray file led cold.csv"
+    assert "Light: " not in done.stdout, "of the lens: not the matter here"
     assert "other conditions than the lens's own (ray file led cold.csv)" in done.stderr
     record = json.loads((folder / "evaluate_led-cold.json").read_text(encoding="utf-8"))
     assert record["conditions"]["source"] == "ray file led cold.csv"
@@ -101,7 +107,7 @@ def test_another_temperature_goes_beside_the_own_light(folder: Path) -> None:
     before = own_files(folder)
     done = lensforge("evaluate", folder, "--temperature", 85)
     assert done.exit_code == 0, done.exception
-    assert {"record\tevaluate_85C.json", "conditions\t85 °C"} <= set(done.stdout.splitlines())
+    assert shown(done.stdout)["Conditions"] == "85 °C" and "evaluate_85C.json" in done.stdout
     run = lf.load(folder)
     light = run.others["evaluate_85C"]
     assert isinstance(light, lf.Light) and light.conditions is not None and light.conditions.temperature_c == 85.0
@@ -122,7 +128,7 @@ def test_light_that_goes_backward_is_no_light_of_the_lens(folder: Path, tmp_path
     light = lf.load(folder).others["evaluate_down"]
     assert isinstance(light, lf.Light) and light.efficiency.value == 0.0
     assert light.missed_by_cause.backward > 0.99  # a few start above z = 0 and graze the inner surface
-    assert "conditions.light\tfail" in done.stdout.splitlines()
+    assert done.stdout.startswith("Light under other conditions: fail\n")
     assert light.conditions is not None and any("-z" in words for words in light.conditions.warnings)
     for words in light.conditions.warnings:
         assert f"warning: {words}" in done.stderr.splitlines()
@@ -213,7 +219,7 @@ def test_every_study_with_other_rays_goes_beside(folder: Path, monkeypatch: pyte
     for command in (("sensitivity", folder), points, ("photometry", folder)):
         done = lensforge(*command, "--rays", 512)
         assert done.exit_code == 0, done.exception
-        assert "conditions\t512 rays" in done.stdout.splitlines()
+        assert shown(done.stdout)["Conditions"] == "512 rays"
     assert made == {name: (folder / name).read_bytes() for name in made}
     assert (folder / "lens.ies").read_bytes() == b"an own file"
     assert (folder / "compare_inner_512rays.png").exists()

@@ -230,5 +230,6 @@ def test_ctrl_c_at_any_moment_is_one_line_and_leaves_nothing(
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     if process.returncode not in (0, 1):
-        assert (process.returncode, stderr) == (130, "lensforge: interrupted\n")
+        *stages, words = stderr.splitlines()  # a stage that has ended left its line
+        assert (process.returncode, words) == (130, "lensforge: interrupted") and len(stages) <= 1
     assert not list(temporary.iterdir()) and not [path for path in folder.iterdir() if path.name.startswith(".")]

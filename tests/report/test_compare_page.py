@@ -1,3 +1,4 @@
+import json
 import re
 
 import pytest
@@ -13,7 +14,9 @@ from lensforge.report.figure_style import to_svg
 
 @pytest.fixture
 def designs():
-    """Two designs: the second has half the light on a receiver of twice the side, and a better NMSE."""
+    """
+
+    import jsonTwo designs: the second has half the light on a receiver of twice the side, and a better NMSE."""
     half = 0.5 * evaluate_arrays()["map"]
     changes = {"map": half, "nmse": Metric(value=0.0023, standard_error=0.0004), "width": 600.0, "height": 600.0}
     return [make_results(), make_results(lens=small_lens(outer_mm=9.0), evaluate=changes)]
@@ -137,8 +140,8 @@ def test_the_command_writes_the_page_where_it_is_told(tmp_path):
 
     folders = [make_folder(tmp_path / name) for name in ("first", "second")]
     page = tmp_path / "pages" / "both.html"
-    done = CliRunner().invoke(cli, ["report", *map(str, folders), "--out", str(page)], catch_exceptions=False)
-    assert done.output == f"report\t{page}\n"
+    done = CliRunner().invoke(cli, ["report", *map(str, folders), "--out", str(page), "--json"], catch_exceptions=False)
+    assert json.loads(done.stdout) == {"report": str(page)}
     assert page.exists()
     with pytest.raises(InputError, match="--out"):
         CliRunner().invoke(cli, ["report", str(folders[0]), "--out", str(page)], catch_exceptions=False)

@@ -121,14 +121,17 @@ def test_the_least_lens_that_is_accepted_exists() -> None:
     for height, radius, wall in rng.uniform(0.1, 5.0, (20, 3)):
         limits = {"cavity_height_mm": height, "cavity_radius_mm": radius, "min_thickness_mm": wall}
         least = (max(height, radius) + wall) / (1.0 - 9e-4)
-        spec = small_spec(constraints=limits | {"max_radius_mm": least * (1.0 + 1e-9)}, target__distance_mm=1e3)
+        start = {"lens__inner_offset_mm": 0.5 * least, "lens__outer_offset_mm": 0.9 * least}
+        spec = small_spec(
+            constraints=limits | {"max_radius_mm": least * (1.0 + 1e-9)}, target__distance_mm=1e3, **start
+        )
         margin = spec.constraints.margin_mm
         spheres = sphere(max(height, radius) + margin), sphere(max(height, radius) + wall + 2.0 * margin)
         found = measure_constraints(Lens(*spheres, spec, 0, "draft"), directions=2000)
         assert found.wall_margin_mm >= margin * 0.999 and found.radius_margin_mm >= margin * 0.999
         assert found.cavity_clearance_mm >= 0.0
         with pytest.raises(InputError, match="do not fit into max_radius_mm"):
-            small_spec(constraints=limits | {"max_radius_mm": least * (1.0 - 1e-6)}, target__distance_mm=1e3)
+            small_spec(constraints=limits | {"max_radius_mm": least * (1.0 - 1e-6)}, target__distance_mm=1e3, **start)
 
 
 @pytest.mark.parametrize(

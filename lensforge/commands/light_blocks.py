@@ -1,0 +1,99 @@
+"""The light on the screen: what lands on the receivers, the limits that it keeps, and the far field."""
+
+from collections.abc import Iterator
+
+from lensforge.commands.rounded import count, figure, in_percent, measured, share, times
+from lensforge.commands.screen import Block, Row
+from lensforge.evaluation.light import Light
+from lensforge.evaluation.light_bounds import LARGEST_NMSE
+from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.evaluation.region_light import Region
+from lensforge.far_field.beam_figures import PlaneFigures
+from lensforge.far_field.photometry import Photometry
+from lensforge.figures.light_unit import light_unit
+from lensforge.verification.stray_result import StrayLight
+
+_REGIONS: dict[Region, str] = {"uniform": "where it should be uniform", "bright": "where the target is bright"}
+_MOST_RECEIVERS, _MOST_LIMITS = 4, 3
+
+
+def light_rows(light: Light) -> Iterator[Row]:
+    """Lines on the light: of the only receiver in full, of several a line each, and the limits."""
+    if len(light.receivers) == 1:
+        yield from _on_one_receiver(light)
+    else:
+        yield from _on_several(light)
+    yield from _limit_rows(light)
+    pixels = f"{count(light.pixels)} pixels across"
+    yield "Simulated with", f"{count(light.rays)} rays, {pixels}, {light.filter.partition(',')[0]} filter"
+
+
+def _on_one_receiver(light: Light) -> Iterator[Row]:
+    lit = light.first
+    bound = "" if light.limits else f", at most {LARGEST_NMSE:g}"
+    yield "Error (NMSE)", f"{measured(lit.nmse)} (0 is perfect{bound})"
+    most = lit.possible
+    window = f"within {lit.where}" if lit.kind == "far_field" else lit.where
+    yield "Efficiency", f"{in_percent(lit.efficiency)} {window} (possible: {share(most.efficiency)})"
+    yield "In the target", f"{in_percent(lit.share_in_target)} (possible: {share(most.share_in_target)})"
+    yield from _evenness(lit, light.lumens_per_watt)
+
+
+def _evenness(lit: ReceiverLight, lumens_per_watt: float | None) -> Iterator[Row]:
+    """Uniformity in the region of uniform light, and the mean there or where the target is bright."""
+    if lit.uniformity is not None:
+        rsd = "" if lit.rsd is None else f"; RSD {measured(lit.rsd)}"
+        yield "Uniformity", f"{measured(lit.uniformity)} least over mean{rsd}"
+    if lit.in_region is not None:
+        unit = light_unit(lumens_per_watt, far_field=lit.chart.far_field)
+        mean = times(lit.in_region.mean, unit.per_watt, unit.symbol)
+        yield f"Mean {unit.quantity}", f"{mean} {_REGIONS[lit.in_region.region]}"
+
+
+def _on_several(light: Light) -> Iterator[Row]:
+    for lit in light.receivers[:_MOST_RECEIVERS]:
+        yield (
+            lit.name,
+            f"NMSE {measured(lit.nmse)}; efficiency {in_percent(lit.efficiency)}, in the target "
+            f"{in_percent(lit.share_in_target)}",
+        )
+    left = len(light.receivers) - _MOST_RECEIVERS
+    if left > 0:
+        yield "", f"and {left} more receivers, in evaluate.json"
+
+
+def _limit_rows(light: Light) -> Iterator[Row]:
+    """The number of limits that are held, and the first of the others."""
+    if not light.limits:
+        return
+    others = [limit for limit in light.limits if limit.state != "held"]
+    yield "Limits", f"{len(light.limits) - len(others)} of {len(light.limits)} held"
+    for limit in others[:_MOST_LIMITS]:
+        yield f"  {limit.state}", str(limit)
+    if len(others) > _MOST_LIMITS:
+        yield "", f"and {len(others) - _MOST_LIMITS} more, in evaluate.json"
+
+
+def photometry_rows(found: Photometry) -> Iterator[Row]:
+    """Lines on the far field: lumens, candela, beam angles, and what a lamp for a road is rated."""
+    taken = " (the spec states no flux)" if found.per_1000_lm else ""
+    yield "Luminous flux", f"{measured(found.exit_lm)} of {figure(found.source_lm, 'lm', 6)}{taken}"
+    yield "Intensity", f"{measured(found.peak_cd)} at the peak, {measured(found.axis_cd)} on the axis"
+    if found.beam_c0.beam_angle_deg is not None or found.beam_c90.beam_angle_deg is not None:
+        yield "Beam angle", f"{_beam(found.beam_c0)}, {_beam(found.beam_c90)}"
+    if found.road is not None:
+        yield "Road", f"{found.road.distribution}; BUG {found.road.bug}"
+
+
+def _beam(plane: PlaneFigures) -> str:
+    angle = "no light" if plane.beam_angle_deg is None else measured(plane.beam_angle_deg)
+    return f"{angle} in C{plane.c_deg:.0f}"
+
+
+def stray_block(stray: StrayLight) -> Block:
+    """Reflections, the base and absorption, as shares of the emitted flux."""
+    rows = [
+        ("In the window", f"{share(stray.flux.detected_stray)} of the flux, by reflections; the base is {stray.base}"),
+        ("Followed", f"{count(stray.rays)} rays"),
+    ]
+    return Block("Stray light", rows)

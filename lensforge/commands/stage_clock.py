@@ -1,0 +1,113 @@
+"""Progress on stderr: a line for each stage with its time; on a terminal the running stage has a clock.
+
+The clock is drawn by a thread of its own, so that it goes on whatever the stage computes. Elsewhere, as in a pipe,
+each stage is written once it has ended; a study writes how far it is every two seconds, too.
+"""
+
+import threading
+import time
+from types import TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from lensforge.commands.printing import printable, warning_line
+from lensforge.commands.rounded import duration
+
+_FRAMES_PER_SECOND = 4
+_SILENT_SECONDS = 2.0  # of a study that writes into a pipe
+_NAME_COLUMNS, _TIME_COLUMNS = 12, 12
+
+
+class StageClock:
+    """Lines of the stages of one command, of which the first is ``name``.
+
+    ``quiet``: nothing but warnings. ``study``: where there is no terminal, write a line every two seconds.
+    """
+
+    def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
+        self._console = Console(stderr=True, highlight=False)
+        self._quiet, self._study = quiet, study
+        self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
+        self._live: Live | None = None
+        self._ended = threading.Event()
+
+    @property
+    def live(self) -> bool:
+        """True where a terminal shows the clock."""
+        return self._console.is_terminal and not self._quiet
+
+    def __enter__(self) -> Self:
+        self._began = time.monotonic()
+        if self.live:
+            self._live = Live(
+                console=self._console,
+                get_renderable=self._running,
+                refresh_per_second=_FRAMES_PER_SECOND,
+                transient=True,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._live.start()
+        elif self._study and not self._quiet:
+            threading.Thread(target=self._write_until_ended, daemon=True).start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        if self._live is not None:
+            self._live.stop()
+        if error is None:
+            self._write()
+
+    def begin(self, name: str, detail: str = "") -> None:
+        """End the stage that runs, and begin ``name``."""
+        self._write()
+        self._name, self._detail, self._left, self._began = name, detail, "", time.monotonic()
+
+    def end(self) -> None:
+        """End the stage that runs; none begins."""
+        self._write()
+        self._name = ""
+
+    def show(self, detail: str, left: str = "") -> None:
+        """Show how far the stage is, beside its time, and while it runs what is ``left``."""
+        self._detail, self._left = detail, left
+
+    def head(self, words: str) -> None:
+        """End the stage that runs, and write a line on the stages that follow."""
+        self.end()
+        self.note(words)
+
+    def note(self, words: str) -> None:
+        """Write a line above the clock."""
+        if not self._quiet:
+            self._console.print(printable(words), soft_wrap=True, markup=False)
+
+    def warn(self, words: str) -> None:
+        """Write a warning as one line, also where progress is not asked for."""
+        self._console.print(warning_line(words), soft_wrap=True, markup=False)
+
+    def _line(self) -> str:
+        """Stage, its time, and how far it is."""
+        passed = duration(time.monotonic() - self._began)
+        return f"{printable(self._name):<{_NAME_COLUMNS}} {passed:>{_TIME_COLUMNS}}  {printable(self._detail)}".rstrip()
+
+    def _running(self) -> Text:
+        """The line of the stage that runs, cut at the width of the terminal."""
+        line = f"{self._line()}, {self._left}" if self._left else self._line()
+        return Text(line if self._name else "", no_wrap=True, overflow="ellipsis")
+
+    def _write(self) -> None:
+        """Write the line of the stage; on a terminal cut at its width, elsewhere in full."""
+        if self._name and not self._quiet:
+            cut: dict[str, Any] = {"no_wrap": True, "overflow": "ellipsis"} if self.live else {"soft_wrap": True}
+            self._console.print(self._line(), markup=False, **cut)
+
+    def _write_until_ended(self) -> None:
+        while not self._ended.wait(_SILENT_SECONDS):
+            self._write()

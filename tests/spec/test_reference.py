@@ -1,0 +1,103 @@
+"""The fields of a spec in words: each has some, and the schema and the page made of them are true."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from click.testing import CliRunner
+
+from lensforge.cli import cli
+from lensforge.spec import Spec, load_spec
+from lensforge.spec.fields import all_sections, kind_of, unit_of, words_of
+from lensforge.spec.json_schema import spec_schema
+from lensforge.spec.section import Section
+
+ROOT = Path(__file__).parents[2]
+SPECS = sorted((ROOT / "examples").glob("*.toml"))
+FIELDS = [(section, name) for section in all_sections(Spec) for name in section.model_fields]
+# Counts, shares, indices and other numbers that have no unit, and tables whose numbers have several.
+PURE = {
+    "refractive_index", "reflectance", "power", "intensity", "weight", "conic_constant", "conic_x", "conic_y",
+    "abbe_number", "cavity_index", "outside_index", "sigma_c", "levels", "coefficients", "schott_coefficients",
+    "terms", "face", "level", "shrinkage", "holder", "scale", "origin", "columns", "rows", "exponent", "values",
+    "directions", "ray_flux", "share", "pixel_aspect", "rotation", "normal", "axis", "facing", "rays", "pixels",
+    "learning_rate", "uniformity_steps", "steps_per_level", "filter_variance", "lenses", "maintenance_factor",
+    "amount", "index", "source_flux", "source_size", "waviness_exponent", "at_least_relative", "at_most_relative",
+    "at_least_min_over_mean", "at_least_min_over_max", "at_least_share", "at_most_share",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    return spec_schema()
+
+
+@pytest.mark.parametrize(("section", "name"), FIELDS, ids=[f"{section.__name__}.{name}" for section, name in FIELDS])
+def test_every_field_has_words_and_every_number_a_unit(
+    section: type[Section], name: str, schema: dict[str, Any]
+) -> None:
+    words = words_of(section, name)
+    assert len(words) >= 5 and words.removesuffix(f" [{unit_of(name)}]").endswith("."), f"no sentence: {words!r}"
+    field = {**schema["$defs"], "Spec": schema}[section.__name__]["properties"][name]
+    assert field["description"] == words
+    if any(f'"type": "{kind}"' in json.dumps(field) for kind in ("number", "integer")):
+        assert unit_of(name) or name in PURE, "a number: its name ends with its unit, or it has none"
+
+
+def test_all_kinds_are_in_the_schema(schema: dict[str, Any]) -> None:
+    assert len(all_sections(Spec)) > 50 and len(FIELDS) > 400
+    for section in all_sections(Spec):
+        if kind_of(section) is not None:
+            assert schema["$defs"][section.__name__]["required"][0] == "kind"
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_the_schema_accepts_every_shipped_spec_and_what_the_program_writes(path: Path, schema: dict[str, Any]) -> None:
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    if path.stem != "osram_pi":  # its ray file is the vendor's; nothing reads it here, but the path is outside
+        validator.validate(tomllib.loads(load_spec(path).to_toml()))
+
+
+@pytest.mark.parametrize(
+    ("section", "field", "value"),
+    [
+        ("source", "side_mm", -1.0),
+        ("source", "sid_mm", 1.0),
+        ("source", "kind", "sqare"),
+        ("lens", "levels", "all"),
+        ("lens", "levels", [0]),
+        ("lens", "refractive_index", 5.0),
+        ("targets", "kind", "disc"),
+        ("tolerances", "gap_mm", {"amount": -1.0}),
+        ("manufacture", "make", "mould"),
+    ],
+)
+def test_the_schema_refuses_what_the_program_refuses(
+    section: str, field: str, value: object, schema: dict[str, Any]
+) -> None:
+    content = tomllib.loads((ROOT / "examples" / "rectangle.toml").read_text(encoding="utf-8"))
+    content.setdefault(section, {})[field] = value
+    assert not jsonschema.Draft202012Validator(schema).is_valid(content)
+
+
+def test_numbers_of_a_tolerance_and_of_a_coating_may_be_bare(schema: dict[str, Any]) -> None:
+    content = tomllib.loads((ROOT / "examples" / "rectangle.toml").read_text(encoding="utf-8"))
+    content["tolerances"] = {"gap_mm": 0.1, "index": {"amount": 0.1}}
+    content["lens"]["outer_coating"] = {"reflectance": 0.005}
+    jsonschema.Draft202012Validator(schema).validate(content)
+
+
+def test_the_page_and_the_command_say_what_the_fields_say(schema: dict[str, Any]) -> None:
+    page = CliRunner().invoke(cli, ["schema", "--page"])
+    assert page.exit_code == 0
+    stored = (ROOT / "docs" / "spec.md").read_text(encoding="utf-8")
+    assert page.output == stored, "write it again: lensforge schema --page > docs/spec.md"
+    for section, name in FIELDS:
+        if name != "kind" or kind_of(section) is None:
+            assert f"| `{name}` |" in stored
+    assert json.loads(CliRunner().invoke(cli, ["schema"]).output) == schema

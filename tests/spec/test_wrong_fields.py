@@ -1,0 +1,123 @@
+"""Wrong fields of a spec: all of them, a complete line for each, unknown names first, with the name that was meant."""
+
+import copy
+import sys
+import tomllib
+from contextlib import redirect_stderr
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lensforge as lf
+from lensforge.cli import main
+from lensforge.errors import WrongFields
+from lensforge.spec import load_spec, parse_spec
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "rectangle.toml"
+
+
+def lines_of(changes: dict[str, Any]) -> tuple[str, ...]:
+    """Lines with which the shipped rectangle is refused after changes by dotted names; None leaves a field out."""
+    content = copy.deepcopy(tomllib.loads(EXAMPLE.read_text(encoding="utf-8")))
+    for name, value in changes.items():
+        *way, last = name.split(".")
+        table = content
+        for part in way:
+            table = table.setdefault(part, {})
+        table.pop(last, None)
+        if value is not None:
+            table[last] = value
+    with pytest.raises(WrongFields) as caught:
+        parse_spec(content, "lamp.toml")
+    assert str(caught.value).splitlines() == list(caught.value.lines)
+    assert all(line.isprintable() and line.startswith("lamp.toml: ") for line in caught.value.lines)
+    return tuple(line.removeprefix("lamp.toml: ") for line in caught.value.lines)
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"source": {"kind": "disc", "diametre_mm": 2}}, "source.diametre_mm = 2: unknown; did you mean diameter_mm?"),
+        ({"source": {"kind": "disc", "diameter": 2}}, "source.diameter = 2: unknown; did you mean diameter_mm?"),
+        ({"targets": {"kind": "disc"}}, "targets: unknown; did you mean target?"),
+        ({"lens.max_radius_mm": 3}, "lens.max_radius_mm = 3: unknown; it belongs to [constraints]"),
+        (
+            {"source.intensity": {"kind": "cosine"}},
+            "source.intensity: unknown; it goes with kind = rectangle, disc, chips, chip_array, luminance",
+        ),
+        ({"tolerances.gap_mm": {"amont": 1}}, "tolerances.gap_mm.amont = 1: unknown; did you mean amount?"),
+        (
+            {"manufacture.make": "inser"},
+            "manufacture.make = 'inser': Input should be 'part' or 'insert'; did you mean ",
+        ),
+        ({"target.kind": "rectangl"}, "target.kind = 'rectangl': must be one of flat_top, rectangle, disc, "),
+        ({"target.kind": None}, "target: kind is missing; it must be one of flat_top, rectangle, "),
+        ({"constraints.max_radius_mm": None}, "constraints.max_radius_mm: missing: largest distance of the outer "),
+        (
+            {"target.uniform_mm": "a"},
+            "target.uniform_mm = 'a': Input should be a valid number, unable to parse string as a number or Input ",
+        ),
+        ({"lens.levels": ["a"]}, "lens.levels.0 = 'a': Input should be a valid integer"),
+        (
+            {"lens.outer_offset_mm": 20.0},
+            "lens.outer_offset_mm = 20 is beyond constraints.max_radius_mm = 14, the largest lens; lower it, or ",
+        ),
+    ],
+)
+def test_a_wrong_field_is_named_as_written_with_what_was_meant(changes: dict[str, Any], line: str) -> None:
+    (found,) = lines_of(changes)
+    assert found.startswith(line)
+
+
+def test_all_wrong_fields_are_told_unknown_names_first() -> None:
+    found = lines_of({"source.side_mm": -1.0, "evaluate.pixel": 9, "optimise.rays": 2, "tolerances.gap": 1.0})
+    assert [line.split(":")[0] for line in found] == [
+        "evaluate.pixel = 9",
+        "tolerances.gap = 1.0",
+        "source.side_mm = -1.0",
+        "optimise.rays = 2",
+    ]
+
+
+def test_a_name_that_was_meant_is_not_missing_too() -> None:
+    found = lines_of({"source": {"kind": "rectangle", "with_mm": 2.0, "hight_mm": 1.0}})
+    assert [line.split(": ")[1] for line in found] == [
+        "unknown; did you mean width_mm?",
+        "unknown; did you mean height_mm?",
+    ]
+
+
+def test_a_thousand_wrong_numbers_are_a_screen() -> None:
+    found = lines_of({"lens.levels": [0] * 20, "optimise.steps_per_level": [0] * 20, "evaluate.pixels": 0})
+    assert len(found) == 21 and found[-1] == "21 more wrong fields"
+
+
+def test_the_command_says_each_in_a_line_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "a\nb.toml").write_text(
+        EXAMPLE.read_text(encoding="utf-8").replace("side_mm", "sides_mm").replace("14.0", '"x"'), encoding="utf-8"
+    )
+    errors = StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stderr(errors):
+        patch.setattr(sys, "argv", ["lensforge", "design", str(tmp_path / "a\nb.toml")])
+        with pytest.raises(SystemExit) as exit:
+            main()
+    first, second = errors.getvalue().splitlines()
+    assert exit.value.code == 2
+    assert first.startswith("lensforge: ") and first.endswith("source.sides_mm = 1.0: unknown; did you mean side_mm?")
+    assert "a b.toml: constraints.max_radius_mm = 'x'" in second
+
+
+def test_levels_that_shape_nothing_are_named_before_the_search() -> None:
+    spec = load_spec(EXAMPLE)
+    assert spec.lens.warnings == ()
+    changed = {"optimise.seconds": None, "lens.levels": (10, 20)}
+    (words,) = spec.replace(changed).lens.warnings
+    assert words.startswith("lens.levels = [10, 20]: the finest functions are 32° wide") and '"auto"' in words
+    assert spec.replace({**changed, "lens.levels": (9, 25, 81)}).lens.warnings == ()
+
+
+def test_objects_of_a_script_say_the_same() -> None:
+    with pytest.raises(lf.InputError, match=r"^DiscSource: diametre_mm = 2.0: unknown; did you mean diameter_mm\?$"):
+        lf.DiscSource(diametre_mm=2.0)
