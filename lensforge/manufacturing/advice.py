@@ -2,7 +2,7 @@
 
 from math import ceil, floor
 
-from lensforge.manufacturing.findings import GOOD_DRAFT_DEG
+from lensforge.manufacturing.findings import GOOD_DRAFT_DEG, asked_draft_deg
 from lensforge.manufacturing.result import Check, FaceName, Finding, ToolResult
 from lensforge.spec import Spec
 
@@ -22,7 +22,10 @@ def advice(finding: Finding, spec: Spec, check: Check) -> str:
     if finding.name == "tilt":
         return _for_tilt(surface, finding, spec)
     if finding.name == "draft":
-        return _or([_design_again(f"{surface}_draft_deg", GOOD_DRAFT_DEG, spec, surface)])
+        asked_deg = asked_draft_deg(surface, spec)
+        return _or(
+            [_design_again(f"{surface}_draft_deg", GOOD_DRAFT_DEG if asked_deg is None else asked_deg, spec, surface)]
+        )
     return _for_tool(surface, finding, check)
 
 

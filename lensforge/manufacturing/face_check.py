@@ -74,6 +74,7 @@ def check_face(name: FaceName, face: OpticalFace, cutter_radius_mm: float, nodes
 def face_result(check: FaceCheck) -> FaceResult:
     """The record of a measured face; an infinite number is None."""
     samples = check.samples
+    least_rad = least_draft_rad(samples)
     others = (best_fit_sphere(samples, variant) for variant in VARIANTS if variant != check.sphere.variant)
     return FaceResult(
         best_fit_sphere=_sphere(check.sphere),
@@ -85,14 +86,20 @@ def face_result(check: FaceCheck) -> FaceResult:
         ),
         cutter=_cutter(check),
         draft_deg=Draft(
-            min=float(np.degrees(least_draft_rad(samples))),
-            area_fraction_below_half=fraction_below_draft(samples, float(np.deg2rad(0.5))),
-            area_fraction_below_two=fraction_below_draft(samples, float(np.deg2rad(2.0))),
+            min=float(np.degrees(least_rad)),
+            area_fraction_below_half=_fraction_below(samples, least_rad, 0.5),
+            area_fraction_below_two=_fraction_below(samples, least_rad, 2.0),
         ),
-        undercut_fraction=undercut_fraction(samples),
+        undercut_fraction=undercut_fraction(samples) if least_rad < 0.0 else 0.0,
         largest_tilt_deg=float(np.degrees(largest_tilt_rad(samples))),
         area_mm2=samples.area.total_mm2,
     )
+
+
+def _fraction_below(samples: FaceSamples, least_rad: float, draft_deg: float) -> float:
+    """Share of the area below a draft; the rule of the area draws slopes on to the rim, where ``least_rad`` decides."""
+    limit_rad = float(np.deg2rad(draft_deg))
+    return fraction_below_draft(samples, limit_rad) if least_rad < limit_rad else 0.0
 
 
 def bounded(value: float) -> float | None:

@@ -32,7 +32,7 @@ def check_findings(
         *relief_findings(relief, spec.base),
         *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
         wall_finding(wall_mm, spec.constraints.min_thickness_mm),
-        *(draft_finding(name, face) for name, face in faces),
+        *(draft_finding(name, face, spec) for name, face in faces),
         *(finding for tool in tools for finding in tool_findings(tool)),
     )
 
@@ -160,17 +160,26 @@ def wall_finding(wall_mm: float, required_mm: float) -> Finding:
     return Finding(name="wall", surface="body", value=wall_mm, sense=">=", limit=limit, unit="mm", reason=reason)
 
 
-def draft_finding(surface: FaceName, face: FaceResult) -> Finding:
-    """Draft for a two-part mould that opens along the axis."""
+def draft_finding(surface: FaceName, face: FaceResult, spec: Spec) -> Finding:
+    """Draft: what the spec asks of a part that is cut; else that for a mould of two parts that opens along the axis."""
     least_deg, undercut = face.draft_deg.min, face.undercut_fraction
+    asked_deg = asked_draft_deg(surface, spec)
+    needed = f"a mould needs {GOOD_DRAFT_DEG:g} deg" if asked_deg is None else f"the spec asks for {asked_deg:g} deg"
+    limit_deg = GOOD_DRAFT_DEG if asked_deg is None else asked_deg - _TILT_TOLERANCE_DEG
     if undercut > 0.0:
         reason = f"{100.0 * undercut:.2f} % of the {surface} face is undercut, down to a draft of {least_deg:.2f} deg"
     else:
         least_deg = max(least_deg, 0.0)  # form error of a vertical rim
-        reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; a mould needs {GOOD_DRAFT_DEG:g} deg"
+        reason = f"the least draft of the {surface} face is {least_deg:.2f} deg; {needed}"
     return Finding(
-        name="draft", surface=surface, value=least_deg, sense=">=", limit=GOOD_DRAFT_DEG, unit="deg", reason=reason
+        name="draft", surface=surface, value=least_deg, sense=">=", limit=limit_deg, unit="deg", reason=reason
     )
+
+
+def asked_draft_deg(surface: FaceName, spec: Spec) -> float | None:
+    """Draft (deg) that the spec asks of a face of a part that is cut itself, not moulded."""
+    asked_deg: float | None = getattr(spec.constraints, f"{surface}_draft_deg")
+    return asked_deg if spec.manufacture.make == "part" else None
 
 
 def tool_findings(tool: ToolResult) -> list[Finding]:

@@ -4,6 +4,7 @@ The paper takes the minimum over the hemisphere, whose gradient sees one point. 
 own multiplier and Eq. (15) is averaged over the hemisphere's solid angle: the same feasible set, reached more smoothly.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import sqrt
 
@@ -62,6 +63,11 @@ class AugmentedLagrangian:
     def fresh(self, penalty: float) -> "AugmentedLagrangian":
         """The same constraints with multipliers of 0."""
         return AugmentedLagrangian(self.constraints, self.chart_operator, penalty)
+
+    def tightened(self, by: Mapping[str, float]) -> "AugmentedLagrangian":
+        """The constraints with limits that are stricter by what ``by`` has under their keys, in the unit of each."""
+        constraints = tuple(each.tightened(by.get(each.key, 0.0)) for each in self.constraints)
+        return AugmentedLagrangian(constraints, self.chart_operator, self.penalty)
 
     def at_nearest(self, before: "AugmentedLagrangian", multipliers: Float[Tensor, "c j"]) -> Float[Tensor, "c k"]:
         """``multipliers`` at the points of ``before``, taken to these points: each has that of the nearest one.

@@ -7,7 +7,7 @@ A constraint that the spec leaves out is not computed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import radians
 
@@ -43,6 +43,14 @@ class Constraint(Limit):
     factor: float
     margin: float
     derivatives: bool = False
+
+    def tightened(self, by: float) -> "Constraint":
+        """The constraint with a limit that is stricter by ``by`` (unit of the field)."""
+
+        def field(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Float[Tensor, " k"]:
+            return self.field(inner, outer, points) - by
+
+        return replace(self, field=field) if by > 0.0 else self
 
 
 def constraints_of(spec: Spec) -> tuple[Constraint, ...]:

@@ -21,7 +21,8 @@ from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import DIRECTIONS
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.problem import Problem
-from lensforge.spec import Spec
+from lensforge.optimisation.search_state import SearchState
+from lensforge.spec import Accuracy, Spec
 from lensforge.surfaces import chart
 from lensforge.surfaces.spline import TableGrid, grid_for, tabulate
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -32,6 +33,7 @@ from lensforge.surfaces.symmetry import first_images
 _NODES_PER_SIGMA = 8.0
 _ZOOM_POINTS = 21
 _ROUNDS, _ITERATIONS, _PENALTY = 12, 40, 1e6
+_CORRECTIONS = 3  # of the limits, by what the measured lens misses: a milled quickstart needs one
 _ACCEPTED = 0.7  # of the margin may be missing: the rest covers peaks between the points
 _STALLED = 0.8  # of the shortfall left by a round: more, and further rounds do not help
 _OF_PAPER = 3  # constraints that every lens has
@@ -78,6 +80,26 @@ def _least(
         window = at + chart.grid(_ZOOM_POINTS, step).reshape(-1, 2)
         points = window / np.maximum(1.0, np.linalg.norm(window, axis=1, keepdims=True))
     return least
+
+
+def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Accuracy) -> tuple[Lens, Margins]:
+    """The lens of the parameters that a search ``found``, projected to the feasible set, and its constraints.
+
+    The projection sees curvatures of a table that is coarser than the one that they are measured by: a limit that is
+    missed by the measured lens is made stricter by that much, and the parameters are projected again.
+    """
+    parametrisation, constraints = problem.in_full()
+    stricter: dict[str, float] = {}
+    for left in reversed(range(_CORRECTIONS + 1)):
+        parameters = project_to_feasible(parametrisation, constraints.tightened(stricter), found.weights, found.offsets)
+        lens = problem.parametrisation.lens(*parameters, problem.spec, seed, accuracy)
+        margins = measure_constraints(lens)
+        missed = {each.key: -getattr(margins, each.key) for each in constraints.constraints}
+        missed = {each.key: missed[each.key] for each in constraints.constraints if missed[each.key] > each.tolerance}
+        if not (missed and left):
+            break
+        stricter = {key: stricter.get(key, 0.0) + missed.get(key, 0.0) for key in {*stricter, *missed}}
+    return lens, margins
 
 
 def project_to_feasible(

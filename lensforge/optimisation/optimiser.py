@@ -12,8 +12,8 @@ from lensforge.optimisation.automatic import AutomaticSchedule
 from lensforge.optimisation.automatic_stages import AutomaticStages
 from lensforge.optimisation.checkpoint import delete_checkpoint, fingerprint
 from lensforge.optimisation.descent import Descent, Stopwatch
-from lensforge.optimisation.design import Design, Observer
-from lensforge.optimisation.feasibility import measure_constraints, project_to_feasible, require_feasible_start
+from lensforge.optimisation.design import Design, Margins, Observer
+from lensforge.optimisation.feasibility import feasible_lens, require_feasible_start
 from lensforge.optimisation.held_rays import HeldRays
 from lensforge.optimisation.levels import UsefulLevels
 from lensforge.optimisation.limits import constraint_criteria
@@ -75,11 +75,10 @@ def search(
     state = descent.state
     last = stages_of(schedule, state.outcomes)[-1]
     problem = problems.of(_levels_of(last.levels, len(state.weights)))
-    weights, offsets = project_to_feasible(*problem.in_full(), state.weights, state.offsets)
-    lens = problem.parametrisation.lens(weights, offsets, problem.spec, seed, accuracy)
+    lens, margins = feasible_lens(problem, state, seed, accuracy)
     why = schedule.turn(state.outcomes).why or None
     state = replace(state, seconds=clock.seconds())
-    return _design(lens, source, state, last.rays, why, scene.warnings())
+    return _design(lens, margins, source, state, last.rays, why, scene.warnings())
 
 
 def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
@@ -100,13 +99,19 @@ def _levels_of(levels: tuple[int, ...], weights: int) -> tuple[int, ...]:
 
 
 def _design(
-    lens: Lens, source: Source, state: SearchState, rays_per_step: int, why: str | None, warnings: tuple[str, ...]
+    lens: Lens,
+    margins: Margins,
+    source: Source,
+    state: SearchState,
+    rays_per_step: int,
+    why: str | None,
+    warnings: tuple[str, ...],
 ) -> Design:
     """The record of a finished search; ``warnings`` on its scene go with those on its source."""
     summary = summarise(source, lens.spec.source)
     directions = fibonacci_hemisphere(_SIZE_DIRECTIONS)
     directions = directions[first_images(directions, lens.symmetry)]
-    radius, margins = lens.outer.radius(directions), measure_constraints(lens)
+    radius = lens.outer.radius(directions)
     return Design(
         inputs={"lens": lens.sha256, "spec": section_sha256(lens.spec), **input_hashes(lens.spec)},
         lens=lens,

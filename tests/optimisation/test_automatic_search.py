@@ -24,6 +24,7 @@ from lensforge.optimisation.optimiser import search
 from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.problem import Problems
 from lensforge.optimisation.schedule import rays_ahead
+from lensforge.optimisation.search_state import SearchState
 from lensforge.sources.build import build_source
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.sources.ray_set import RaySetEmitter
@@ -174,6 +175,24 @@ def test_a_search_by_few_points_still_ends_within_its_limits(seed: int) -> None:
     weights, offsets = feasibility.project_to_feasible(*problem.in_full(), weights, offsets)
     lens = problem.parametrisation.lens(weights, offsets, problem.spec, 0, "draft")
     assert all(each.passed for each in constraint_criteria(lens.spec, feasibility.measure_constraints(lens)))
+
+
+def test_a_limit_that_the_coarse_table_keeps_is_kept_by_the_lens_itself() -> None:
+    """Curvatures of a table of 2.5 nodes a sigma are off by more than the margin: one projection is not enough."""
+    problem = Problems(
+        automatic(lens__symmetry="square", constraints__inner_concave_radius_mm=1.0),
+        build_source(small_spec().source),
+        PRESETS["draft"].nodes_per_sigma,
+        None,
+    ).of((9, 25, 81, 289))
+    weights = torch.from_numpy(np.random.default_rng(1).normal(size=(404, 2)) * [0.06, 0.0])
+    state = SearchState(weights, torch.ones(2, dtype=torch.float64), problem.constraints.multipliers)
+    once = feasibility.project_to_feasible(*problem.in_full(), weights, state.offsets)
+    first = feasibility.measure_constraints(problem.parametrisation.lens(*once, problem.spec, 0, "draft"))
+    lens, margins = feasibility.feasible_lens(problem, state, 0, "draft")
+    assert first.inner_curvature_margin_per_mm < -0.005
+    assert margins == feasibility.measure_constraints(lens)
+    assert all(each.passed for each in constraint_criteria(problem.spec, margins))
 
 
 def test_the_force_of_a_constraint_is_the_same_on_the_next_level() -> None:

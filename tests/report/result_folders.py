@@ -56,7 +56,7 @@ def small_lens(text="+", inner_mm=4.0, outer_mm=10.0, bump_mm=0.3, lumens_per_wa
             "cavity_height_mm": 1.0,
             "cavity_radius_mm": 1.5,
             "min_thickness_mm": 1.0,
-            "max_radius_mm": 1.1 * outer_mm,
+            "max_radius_mm": max(11.0, 1.1 * outer_mm),
         },
         **(wanted or {"target": text_target(text, uniform_mm)}),
     }
