@@ -1,6 +1,6 @@
 """Quality of several optimisers after the same time, on five scenes: first order, L-BFGS, damped Gauss-Newton.
 
-    python benchmarks/optimisers.py [pi quickstart ...] [--seconds 20] [--methods Adam ...] [--output docs/optimisers]
+    python benchmarks/optimisers.py [pi cross ...] [--seconds 20] [--methods Adam ...] [--output docs/optimisers]
 
 All vary the same parameters through the levels that an automatic search takes, with the same share of the time for
 each, on the same loss. First-order methods see fresh rays at every step, and their rate falls by a cosine to a
@@ -32,7 +32,7 @@ from lensforge.sources.build import build_source
 from lensforge.spec import Spec, load_spec
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-SCENES = ("pi", "quickstart", "flat_top", "image", "text")
+SCENES = ("pi", "cross", "flat_top", "image", "text")
 AUTOMATIC = "the automatic search"
 SHARE_BEFORE_LAST = 0.35  # of the time, for all levels but the last, halved for each that is coarser
 

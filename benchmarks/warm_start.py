@@ -1,6 +1,6 @@
 """A search that goes on from a finished lens against one from hemispheres, after one thing has changed.
 
-    python benchmarks/warm_start.py examples/quickstart.toml [--accuracy standard] [--rays 1048576]
+    python benchmarks/warm_start.py examples/cross.toml [--accuracy standard] [--rays 1048576]
 
 Designs the spec, then for each change: cold, from hemispheres; warm, from the finished lens; and warm again in half of
 the seconds that the cold search took. All are judged with the same rays. Prints the rows of docs/results.md.

@@ -58,7 +58,7 @@ class Preset:
 
 
 # The finest level: 289 functions serve a flat top, letters need 1,089, a source of 0.1 mm gains from 4,225. Steps, rays
-# and gains were chosen on pi, quickstart and flat_top: a standard search takes one to three times as long as one with
+# and gains were chosen on pi, cross and flat_top: a standard search takes one to three times as long as one with
 # the given levels of version 0.1.0 on the same machine, the longer the more it still gains; docs/results.md.
 _DRAFT = SearchEffort(finest=289, steps=(40, 80), rays=(2**13, 2**15), held_rays=2**15, step_gain=0.5, level_gain=0.1)
 _STANDARD = SearchEffort(

@@ -6,7 +6,7 @@ from lensforge.accuracy import SearchEffort
 from lensforge.optimisation.levels import UsefulLevels
 from lensforge.optimisation.schedule import Stage
 
-# Measured on pi, quickstart and flat_top (docs/results.md): further in the first steps than a spec's learning rate,
+# Measured on pi, cross and flat_top (docs/results.md): further in the first steps than a spec's learning rate,
 # which is for levels that are converged.
 _FIRST_RATE, _LEVEL_RATE = 1.5, 0.65  # of the spec's, and of a level's relative to that of the one before
 _AGAIN_RATE = 0.4  # of a level's, where that gained too little: its steps may have led astray
@@ -14,7 +14,7 @@ _LAST_RATE = 0.75  # of the first long stage, relative to its level's; half of i
 _UNIFORM_RATE = 0.3  # of the first stage for the uniformity, likewise
 _OF_IMAGES = 0.25  # exponent: with a square's 8 images 1.7 times as far, and 2.8 times in long stages; flat_top
 # Gradients of the narrow functions are 1e-2 to 3e-3 where light is, and a tenth of that at the rim, where noise then
-# takes them ten times as far. On quickstart this brings facets there a quarter to a third nearer to the face.
+# takes them ten times as far. On cross this brings facets there a quarter to a third nearer to the face.
 _LEAST_GRADIENT = 3e-4
 
 
