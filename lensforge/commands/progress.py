@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from lensforge.commands.rounded import duration
 from lensforge.commands.stage_clock import StageClock
+from lensforge.commands.stage_line import duration
 from lensforge.optimisation.design import Progress as Step
 from lensforge.results import REPORT_FILE, STAGES
 from lensforge.spec import Spec

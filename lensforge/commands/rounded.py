@@ -39,15 +39,3 @@ def figure(value: float, unit: str = "", digits: int = _PLAIN) -> str:
 def count(number: int) -> str:
     """A whole number, in groups of three."""
     return f"{number:,}"
-
-
-def duration(seconds: float) -> str:
-    """A time: "0.8 s", "47 s", "7 min 05 s", "1 h 12 min"."""
-    whole = round(seconds)
-    if seconds < 9.95:
-        return f"{seconds:.1f} s"
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60:02d} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

@@ -1,11 +1,15 @@
 """Progress on stderr: a line for each stage with its time; on a terminal the running stage has a clock.
 
-The clock is drawn by a thread of its own, so that it goes on whatever the stage computes. Elsewhere, as in a pipe,
-each stage is written once it has ended; a study writes how far it is every two seconds, too.
+The clock is drawn by a thread of its own, and by a process where a library keeps all threads waiting. Elsewhere, as in
+a pipe, each stage is written once it has ended; a study writes how far it is every two seconds, too.
 """
 
+import os
+import subprocess
+import sys
 import threading
 import time
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -13,12 +17,11 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from lensforge.commands import stage_line
 from lensforge.commands.printing import printable, warning_line
-from lensforge.commands.rounded import duration
 
 _FRAMES_PER_SECOND = 4
 _SILENT_SECONDS = 2.0  # of a study that writes into a pipe
-_NAME_COLUMNS, _TIME_COLUMNS = 12, 12
 
 
 class StageClock:
@@ -32,6 +35,7 @@ class StageClock:
         self._quiet, self._study = quiet, study
         self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
         self._live: Live | None = None
+        self._drawer: subprocess.Popen[bytes] | None = None
         self._ended = threading.Event()
 
     @property
@@ -51,6 +55,8 @@ class StageClock:
                 redirect_stderr=False,
             )
             self._live.start()
+            self._drawer = _drawer()
+            self._report()
         elif self._study and not self._quiet:
             threading.Thread(target=self._write_until_ended, daemon=True).start()
         return self
@@ -61,6 +67,9 @@ class StageClock:
         self._ended.set()
         if self._live is not None:
             self._live.stop()
+        if self._drawer is not None:
+            self._drawer.communicate()
+            self._drawer = None
         if error is None:
             self._write()
 
@@ -68,6 +77,7 @@ class StageClock:
         """End the stage that runs, and begin ``name``."""
         self._write()
         self._name, self._detail, self._left, self._began = name, detail, "", time.monotonic()
+        self._report()
 
     def end(self) -> None:
         """End the stage that runs; none begins."""
@@ -77,6 +87,7 @@ class StageClock:
     def show(self, detail: str, left: str = "") -> None:
         """Show how far the stage is, beside its time, and while it runs what is ``left``."""
         self._detail, self._left = detail, left
+        self._report()
 
     def head(self, words: str) -> None:
         """End the stage that runs, and write a line on the stages that follow."""
@@ -94,13 +105,20 @@ class StageClock:
 
     def _line(self) -> str:
         """Stage, its time, and how far it is."""
-        passed = duration(time.monotonic() - self._began)
-        return f"{printable(self._name):<{_NAME_COLUMNS}} {passed:>{_TIME_COLUMNS}}  {printable(self._detail)}".rstrip()
+        return stage_line.stage_line(printable(self._name), time.monotonic() - self._began, printable(self._detail))
 
     def _running(self) -> Text:
         """The line of the stage that runs, cut at the width of the terminal."""
+        self._report()
         line = f"{self._line()}, {self._left}" if self._left else self._line()
         return Text(line if self._name else "", no_wrap=True, overflow="ellipsis")
+
+    def _report(self) -> None:
+        """Tell the process that draws in place of this one that there is no need yet."""
+        if self._drawer is not None and self._drawer.stdin is not None:
+            line = printable(self._name), self._began, printable(self._detail), self._console.width
+            with suppress(OSError, ValueError):  # it has ended: the clock stands now and then
+                stage_line.report(self._drawer.stdin.fileno(), *line)
 
     def _write(self) -> None:
         """Write the line of the stage; on a terminal cut at its width, elsewhere in full."""
@@ -111,3 +129,17 @@ class StageClock:
     def _write_until_ended(self) -> None:
         while not self._ended.wait(_SILENT_SECONDS):
             self._write()
+
+
+def _drawer() -> "subprocess.Popen[bytes] | None":
+    """The process that draws where this one cannot; None where stderr is no terminal."""
+    if sys.platform == "win32" or not sys.stderr.isatty():
+        return None
+    try:
+        command = [sys.executable, "-I", "-S", stage_line.__file__]
+        drawer = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    except OSError:  # too many processes: a clock is not worth an error
+        return None
+    if drawer.stdin is not None:
+        os.set_blocking(drawer.stdin.fileno(), False)
+    return drawer

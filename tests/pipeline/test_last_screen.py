@@ -10,8 +10,9 @@ from click.testing import CliRunner, Result
 
 import lensforge as lf
 from lensforge.cli import cli
-from lensforge.commands.rounded import count, duration, figure
+from lensforge.commands.rounded import count, figure
 from lensforge.commands.screen import Block, print_screen
+from lensforge.commands.stage_line import duration
 from lensforge.commands.summary import summary
 
 _NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?")
