@@ -13,7 +13,7 @@ HEADLINE = ("flat_top", "flat_top_compact", "quickstart", "pi", "osram_pi")
 Row = tuple[str, ...]
 
 
-def shown(metric: dict[str, float | None] | None, digits: int) -> str:
+def stated(metric: dict[str, float | None] | None, digits: int) -> str:
     """A metric with its standard error: 0.965 ± 0.011, 0.9089 ± 3e-6."""
     if metric is None:
         return "–"
@@ -29,9 +29,9 @@ def row(name: str, found: dict[str, Any]) -> Row:
     search = f"{found['search_s']:.0f} s"
     return (
         name,
-        shown(found["uniformity"], 3),
-        shown(found["efficiency"], 4),
-        shown(found["nmse"], 5),
+        stated(found["uniformity"], 3),
+        stated(found["efficiency"], 4),
+        stated(found["nmse"], 5),
         f"{found['max_radius_mm']:.3f} / {found['height_mm']:.3f}",
         f"{found['functions']}, {found['steps']}",
         f"({search})" if found.get("beside_other_work") else search,
@@ -56,7 +56,7 @@ def flat_tops(designs: dict[str, Any]) -> str:
     full, compact = designs["flat_top"], designs["flat_top_compact"]
 
     def line(label: str, paper: str, key: str, digits: int) -> Row:
-        return label, paper, shown(full[key], digits), shown(compact[key], digits)
+        return label, paper, stated(full[key], digits), stated(compact[key], digits)
 
     rows = [
         line("uniformity (min/mean, 1155 × 1155 mm)", "0.93", "uniformity", 3),

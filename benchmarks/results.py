@@ -13,12 +13,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from result_tables import fill, row, table
+from result_tables import fill, row, stated, table
 
 import lensforge as lf
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures.json"
+
+
+def shown(metric: lf.Metric | None, digits: int) -> str:
+    """A metric with its standard error, as the tables of the pages have it."""
+    return stated(_metric(metric), digits)
 
 
 def _metric(metric: lf.Metric | None) -> dict[str, float | None] | None:

@@ -16,7 +16,7 @@ LIMIT_S = 1800  # for a cell, on a machine that does other work, too
 
 
 def execute(path: Path, target: Path) -> float:
-    """Run the notebook at ``path`` in an empty folder, write it with its results to ``target``, and return the seconds."""
+    """Run the notebook at ``path`` in an empty folder, write it with its results to ``target``; the seconds."""
     notebook = nbformat.read(path, as_version=4)
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
