@@ -20,6 +20,7 @@ project_copyright = "the authors of lensforge"
 extensions = ["sphinx.ext.autodoc", "sphinx.ext.viewcode", "myst_nb"]
 html_math_renderer = "mathml"
 html_theme = "furo"  # maintained, readable on a telephone, one small dependency
+highlight_language = "none"  # of blocks that name none: shell, screens, drawings
 html_title = f"lensforge {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

@@ -42,7 +42,7 @@ def test_a_wrong_field_in_a_block_is_found() -> None:
         parse_spec(whole(tomllib.loads("[manufacture]\ncuter_radius_mm = 1.0")), "a page")
 
 
-def _library_names(tree: ast.AST) -> list[ast.Attribute]:
+def library_names(tree: ast.AST) -> list[ast.Attribute]:
     return [
         node
         for node in ast.walk(tree)
@@ -52,7 +52,7 @@ def _library_names(tree: ast.AST) -> list[ast.Attribute]:
 
 def _check_call(node: ast.Call, place: str) -> None:
     """Arguments of a verb are those that it takes."""
-    if not (isinstance(node.func, ast.Attribute) and node.func in _library_names(node)):
+    if not (isinstance(node.func, ast.Attribute) and node.func in library_names(node)):
         return
     named = getattr(lf, node.func.attr)
     known = set(named.model_fields if hasattr(named, "model_fields") else inspect.signature(named).parameters)
@@ -63,7 +63,7 @@ def _check_call(node: ast.Call, place: str) -> None:
 @pytest.mark.parametrize("block", blocks("python"), ids=lambda block: block.place)
 def test_a_python_block_names_what_the_library_has(block: Block) -> None:
     tree = ast.parse(block.text)
-    for name in _library_names(tree):
+    for name in library_names(tree):
         assert hasattr(lf, name.attr), f"{block.place}: lf.{name.attr}"
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
@@ -72,7 +72,7 @@ def test_a_python_block_names_what_the_library_has(block: Block) -> None:
 
 def _is_quick(block: Block) -> bool:
     """True where a block uses the library, and nothing slow of it."""
-    names = {name.attr for name in _library_names(ast.parse(block.text))}
+    names = {name.attr for name in library_names(ast.parse(block.text))}
     return bool(names) and not SLOW & names
 
 
