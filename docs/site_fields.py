@@ -34,7 +34,7 @@ def short_type(annotation: Any) -> str:
 
 
 def _entry(name: str, words: str, kind: str) -> str:
-    return f":ivar {name}: {' '.join(words.split())} *({kind})*"
+    return " ".join(f":ivar {name}: {words} *({kind})*".split())
 
 
 def field_lines(model: type) -> list[str]:
