@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test nightly lowest lint bench setup clean
+.PHONY: demo test nightly lowest wheel docs notebooks lint bench setup clean
 
 demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
 	$(BIN)/lensforge design examples/quickstart.toml
@@ -10,7 +10,7 @@ demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstar
 test: setup  ## the whole test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-nightly: setup lowest  ## the suite with 500 times as many random cases, all slow tests, the lowest versions: hours
+nightly: setup lowest wheel docs notebooks  ## the suite with 500 times as many random cases, all slow tests: hours
 	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2 --dist loadfile
 	$(BIN)/python benchmarks/fuzz.py --cases 100000 --foreign 2000
 
@@ -22,6 +22,15 @@ lowest:  ## a draft and all stages with the lowest version of each dependency th
 	for stage in "export --schema AP242" check "verify --stray" handover photometry report; do \
 		build/lowest/bin/lensforge $$stage build/lowest_run || exit 1; \
 	done
+
+wheel:  ## the wheel, tried in an empty environment outside the checkout, without make
+	PYTHON=$(PYTHON) .ci/wheel
+
+docs: setup  ## the site in build/site, warnings as errors
+	$(BIN)/sphinx-build -W --keep-going -n -q docs build/site
+
+notebooks: setup  ## every notebook of examples/, executed into build/notebooks: minutes
+	$(BIN)/python docs/run_notebooks.py
 
 lint: setup  ## style and types
 	$(BIN)/ruff check --no-cache .

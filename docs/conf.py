@@ -1,0 +1,64 @@
+"""Sphinx settings of the site: `make docs` builds docs/ into build/site."""
+
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "docs"))
+
+from site_fields import show_types_shortly  # noqa: E402
+from site_math import add_renderer  # noqa: E402
+
+from lensforge.version import __version__  # noqa: E402
+
+project = "lensforge"
+version = release = __version__
+project_copyright = "the authors of lensforge"
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.viewcode", "myst_nb"]
+html_math_renderer = "mathml"
+html_theme = "furo"  # maintained, readable on a telephone, one small dependency
+highlight_language = "none"  # of blocks that name none: shell, screens, drawings
+html_title = f"lensforge {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_copyright = False
+html_theme_options = {"navigation_with_keys": True}
+
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "attrs_inline"]
+myst_heading_anchors = 4
+suppress_warnings = ["myst.header"]  # pages that include a part of README.md begin with its second level
+nb_execution_mode = "off"  # notebooks are executed in the nightly run, and stored with their results
+nb_merge_streams = True
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_default_options = {"members": True, "inherited-members": "BaseModel,Exception,tuple"}
+python_use_unqualified_type_names = True
+nitpicky = True
+# Types of other libraries: their pages cannot be asked without a network. Our own are checked.
+nitpick_ignore_regex = [
+    ("py:.*", r"Axes|ndarray|Figure|Path|products|drawn_to_mean|None|NoneType"),
+    ("py:.*", r"(?!lensforge\.[A-Z])\w+\..*"),
+]
+
+
+def copy_notebooks() -> None:
+    """Put the notebooks of examples/ where Sphinx finds them; git ignores the copies."""
+    folder = ROOT / "docs" / "notebooks"
+    folder.mkdir(exist_ok=True)
+    for notebook in sorted((ROOT / "examples").glob("*.ipynb")):
+        text = notebook.read_text(encoding="utf-8").replace("../docs/", "../")  # links that hold in examples/, too
+        (folder / notebook.name).write_text(text, encoding="utf-8")
+
+
+copy_notebooks()
+
+
+def setup(app: Sphinx) -> None:
+    """Shorten what autodoc prints of pydantic's fields, and write formulas as MathML."""
+    show_types_shortly(app)
+    add_renderer(app)

@@ -1,0 +1,110 @@
+"""Every `lensforge` command on a page is one that the command line takes; scripts and make targets are there."""
+
+import re
+from pathlib import Path
+
+import click
+import pytest
+from page_text import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
+
+from lensforge.cli import cli
+
+PLACEHOLDERS = {"COMMAND", "SPEC.toml"}
+SHELL = blocks("", "console", "bash", "sh")
+OPTIONS_OF_OTHERS = {"--version", "--help"}
+
+
+def check(arguments: list[str], place: str) -> None:
+    """Parse the arguments of a `lensforge` command; the values of choices are looked at, files are not."""
+    if not arguments or arguments[0].startswith("-") or arguments[0] in PLACEHOLDERS:
+        return
+    names = [name for name in arguments[0].split("|") if name]
+    for name in names:
+        assert name in cli.commands, f"{place}: lensforge {name}"
+        command = cli.commands[name]
+        context = click.Context(command, info_name=name)
+        try:
+            values, _, _ = command.make_parser(context).parse_args(arguments[1:].copy())
+        except click.UsageError as error:
+            raise AssertionError(f"{place}: lensforge {' '.join(arguments)}: {error.format_message()}") from None
+        _check_choices(command, values, place)
+
+
+def _check_choices(command: click.Command, values: dict[str, object], place: str) -> None:
+    for option in command.params:
+        value = values.get(option.name or "")
+        if isinstance(option.type, click.Choice) and isinstance(value, str):
+            for each in value.split("|"):
+                assert each in option.type.choices, f"{place}: {option.opts[0]} {each}"
+
+
+def test_commands_in_blocks_are_taken() -> None:
+    found = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "lensforge")]
+    assert len(found) > 30
+    for place, words in found:
+        check(words, place)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_commands_and_options_in_sentences_are_taken(page: Path) -> None:
+    if page.stem == "CHANGELOG":
+        return
+    for span in spans(page):
+        if span.startswith("lensforge "):
+            check(re.sub(r"[…\[\]]", "", span).split()[1:], name_of(page))
+        elif span.startswith("--"):
+            option = re.split(r"[ =,]", span)[0]
+            assert option in ALL_OPTIONS or _of_a_script(option), f"{name_of(page)}: {option}"
+
+
+ALL_OPTIONS = OPTIONS_OF_OTHERS | {
+    name
+    for command in cli.commands.values()
+    for option in command.params
+    for name in (*option.opts, *option.secondary_opts)
+}
+
+
+def _of_a_script(option: str) -> bool:
+    scripts = [*(ROOT / "benchmarks").rglob("*.py"), *(ROOT / "docs").glob("*.py")]
+    return any(f'"{option}"' in script.read_text(encoding="utf-8") for script in scripts)
+
+
+def test_options_in_the_table_of_commands_belong_to_their_commands() -> None:
+    rows = re.findall(
+        r"^\| `lensforge ([a-z]+)[^|]*\|(.*)\|$", prose(ROOT / "README.md").replace("\\|", ","), re.MULTILINE
+    )
+    assert len(rows) == len(cli.commands)
+    for name, text in rows:
+        known = {opt for option in cli.commands[name].params for opt in (*option.opts, *option.secondary_opts)}
+        for option in re.findall(r"`(--[a-z-]+)", text):
+            assert option in known, f"README.md: lensforge {name} {option}"
+
+
+def test_an_option_that_does_not_exist_is_found() -> None:
+    with pytest.raises(AssertionError, match="--rayz"):
+        check(["evaluate", "DIR", "--rayz", "10"], "a page")
+    with pytest.raises(AssertionError, match="AP999"):
+        check(["export", "DIR", "--schema", "AP999"], "a page")
+
+
+def test_scripts_that_pages_name_are_there_with_their_options() -> None:
+    found = [(block.place, words) for block in SHELL for words in shell_commands(block.text, "python")]
+    spans_of = [
+        (name_of(page), span.split()[1:]) for page in PAGES for span in spans(page) if span.startswith("python ")
+    ]
+    scripts = [(place, words) for place, words in found + spans_of if words and words[0].endswith(".py")]
+    assert len(scripts) > 15
+    for place, (script, *rest) in scripts:
+        assert (ROOT / script).is_file(), f"{place}: {script}"
+        text = (ROOT / script).read_text(encoding="utf-8")
+        for option in (word.split("=")[0] for word in rest if word.startswith("--")):
+            assert f'"{option}"' in text, f"{place}: {script} {option}"
+
+
+def test_make_targets_that_pages_name_are_there() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = {(name_of(page), name) for page in PAGES for name in re.findall(r"`make (\w+)", prose(page))}
+    named |= {(block.place, words[0]) for block in SHELL for words in shell_commands(block.text, "make") if words}
+    for place, target in named:
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), f"{place}: make {target}"

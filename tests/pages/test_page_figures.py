@@ -1,0 +1,130 @@
+"""Figures on the pages are those of stored results: docs/figures.json, docs/gallery.json, docs/earlier_figures.json."""
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_tables import tables
+from page_text import ROOT
+from result_tables import TABLES, filled
+
+sys.path.append(str(ROOT / "docs"))
+import make_architecture
+import make_gallery
+
+DESIGNS: dict[str, Any] = json.loads((ROOT / "docs" / "figures.json").read_text(encoding="utf-8"))["designs"]
+EARLIER = json.loads((ROOT / "docs" / "earlier_figures.json").read_text(encoding="utf-8"))["tables"]
+
+
+def text_of(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def rounded(shown: str, value: float) -> bool:
+    """True where ``shown`` is ``value``, rounded to the digits that it has."""
+    number = shown.replace(",", "")
+    digits = len(number.partition(".")[2])
+    return f"{value:.{digits}f}" == number
+
+
+def expected(design: dict[str, Any]) -> dict[str, float]:
+    """Figures of a screen, by the words before them."""
+    return {
+        r"Error \(NMSE\) +": design["nmse"]["value"],
+        r"Error \(NMSE\) +[\d.]+ ± ": design["nmse"]["standard_error"],
+        r"Efficiency +": 100 * design["efficiency"]["value"],
+        r"Efficiency +[\d.]+ ± ": 100 * design["efficiency"]["standard_error"],
+        r"\(possible: ": 100 * design["possible_efficiency"],
+        r"Form error +": design["form_error_nm"],
+        r"at most, normals ": design["normal_error_mrad"],
+        r"part and design land ": 1e3 * design["deviation_mm"],
+    }
+
+
+@pytest.mark.parametrize(("page", "name"), [("README.md", "quickstart"), ("docs/first_lens.md", "lamp")])
+def test_the_screen_on_a_page_is_that_of_the_stored_design(page: str, name: str) -> None:
+    screen = re.search(r"^(?:\w+: .*\n)?Light: .*?```", text_of(page), flags=re.MULTILINE | re.DOTALL)
+    assert screen
+    seen = 0
+    for words, value in expected(DESIGNS[name]).items():
+        for shown in re.findall(words + r"([\d.]+\d)", screen[0]):
+            assert rounded(shown, value), f"{page}: {words} {shown}, stored {value}"
+            seen += 1
+    assert seen >= 5
+
+
+SENTENCES = [
+    ("README.md", r"lens of ([\d,]+) spherical", 2 * DESIGNS["quickstart"]["functions"]),
+    ("docs/first_lens.md", r"by an NMSE of ([\d.]+\d)", DESIGNS["lamp"]["nmse"]["value"]),
+    ("docs/first_lens.md", r"and ([\d.]+) % of the light arrives", 100 * DESIGNS["lamp"]["efficiency"]["value"]),
+    ("docs/first_lens.md", r"arrives, of ([\d.]+) %", 100 * DESIGNS["lamp"]["possible_efficiency"]),
+    ("docs/results.md", r"Without a budget the π ends at ([\d.]+\d)", DESIGNS["pi"]["nmse"]["value"]),
+    ("docs/results.md", r"π ends at [\d.]+\d and the cross at ([\d.]+\d)", DESIGNS["quickstart"]["nmse"]["value"]),
+]
+
+
+@pytest.mark.parametrize(("page", "words", "value"), SENTENCES)
+def test_a_sentence_has_the_stored_figure(page: str, words: str, value: float) -> None:
+    found = re.findall(words, text_of(page).replace("\n", " "))
+    assert found, f"{page}: {words}"
+    for shown in found:
+        assert rounded(shown, value), f"{page}: {shown}, stored {value}"
+
+
+@pytest.mark.parametrize("page", TABLES)
+def test_tables_are_as_filled_from_the_stored_designs(page: str) -> None:
+    assert filled(text_of(page), page, DESIGNS) == text_of(page), "python benchmarks/results.py --fill"
+
+
+@pytest.mark.parametrize("page", ["docs/results.md", "docs/speed.md"])
+def test_every_other_table_has_the_figures_of_the_earlier_record(page: str) -> None:
+    stored = [(table["heading"], [tuple(row) for row in table["rows"]]) for table in EARLIER if table["page"] == page]
+    shown = [(table.heading, list(table.rows)) for table in tables(ROOT / page) if not table.filled]
+    assert shown == stored
+
+
+def test_the_table_of_machines_has_the_figures_of_the_earlier_record() -> None:
+    (stored,) = (table for table in EARLIER if table["page"] == "README.md")
+    (shown,) = (table for table in tables(ROOT / "README.md") if table.heading == stored["heading"])
+    assert [list(row) for row in shown.rows] == stored["rows"]
+
+
+def test_every_stored_design_says_when_and_how_it_was_made() -> None:
+    for name, found in DESIGNS.items():
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d", found["date"]), name
+        assert re.fullmatch(r"[0-9a-f]{7,}", found["commit"]), name
+        assert "lensforge " in found["command"] or "benchmarks/" in found["command"], name
+
+
+def test_the_gallery_shows_every_shipped_spec() -> None:
+    folder = ROOT / "examples"
+    shipped = {str(path.relative_to(folder).with_suffix("")) for path in folder.rglob("*.toml")}
+    assert set(make_gallery.names()) == shipped
+    figures = json.loads(text_of("docs/gallery.json"))
+    assert set(figures) == shipped
+    assert make_gallery.page(figures) == text_of("docs/gallery.md"), "python docs/make_gallery.py --page"
+    for name in shipped:
+        assert make_gallery.picture(name).is_file()
+
+
+def test_the_picture_of_the_packages_is_that_of_the_imports() -> None:
+    graph = make_architecture.packages(make_architecture.imports())
+    again = "python docs/make_architecture.py"
+    assert make_architecture.drawing(graph) == text_of("docs/architecture.svg"), again
+    page = text_of("docs/architecture.md")
+    assert make_architecture.filled(page, graph) == page, again
+
+
+def test_a_figure_that_is_not_the_stored_one_is_found() -> None:
+    wrong = text_of("docs/results.md").replace("| quickstart | – | 0.89", "| quickstart | – | 0.99")
+    assert wrong != text_of("docs/results.md")
+    assert filled(wrong, "docs/results.md", DESIGNS) != wrong
+    assert rounded("0.0004", 0.000423) and not rounded("0.0005", 0.000423)
+
+
+def test_earlier_figures_are_of_pages_that_are_there() -> None:
+    assert {table["page"] for table in EARLIER} == {"README.md", "docs/results.md", "docs/speed.md"}
+    assert all(Path(ROOT / table["page"]).is_file() for table in EARLIER)
