@@ -5,7 +5,7 @@ and through that of the part without one, always the same rays; prints the rows 
 target on the first receiver, on 32 pixels along its longer side, where ray noise is small; the change is the NMSE of
 the picture against the one without base.
 
-python benchmarks/base_effect.py cad_out/flat_top cad_out/pi cad_out/quickstart
+python benchmarks/base_effect.py cad_out/flat_top cad_out/pi cad_out/cross
 """
 
 import sys

@@ -3,7 +3,7 @@
     python benchmarks/optional_features.py DIR [--rays 262144] [--repeat 5]
 
 DIR is a finished result folder of a spec with a symmetric lens, such as
-cad_out/quickstart. On: processor time of the stage with the feature over that without it, the least of the repeats on
+cad_out/cross. On: processor time of the stage with the feature over that without it, the least of the repeats on
 one thread. Off: the share of the profiled time of the same stage that is spent in the feature's own modules.
 """
 

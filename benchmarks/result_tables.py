@@ -9,7 +9,7 @@ COLUMNS = (
     "design", "uniformity", "efficiency", "NMSE", "r_max / height (mm)", "functions a surface, steps", "search",
     "STEP form / normal",
 )  # fmt: skip
-HEADLINE = ("flat_top", "flat_top_compact", "quickstart", "pi", "osram_pi")
+HEADLINE = ("flat_top", "flat_top_compact", "quickstart", "cross", "pi", "osram_pi")
 Row = tuple[str, ...]
 
 

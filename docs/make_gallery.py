@@ -17,7 +17,7 @@ EXAMPLES = DOCS.parent / "examples"
 PICTURES, FIGURES, PAGE = DOCS / "gallery", DOCS / "gallery.json", DOCS / "gallery.md"
 RAYS = 2**20
 GROUPS = {
-    "The first ones": ("quickstart", "rectangle", "text", "image"),
+    "The first ones": ("quickstart", "cross", "rectangle", "text", "image"),
     "The paper's": ("flat_top", "flat_top_compact", "pi", "plus"),
     "For the shop": ("flat_top_milled", "robust_pi", "fixed_inner", "fixed_outer", "fixed_step_face"),
     "Real LEDs": ("led_rayfile", "led_colours", "osram_pi", "chip_array"),

@@ -28,7 +28,7 @@ def panel(source: Figure | bytes) -> Image.Image:
     """A figure or a PNG as a picture of the common height, on white."""
     if isinstance(source, Figure):
         buffer = BytesIO()
-        source.savefig(buffer, format="png", dpi=200, facecolor="white")
+        source.savefig(buffer, format="png", dpi=200, facecolor="white", bbox_inches="tight")
         source = buffer.getvalue()
     picture = Image.open(BytesIO(source)).convert("RGBA")
     ground = Image.new("RGBA", picture.size, WHITE)
