@@ -24,11 +24,17 @@ _ZONES = {
 
 @dataclass(frozen=True)
 class ShownPhotometry:
-    """Facts by their title, pictures, and a sentence on the conditions."""
+    """Facts by their title, pictures, and a sentence on the conditions; the ``long`` tables may be folded away."""
 
     sentence: str
     tables: dict[str, list[Fact]]
     pictures: list[PagePicture]
+    long: tuple[str, ...] = ()
+
+    @property
+    def folded(self) -> str:
+        """Title of what is folded away: the pictures but the first, and the long tables."""
+        return ", ".join([*(each.title for each in self.pictures[1:]), *(title.lower() for title in self.long)])
 
 
 def photometry_section(results: Results) -> ShownPhotometry | None:
@@ -43,7 +49,8 @@ def photometry_section(results: Results) -> ShownPhotometry | None:
     far = {"Far field": list(_far_field_facts(found))}
     if found.road is not None:
         far |= {"Lamp": list(_lamp_facts(found.road, section)), "Zones": _zone_facts(found.road)}
-    return ShownPhotometry(_sentence(found), far | tables, _pictures(found, section))
+    long = tuple(title for title in ("Zones",) if title in far)
+    return ShownPhotometry(_sentence(found), far | tables, _pictures(found, section), long)
 
 
 def _sentence(found: Photometry) -> str:
