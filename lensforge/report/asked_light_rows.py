@@ -33,7 +33,7 @@ class AskedRow:
     """A figure that was asked for, with what came out and what is possible; ``–`` where one of them is not known.
 
     ``note``: of the name; ``passes``: bound by which it is judged, where that is not what was asked; ``law``: by which
-    no more is possible; ``word``: for a state that is none of pass, fail and undecided.
+    no more is possible.
     """
 
     name: str
@@ -44,7 +44,6 @@ class AskedRow:
     passes: str = ""
     possible: str = NOTHING
     law: str = ""
-    word: str = ""
 
 
 def light_rows(results: Results) -> list[AskedRow]:
@@ -95,7 +94,7 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
         note="squared distance from the target, over the target squared",
         asked="0",
         passes=f"passes up to {number(LARGEST_NMSE)}" if judged else "",
-        got=number_with_error(nmse, 3),
+        got=number_with_error(nmse, 4),
         state=_state(nmse.value - LARGEST_NMSE, nmse.standard_error) if judged else "",
         possible=f"≥ {number(possible.nmse, 2)}",
         law=f"{about}étendue of each pixel, for the light that arrives",

@@ -92,10 +92,10 @@ def _table_cards(results: Results) -> Iterator[Card]:
         return
     first, left = light.first, light.preset_error.evaluation
     noise = "" if first.nmse_of_noise is None else f"; ray noise {number(first.nmse_of_noise, 2)}"
-    off = first.chart.labelled(left.hit_mm.value)
+    off, gap = first.chart.labelled(left.hit_mm.value), "" if first.chart.far_field else " "
     note = (
         f"{_error(left.irradiance_nmse)}NMSE that the tables of --accuracy {results.lens.accuracy} add "
-        f"to the light of the exact surfaces; hits {number(off, 2)} {first.chart.unit} off (rms){noise}"
+        f"to the light of the exact surfaces; hits {number(off, 2)}{gap}{first.chart.unit} off (rms){noise}"
     )
     yield Card("Simulation error", number(left.irradiance_nmse.value, 2), "", note)
 

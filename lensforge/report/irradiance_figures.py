@@ -44,9 +44,7 @@ def irradiance_map(
     """
     frame = frame or chart
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
-    shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top)
-    frame.label(axes)
-    _frame(axes, frame)
+    shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top, frame)
     _draw_angles(axes, chart, _ON_DARK)
     if outline is not None and min(outline.shape) > 1 and outline.max() > 0.0:
         line = drawn(outline)
@@ -100,13 +98,16 @@ def drawn(image: Image) -> Float[np.ndarray, "q s"]:
     return np.asarray(picture.resize((size[0], size[1]), PictureFile.Resampling.BOX), dtype=np.float64)
 
 
-def _show(axes: Axes, image: Image, chart: Chart, colours: str, low: float, high: float) -> AxesImage:
+def _show(
+    axes: Axes, image: Image, chart: Chart, colours: str, low: float, high: float, frame: Chart | None = None
+) -> AxesImage:
     axes.spines[:].set_visible(False)
     shown = axes.imshow(
         drawn(image), origin="lower", extent=chart.extent, cmap=colours, vmin=low, vmax=high, interpolation="none"
     )
-    chart.label(axes)
-    _frame(axes, chart)
+    frame = frame or chart
+    frame.label(axes)
+    _frame(axes, frame)
     return shown
 
 

@@ -39,8 +39,10 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
     """The page on ``results``; ``folder``: that of the results, whose files and snapshots of the search are shown.
 
-    ``beside``: the page will lie in that folder, so that it may have links to the files. The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an
-    STL that is no mesh, or a file that cannot be read.
+    ``beside``: the page will lie in that folder, so that it may have links to the files.
+
+    The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an STL that is
+    no mesh, or a file that cannot be read.
     """
     part = results.find(Part)
     if part is None:

@@ -8,7 +8,7 @@ from lensforge.records import Image
 _WANTED, _LANDED = 0.01, 0.05  # of the target's peak: darker places need not be seen
 _MARGIN = 1.2  # of the frame over what it holds
 _WORTH = 0.85  # of the receiver's sides: a frame that cuts less away is no gain
-_FLATTEST = 0.5  # shorter over longer side
+_FLATTEST = 0.5  # height over width; at most it is 1, where the receiver is wide enough
 
 
 def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
@@ -23,7 +23,7 @@ def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
     rows, columns = lit.shape
     wide = _MARGIN * _reach(chart.x(columns), lit.any(axis=0), chart.width / columns)
     high = _MARGIN * _reach(chart.y(rows), lit.any(axis=1), chart.height / rows)
-    width, height = min(chart.width, max(wide, _FLATTEST * high)), min(chart.height, max(high, _FLATTEST * wide))
+    width, height = min(chart.width, max(wide, high)), min(chart.height, max(high, _FLATTEST * wide))
     if width > _WORTH * chart.width and height > _WORTH * chart.height:
         return chart
     return Chart(width, height, chart.far_field)

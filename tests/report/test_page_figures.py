@@ -190,10 +190,10 @@ def test_the_section_is_to_scale(azimuth):
     drawn = labelled(axes)
     width = {0.0: 2.0, 90.0: 3.0}[azimuth]
     assert drawn["source"].get_xdata().tolist() == [-0.5 * width, 0.5 * width]
-    paraboloid = drawn["cavity limit"].get_xydata()
+    paraboloid = drawn["room for the LED"].get_xydata()
     assert paraboloid[0] == pytest.approx([-1.5, 0.0])
     assert paraboloid.max(axis=0) == pytest.approx([1.5, 1.0])
-    assert np.hypot(*drawn["radius limit"].get_xydata().T) == pytest.approx(11.0)
+    assert np.hypot(*drawn["largest distance"].get_xydata().T) == pytest.approx(11.0)
     assert axes.get_aspect() == 1.0
 
 
