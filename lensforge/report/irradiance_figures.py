@@ -19,7 +19,7 @@ from lensforge.report.figure_style import INK, NARROW, add_colour_bar, in_report
 from lensforge.report.numerals import number
 
 ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
-MOST_DRAWN = 512  # pixels along the longer side of a map: more than a screen shows in a third of its width
+MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width
 _ROUNDED = 1.0 + 1e-9  # of the top of a scale: an image that just reaches it is not beyond
 _VALUES_FIT = 0.7  # height over width of the axes: the values of the isolines stand beside them
 _ON_DARK, _ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
