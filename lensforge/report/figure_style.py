@@ -83,7 +83,7 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def new_map(
-    width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
+    width: float = NARROW, left: float = 0.6, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
 ) -> tuple[Figure, Axes, Axes]:
     """A figure with axes and a colour bar of their height, at fixed positions so that neighbours line up.
 

@@ -47,9 +47,9 @@ def receiver_pictures(results: Results) -> list[ReceiverPictures]:
 
 
 def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
-    """All maps of the first receiver are seen at once, of the others the light: the page stays short."""
+    """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
     maps, rest = _maps(shown, whole), (_lines(shown), _flux(shown))
-    if shown.index == 0:
+    if not shown.several:
         return ReceiverPictures(shown.heading, maps, rest)
     wanted, lit, difference = maps
     return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))

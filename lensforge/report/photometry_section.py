@@ -67,8 +67,7 @@ def _far_field_facts(found: Photometry) -> Iterator[Fact]:
     yield "peak intensity", _words(found.peak_cd)
     yield "direction of the peak", place
     yield "intensity on the axis", _words(found.axis_cd)
-    for words, beam in (("C 0 – C 180", found.beam_c0), ("C 90 – C 270", found.beam_c90)):
-        name = words.replace(" ", "\u00a0")
+    for name, beam in (("C 0 – C 180", found.beam_c0), ("C 90 – C 270", found.beam_c90)):
         yield f"beam angle (50 %), {name}", _words(beam.beam_angle_deg)
         yield f"field angle (10 %), {name}", _words(beam.field_angle_deg)
 
