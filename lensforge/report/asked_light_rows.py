@@ -11,6 +11,7 @@ from lensforge.evaluation.limit_result import LimitResult, LimitState
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, number, number_with_error, percent, percent_with_error
+from lensforge.report.possible_limits import PossibleLimit, possible_limits
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers
 from lensforge.results import Results
 
@@ -52,11 +53,12 @@ def light_rows(results: Results) -> list[AskedRow]:
     if light is None:
         return []
     transmitted, judged = transmittance_of(results.lens.media), not results.spec.limits
-    limits = [_limit_row(limit, several=len(shown) > 1) for limit in light.limits]
+    bounds = possible_limits(results.spec) if light.limits else {}
+    limits = [_limit_row(each, bounds.get((each.name, each.bound)), several=len(shown) > 1) for each in light.limits]
     return limits + [row for each in shown for row in _on_receiver(each, transmitted, judged)]
 
 
-def _limit_row(limit: LimitResult, several: bool) -> AskedRow:
+def _limit_row(limit: LimitResult, possible: PossibleLimit | None, several: bool) -> AskedRow:
     def with_unit(words: str) -> str:
         return f"{words}{'' if limit.unit == '°' else ' '}{limit.unit}".rstrip()
 
@@ -68,6 +70,8 @@ def _limit_row(limit: LimitResult, several: bool) -> AskedRow:
         asked=f"{_SIGNS[limit.sense]} {with_unit(number(limit.bound, 4))}",
         got=with_unit(number_with_error(plain, 4)),
         state=_STATES[limit.state],
+        possible=NOTHING if possible is None else possible.words,
+        law="" if possible is None else possible.law,
     )
 
 

@@ -1,6 +1,7 @@
 """The part of a receiver that a picture frames: where light is wanted, and where much of it lands."""
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from lensforge.figures.chart import Chart
 from lensforge.records import Image
@@ -21,14 +22,14 @@ def lit_frame(target: Image, reached: Image, chart: Chart) -> Chart:
     if not peak > 0.0 or not lit.any():
         return chart
     rows, columns = lit.shape
-    wide = _MARGIN * _reach(chart.x(columns), lit.any(axis=0), chart.width / columns)
-    high = _MARGIN * _reach(chart.y(rows), lit.any(axis=1), chart.height / rows)
+    wide = _MARGIN * _reach(chart.x(columns), np.asarray(lit.any(axis=0)), chart.width / columns)
+    high = _MARGIN * _reach(chart.y(rows), np.asarray(lit.any(axis=1)), chart.height / rows)
     width, height = min(chart.width, max(wide, high)), min(chart.height, max(high, _FLATTEST * wide))
     if width > _WORTH * chart.width and height > _WORTH * chart.height:
         return chart
     return Chart(width, height, chart.far_field)
 
 
-def _reach(centres: np.ndarray, lit: np.ndarray, pitch: float) -> float:
+def _reach(centres: Float[np.ndarray, " k"], lit: Bool[np.ndarray, " k"], pitch: float) -> float:
     """Length, centred, that holds the ``lit`` pixels."""
     return 2.0 * float(np.abs(centres[lit]).max()) + pitch

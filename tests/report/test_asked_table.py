@@ -1,6 +1,7 @@
 """The first table of the page: what was asked for, what came out, what is possible, and the judgement."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,24 +11,28 @@ from result_folders import criterion, finding, make_results, small_lens
 import lensforge
 from lensforge.evaluation.limit_result import LimitResult
 from lensforge.lens import Lens
+from lensforge.optimisation.asked_light import asked_light
 from lensforge.records import Metric
 from lensforge.report.asked_light_rows import light_rows
 from lensforge.report.asked_table import asked_rows
 from lensforge.report.criterion_words import criterion_words
+from lensforge.report.numerals import number
+from lensforge.sources.build import build_source
 from lensforge.spec import parse_spec
+from lensforge.spec.ray_source import RayfileSource
 
 WORST = {"fail": 2, "open": 1, "pass": 0, "": 0}
 STATES = {"fail": "fail", "undecided": "open", "pass": "pass"}
 
 
 def limited(state_value: float) -> tuple[Lens, LimitResult]:
-    """A lens with a limit of 60 cd on the axis, and the judgement of a light of ``state_value`` there."""
+    """A lens with a limit of 60 W/m^2 on the axis, and the judgement of a light of ``state_value`` there."""
     limit = {"kind": "points", "name": "HV", "at_mm": [[0, 0]], "at_least_w_per_m2": 60.0}
     lens = small_lens()
     spec = parse_spec(lens.spec.model_dump(exclude_unset=True) | {"limits": [limit]}, "test")
     result = LimitResult(
-        name="HV", receiver="light", quantity="light", value=Metric(value=state_value, unit="cd", standard_error=0.5),
-        sense=">=", bound=60.0, unit="cd",
+        name="HV", receiver="light", quantity="light", value=Metric(value=state_value, unit="W/m²", standard_error=0.5),
+        sense=">=", bound=60.0, unit="W/m²",
     )  # fmt: skip
     return Lens(lens.inner, lens.outer, spec, lens.seed, lens.accuracy), result
 
@@ -66,8 +71,8 @@ def test_limits_come_first_and_alone_decide(value, state, word):
     lens, limit = limited(value)
     results = make_results(lens=lens, evaluate={"limits": (limit,), "nmse": Metric(value=0.9, standard_error=1e-3)})
     first, *others = light_rows(results)
-    assert (first.name, first.note, first.asked, first.state) == ("HV", "luminous intensity", "≥ 60 cd", state)
-    assert first.got == f"{value:g} ± 0.5 cd"
+    assert (first.name, first.note, first.asked, first.state) == ("HV", "irradiance", "≥ 60 W/m²", state)
+    assert first.got == f"{value:g} ± 0.5 W/m²"
     assert not any(row.state or row.passes for row in others)
     assert word in text_of(results)
 
@@ -109,3 +114,20 @@ def test_every_criterion_has_words():
     assert {name for name in names if criterion_words(name) in (name, name.replace("_", " "))} == set()
     assert criterion_words("far: form_error") == "far: form of the optical faces in the STEP file"
     assert criterion_words("of_tomorrow") == "of tomorrow"
+
+
+def test_what_étendue_leaves_for_a_limit_stands_beside_it():
+    lens, limit = limited(65.0)
+    row, *_ = light_rows(make_results(lens=lens, evaluate={"limits": (limit,)}))
+    _, (asked,) = asked_light(lens.spec, build_source(lens.spec.source))
+    assert asked.possible > 60.0
+    assert row.possible == f"≤ {number(asked.possible, 3)} W/m²" and row.law == "étendue"
+    upper = limit.model_copy(update={"sense": "<=", "bound": 90.0})
+    assert light_rows(make_results(lens=lens, evaluate={"limits": (upper,)}))[0].possible == "–"
+
+
+def test_of_a_ray_file_that_is_elsewhere_nothing_is_said():
+    lens, limit = limited(65.0)
+    source = RayfileSource(file=Path("/somewhere/led.tm25ray"))
+    lens = replace(lens, spec=lens.spec.model_copy(update={"source": source}))
+    assert light_rows(make_results(lens=lens, evaluate={"limits": (limit,)}))[0].possible == "–"
