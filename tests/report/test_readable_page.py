@@ -42,6 +42,10 @@ def started():
         yield found
 
 
+def test_the_page_can_be_sent_by_mail(page):
+    assert page.stat().st_size <= 2_000_000
+
+
 @pytest.mark.parametrize("width", HIGHEST)
 def test_the_page_is_short_until_it_is_unfolded(started, page, width):
     with browser.opened(started, page, width, "light") as window:
@@ -62,7 +66,7 @@ def test_axe_finds_nothing_against_the_page(started, page, width, scheme):
             assert {each["id"]: [node["target"] for node in each["nodes"]] for each in found} == {}
 
 
-def test_links_lead_to_sections_and_into_what_is_folded(started, page):
+def test_links_lead_to_sections_of_the_folded_page(started, page):
     with browser.opened(started, page, 1280, "light") as window:
         window.evaluate("location.hash = '#search'")
         assert window.evaluate("document.querySelector('#search').getBoundingClientRect().top") < 900
