@@ -42,7 +42,8 @@ class Run(Results):
         path = Path(path)
         require_own(path)
         require_writable(path)
-        write_page(render_report(self, self.folder), path)
+        beside = path.resolve().parent == self.folder.resolve()
+        write_page(render_report(self, self.folder, beside=beside), path)
         return path
 
     def row(self) -> dict[str, float | int | bool | str | None]:

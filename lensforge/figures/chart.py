@@ -9,9 +9,11 @@ from jaxtyping import Float
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
 _STEPS_DEG = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0)  # between labels of angles
 _MOST_LABELS = 4  # of angles on either side of the axis
+_MOST_MM = 2000.0  # size of a receiver: beyond it, places have four digits in mm
 _ROUNDING = 1e-9  # relative, of an angle that goes to the chart and back
 
 
@@ -43,9 +45,24 @@ class Chart:
 
     def label(self, axes: "Axes") -> None:
         """Label the axes of a map of the receiver."""
-        axes.set(xlabel=f"x ({self.unit})", ylabel=f"y ({self.unit})")
+        axes.set(xlabel=f"x ({self.unit_drawn})", ylabel=f"y ({self.unit_drawn})")
         if self.far_field:
             self.label_angles(axes, x=0.5 * self.width, y=0.5 * self.height)
+        self.label_metres(axes.xaxis, axes.yaxis)
+
+    @property
+    def unit_drawn(self) -> str:
+        """Unit at the axes of figures: metres where numbers in mm would be too long to stand side by side."""
+        return "m" if self._in_metres else self.unit
+
+    @property
+    def _in_metres(self) -> bool:
+        return not self.far_field and max(self.width, self.height) > _MOST_MM
+
+    def label_metres(self, *axes: "Axis") -> None:
+        """Let ``axes`` in mm have labels in ``unit_drawn``."""
+        for axis in axes if self._in_metres else ():
+            axis.set_major_formatter(lambda value, _: f"{1e-3 * value:g}".replace("-", "−"))
 
     def label_angles(self, axes: "Axes", *, x: float = 0.0, y: float = 0.0) -> None:
         """Put labels of angles where they lie on the chart, along the axes that reach so far from its centre."""

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.evaluation.light import Light
-from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.figures.light_unit import light_unit
 from lensforge.geometry.part import Part
-from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.manufacturing.result import Check
 from lensforge.measurement.comparison import PhotoComparison
 from lensforge.optimisation.design import Design
 from lensforge.records import Metric
+from lensforge.report.asked_table import largest_mill
 from lensforge.report.headline import criteria_state
 from lensforge.report.numerals import number, percent
 from lensforge.report.shown_receivers import shown_receivers
@@ -39,11 +39,24 @@ def cards(results: Results) -> list[Card]:
     """The headline numbers of the stages that have run."""
     return [
         *_light_cards(results),
+        *_table_cards(results),
         *_level_cards(results),
         *_size_cards(results),
         *_file_cards(results),
+        *_keep_out_cards(results),
         *_mill_cards(results),
         *_proof_cards(results),
+        *_part_cards(results),
+    ]
+
+
+def further_cards(results: Results) -> list[Card]:
+    """Headline numbers beside the table of what was asked for, which has the others."""
+    return [
+        *_level_cards(results),
+        *_file_cards(results),
+        *_proof_cards(results),
+        *_table_cards(results),
         *_part_cards(results),
     ]
 
@@ -70,20 +83,19 @@ def _light_cards(results: Results) -> Iterator[Card]:
         if light.rsd is not None:
             note = _light_note(light.rsd, light.raw.rsd, "standard deviation over mean in the mask")
             yield Card("RSD", number(light.rsd.value, 3), "", f"{of_receiver}{note}")
-        yield from _table_cards(results, light)
 
 
-def _table_cards(results: Results, first: ReceiverLight) -> Iterator[Card]:
+def _table_cards(results: Results) -> Iterator[Card]:
     """Error of the accuracy preset, where it has been measured."""
     light = results.find(Light)
     if light is None or light.preset_error is None:
         return
-    left = light.preset_error.evaluation
+    first, left = light.first, light.preset_error.evaluation
     noise = "" if first.nmse_of_noise is None else f"; ray noise {number(first.nmse_of_noise, 2)}"
-    off = first.chart.labelled(left.hit_mm.value)
+    off, gap = first.chart.labelled(left.hit_mm.value), "" if first.chart.far_field else " "
     note = (
         f"{_error(left.irradiance_nmse)}NMSE that the tables of --accuracy {results.lens.accuracy} add "
-        f"to the light of the exact surfaces; hits {number(off, 2)} {first.chart.unit} off (rms){noise}"
+        f"to the light of the exact surfaces; hits {number(off, 2)}{gap}{first.chart.unit} off (rms){noise}"
     )
     yield Card("Simulation error", number(left.irradiance_nmse.value, 2), "", note)
 
@@ -120,8 +132,8 @@ def _size_cards(results: Results) -> Iterator[Card]:
     if record is None:
         return
     within, clear = (_state(results, name) for name in ("radius margin", "cavity clearance"))
-    largest = f"the largest; at most {limits.max_radius_mm:g} mm allowed"
-    yield Card("Lens radius", number(record.max_radius_mm, 4), "mm", largest, within)
+    largest = f"the lens without its base; at most {limits.max_radius_mm:g} mm allowed"
+    yield Card("Farthest from the LED", number(record.max_radius_mm, 4), "mm", largest, within)
     most = "" if limits.max_height_mm is None else f"; at most {limits.max_height_mm:g} mm allowed"
     low = _state(results, "height margin")
     yield Card("Lens height", number(record.height_mm, 4), "mm", f"above the source plane, without the base{most}", low)
@@ -137,17 +149,21 @@ def _file_cards(results: Results) -> Iterator[Card]:
         yield Card("Form error", number(record.form_error_nm.max, 2), "nm", note, state)
         weight = "" if record.mass_g is None else f"; {number(record.mass_g, 4)} g by the density of the spec"
         yield Card("Volume", number(record.volume_mm3, 5), "mm³", f"of the solid, base included{weight}")
-        if record.keep_out is not None:
-            margin = f"from lens and base; required: {results.spec.constraints.keep_out_margin_mm:g} mm"
-            clear = _state(results, "keep_out_distance")
-            yield Card("Keep-out distance", number(record.keep_out.distance_mm, 4), "mm", margin, clear)
+
+
+def _keep_out_cards(results: Results) -> Iterator[Card]:
+    record = results.find(Part)
+    if record is not None and record.keep_out is not None:
+        margin = f"from lens and base; required: {results.spec.constraints.keep_out_margin_mm:g} mm"
+        clear = _state(results, "keep_out_distance")
+        yield Card("Keep-out distance", number(record.keep_out.distance_mm, 4), "mm", margin, clear)
 
 
 def _mill_cards(results: Results) -> Iterator[Card]:
     record = results.find(Check)
     if record is None:
         return
-    tightest = min((record.inner, record.outer), key=_largest_mill)
+    tightest = min((record.inner, record.outer), key=largest_mill)
     largest = tightest.cutter.largest_radius_mm
     fits = largest is None or largest >= tightest.cutter.radius_mm
     note = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm"
@@ -160,11 +176,6 @@ def _mill_cards(results: Results) -> Iterator[Card]:
         thickest = f"along the ray from the origin; at most {most:g} mm allowed"
         state = _state(results, "largest radial wall")
         yield Card("Thickest wall", number(record.wall.thickest.thickness_mm, 4), "mm", thickest, state)
-
-
-def _largest_mill(face: FaceResult) -> float:
-    largest = face.cutter.largest_radius_mm
-    return float("inf") if largest is None else largest
 
 
 def _proof_cards(results: Results) -> Iterator[Card]:

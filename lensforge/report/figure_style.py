@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from lensforge.files import replacing
+from lensforge.report.small_images import with_palettes
 
 # Drawn in this colour, replaced by `currentColor` in the page, so that one picture serves light, dark and print.
 INK = "#0b0b0d"
@@ -82,7 +83,7 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def new_map(
-    width: float = NARROW, left: float = 0.56, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
+    width: float = NARROW, left: float = 0.6, bottom: float = 0.46, right: float = 0.88, tall: float = 1.0
 ) -> tuple[Figure, Axes, Axes]:
     """A figure with axes and a colour bar of their height, at fixed positions so that neighbours line up.
 
@@ -136,7 +137,7 @@ def to_svg(figure: Figure, name: str, description: str) -> str:
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", svg)
     svg = re.sub(r"font: ([\d.]+px) [^;\"]+", r"font-size: \1", svg)
     svg = re.sub(r"font-family: [^;\"]+;? ?", "", svg)
-    svg = svg.replace(INK, "currentColor")
+    svg = with_palettes(svg.replace(INK, "currentColor"))
     width = f"{figure.get_figwidth() * 96.0:.0f}"
     return re.sub(
         r'<svg ([^>]*?)width="[^"]*"([^>]*?)height="[^"]*"|<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',

@@ -7,6 +7,7 @@ from typing import Literal
 from lensforge.criteria import Criterion
 from lensforge.optimisation.design import Design
 from lensforge.records import State
+from lensforge.report.criterion_words import criterion_words
 from lensforge.report.numerals import number
 from lensforge.results import Results
 from lensforge.verification.proof import Proof
@@ -41,9 +42,10 @@ _REMARKS = {
 
 @dataclass(frozen=True)
 class CriterionRow:
-    """One line of the table of criteria."""
+    """One line of the table of criteria: its name in ``words``, and the short one by which it is known in the files."""
 
     stage: str
+    words: str
     name: str
     value: str
     limit: str
@@ -163,6 +165,7 @@ def _criterion_row(stage: str, criterion: Criterion) -> CriterionRow:
     sense = {"<=": "≤", ">=": "≥"}[criterion.sense]
     return CriterionRow(
         stage=stage,
+        words=criterion_words(criterion.name),
         name=criterion.name.replace("_", " "),
         value=number(criterion.value, 4),
         limit=f"{sense} {number(criterion.limit, 4)}",

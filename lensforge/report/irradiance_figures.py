@@ -19,7 +19,8 @@ from lensforge.report.figure_style import INK, NARROW, add_colour_bar, in_report
 from lensforge.report.numerals import number
 
 ISO_SHARES = {0.1: "#6a4fc4", 0.25: "#2f7fd1", 0.5: "#1f9e89", 0.75: "#d18a1f", 0.9: "#d6453d"}  # of the level: colour
-MOST_DRAWN = 512  # pixels along the longer side of a map: more than a screen shows in a third of its width
+MOST_DRAWN = 256  # pixels along the longer side of a map: as many as a screen shows in a fifth of its width
+_ROUNDED = 1.0 + 1e-9  # of the top of a scale: an image that just reaches it is not beyond
 _VALUES_FIT = 0.7  # height over width of the axes: the values of the isolines stand beside them
 _ON_DARK, _ON_PALE = ("white", 0.35), (INK, 0.25)  # colour and opacity of circles of constant angle
 
@@ -37,14 +38,13 @@ def irradiance_map(
 ) -> Figure:
     """``image`` in false colour from 0 to ``top`` (W/m^2 or W/sr), with the line at half of the peak of ``outline``.
 
-    ``mask``: pixels, of any size, in which uniformity is measured; their border is dashed. ``width``: of the figure, in
-    inches. ``frame``: what the axes show, by default ``chart``.
+    Where ``image`` is brighter than ``top``, the colour bar ends in an arrow. ``mask``: pixels, of any size, in which
+    uniformity is measured; their border is dashed. ``width``: of the figure, in inches. ``frame``: what the axes show,
+    by default ``chart``.
     """
     frame = frame or chart
     figure, axes, bar = new_map(width, tall=frame.height / frame.width)
-    shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top)
-    frame.label(axes)
-    _frame(axes, frame)
+    shown = _show(axes, unit.per_watt * image, chart, "inferno", 0.0, unit.per_watt * top, frame)
     _draw_angles(axes, chart, _ON_DARK)
     if outline is not None and min(outline.shape) > 1 and outline.max() > 0.0:
         line = drawn(outline)
@@ -52,7 +52,7 @@ def irradiance_map(
         axes.contour(x, y, line, levels=[0.5 * line.max()], colors="white", linewidths=0.7, alpha=0.85)
     if mask is not None and mask.any():
         _draw_border(axes, mask, chart)
-    add_colour_bar(bar, shown, unit.label)
+    add_colour_bar(bar, shown, unit.label, "max" if image.max() > _ROUNDED * top else "neither")
     return figure
 
 
@@ -98,13 +98,16 @@ def drawn(image: Image) -> Float[np.ndarray, "q s"]:
     return np.asarray(picture.resize((size[0], size[1]), PictureFile.Resampling.BOX), dtype=np.float64)
 
 
-def _show(axes: Axes, image: Image, chart: Chart, colours: str, low: float, high: float) -> AxesImage:
+def _show(
+    axes: Axes, image: Image, chart: Chart, colours: str, low: float, high: float, frame: Chart | None = None
+) -> AxesImage:
     axes.spines[:].set_visible(False)
     shown = axes.imshow(
         drawn(image), origin="lower", extent=chart.extent, cmap=colours, vmin=low, vmax=high, interpolation="none"
     )
-    chart.label(axes)
-    _frame(axes, chart)
+    frame = frame or chart
+    frame.label(axes)
+    _frame(axes, frame)
     return shown
 
 

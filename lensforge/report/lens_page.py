@@ -1,28 +1,25 @@
 """The report on one lens: a self-contained page, from its results."""
 
 import base64
-import hashlib
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from lensforge.errors import InputError
+from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.report import headline, pictures, proof
-from lensforge.report.cards import cards
+from lensforge.report.asked_table import asked_rows
+from lensforge.report.cards import further_cards
+from lensforge.report.file_rows import exported_files, folder_files
 from lensforge.report.light_pictures import first_picture, receiver_pictures
-from lensforge.report.light_tables import asked_rows, limit_rows
 from lensforge.report.measured import measured
-from lensforge.report.numerals import size
 from lensforge.report.other_conditions import light_pictures, light_rows, result_rows
 from lensforge.report.page import template
 from lensforge.report.photometry_section import photometry_section
-from lensforge.report.receiver_table import receiver_rows
 from lensforge.report.referees import gap_pictures, referee_rows
 from lensforge.report.sensitivity_rows import change_rows
 from lensforge.report.snapshots import Snapshot, load_snapshots
@@ -39,27 +36,20 @@ from lensforge.version import __version__
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
 
 
-@dataclass(frozen=True)
-class FileRow:
-    """One file: its name, size and SHA-256."""
-
-    name: str
-    size: str
-    sha256: str
-
-
-def render_report(results: Results, folder: Path | None = None) -> str:
+def render_report(results: Results, folder: Path | None = None, *, beside: bool = True) -> str:
     """The page on ``results``; ``folder``: that of the results, whose files and snapshots of the search are shown.
 
-    The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an
-    STL that is no mesh, or a file that cannot be read.
+    ``beside``: the page will lie in that folder, so that it may have links to the files.
+
+    The section of a stage that has not run says so. Raises :class:`InputError` for a damaged snapshot, an STL that is
+    no mesh, or a file that cannot be read.
     """
     part = results.find(Part)
     if part is None:
         views = SolidViews({}, problem="No 3-D picture: no part has been exported.")
-        return template(REPORT_FILE).render(**_context(results, folder), **_solid(views))
+        return template(REPORT_FILE).render(**_context(results, folder, beside), **_solid(views))
     with closing(Rendering(part.stl, _optics_radius_mm(results.lens))) as rendering:
-        context = _context(results, folder)
+        context = _context(results, folder, beside)
         return template(REPORT_FILE).render(**context, **_solid(rendering.result()))
 
 
@@ -68,7 +58,7 @@ def _optics_radius_mm(lens: Lens) -> float:
     return float(lens.outer.radius(fibonacci_hemisphere(500)).max())
 
 
-def _context(results: Results, folder: Path | None) -> dict[str, object]:
+def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, object]:
     lens, taken = results.lens, [] if folder is None else load_snapshots(folder, results.lens)
     return {
         "lens": lens,
@@ -77,7 +67,7 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "outdated": headline.outdated(results),
         "altered_files": headline.altered_files(results),
         "warnings": headline.source_warnings(results),
-        "cards": cards(results),
+        "cards": further_cards(results),
         "criteria": headline.criterion_rows(results),
         "missed": headline.missed_rows(results),
         "remarks": headline.missing(results),
@@ -87,8 +77,6 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "step_facts": proof.step_facts(results),
         "cast_facts": proof.cast_facts(results),
         "first": first_picture(results),
-        "receivers": receiver_rows(results),
-        "limits": limit_rows(results),
         "asked": asked_rows(results),
         "photometry": photometry_section(results),
         "pictures": _pictures(results, taken),
@@ -96,11 +84,12 @@ def _context(results: Results, folder: Path | None) -> dict[str, object]:
         "stray_sentence": stray_sentence(results),
         "measured": measured(results),
         "changes": change_rows(results),
-        "parts": yield_section(results, folder),
+        "parts": yield_section(results, folder if beside else None),
         "other_lights": light_rows(results),
+        "other_conditions": sum(isinstance(each, Light) for each in results.others.values()),
         "other_results": result_rows(results),
         "outline_known": pictures.source_outline(results) is not None,
-        "files": _files_of(results) if folder is None else _files(folder),
+        "files": exported_files(results) if folder is None else folder_files(folder, beside),
         "spec": _spec_tables(results),
         "numbers": _number_tables(results),
         "versions": _versions(),
@@ -129,27 +118,6 @@ def _solid(views: SolidViews) -> dict[str, object]:
     extent = [high - low for low, high in zip(low_high[::2], low_high[1::2], strict=True)]
     mesh = base64.b64encode(views.mesh).decode()
     return {"views": encoded, "mesh": mesh, "extent_mm": extent, "views_problem": views.problem}
-
-
-def _files_of(results: Results) -> list[FileRow]:
-    """Files of the part, as they were exported."""
-    part = results.find(Part)
-    stamps = {} if part is None else part.files
-    return [FileRow(name, size(stamp.bytes), stamp.sha256) for name, stamp in stamps.items()]
-
-
-def _files(folder: Path) -> list[FileRow]:
-    """Files in the folder, without this report (HTML or PDF) and hidden files."""
-    found = []
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name not in (REPORT_FILE, "report.pdf") and not path.name.startswith("."):
-            try:
-                with path.open("rb") as file:
-                    digest = hashlib.file_digest(file, "sha256").hexdigest()
-                found.append(FileRow(path.name, size(path.stat().st_size), digest))
-            except OSError as error:
-                raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    return found
 
 
 def _spec_tables(results: Results) -> dict[str, list[Row]]:

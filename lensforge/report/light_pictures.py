@@ -1,33 +1,40 @@
 """Pictures of the light on each receiver: target, simulation, difference, lines across, isolines, and its flux."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.report import flux_figures, irradiance_figures, line_figures
+from lensforge.report.lit_frame import lit_frame
 from lensforge.report.numerals import number
 from lensforge.report.pictures import PagePicture, picture
 from lensforge.report.shown_receivers import ShownReceiver, shown_receivers, top_of
 from lensforge.results import Results
 
 _FIRST = 4.6  # inches: half of the page
+_ABOVE = 1.1  # of the target's peak: the ripple of a flat target can still be told
 
 
 @dataclass(frozen=True)
 class ReceiverPictures:
-    """The pictures of one receiver in rows; ``heading``: its name and place, empty where it is the only one."""
+    """The pictures of one receiver: those ``seen`` at once, and rows of ``more``, under ``heading``."""
 
     heading: str
-    rows: tuple[list[PagePicture], ...]
+    seen: list[PagePicture]
+    more: tuple[list[PagePicture], ...]
 
 
 def first_picture(results: Results) -> PagePicture | None:
-    """The light on the first receiver, for the top of the page."""
+    """The light on the first receiver for the top of the page, in the place and on the scale of the target."""
     for shown in shown_receivers(results)[:1]:
-        light, unit = shown.light, shown.unit
-        top = top_of([light.map])
-        figure = irradiance_figures.irradiance_map(light.map, light.chart, top, unit=unit, width=_FIRST)
-        return picture("first", figure, "The light", f"Simulated {unit.quantity} {shown.place}.")
+        light, unit, target = shown.light, shown.unit, shown.light.target_map
+        frame = lit_frame(target, light.map, light.chart)
+        figure = irradiance_figures.irradiance_map(
+            light.map, light.chart, _ABOVE * top_of([target]), target, unit=unit, width=_FIRST, frame=frame
+        )
+        cut = "" if frame == light.chart else " Cut to the lit part of the receiver."
+        caption = f"Simulated {unit.quantity} {shown.place}. Line: the target at half its peak.{cut}"
+        return picture("first", figure, "The light, on the target\u2019s scale", caption)
     return None
 
 
@@ -36,10 +43,16 @@ def receiver_pictures(results: Results) -> list[ReceiverPictures]:
     light = results.find(Light)
     if light is None:
         return []
-    return [
-        ReceiverPictures(shown.heading, (_maps(shown, light), _lines(shown), _flux(shown)))
-        for shown in shown_receivers(results)
-    ]
+    return [_of_receiver(shown, light) for shown in shown_receivers(results)]
+
+
+def _of_receiver(shown: ShownReceiver, whole: Light) -> ReceiverPictures:
+    """All maps are seen at once where there is one receiver; of several the light on each: the page stays short."""
+    maps, rest = _maps(shown, whole), (_lines(shown), _flux(shown))
+    if not shown.several:
+        return ReceiverPictures(shown.heading, maps, rest)
+    wanted, lit, difference = maps
+    return ReceiverPictures(shown.heading, [replace(lit, title=shown.heading)], ([wanted, difference], *rest))
 
 
 def _maps(shown: ShownReceiver, whole: Light) -> list[PagePicture]:

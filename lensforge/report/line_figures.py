@@ -70,14 +70,16 @@ def encircled_energy(wanted: Image, reached: Image, chart: Chart) -> Figure:
 
 def label_positions(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of positions that run as far as ``reach`` to either side of the middle of a line."""
-    axes.set_xlabel(f"position on the line ({chart.unit})")
+    axes.set_xlabel(f"position on the line ({chart.unit_drawn})")
+    chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)
 
 
 def label_radii(axes: Axes, chart: Chart, reach: float) -> None:
     """Label the axis of radii up to ``reach``."""
-    axes.set_xlabel("angle from the axis (°)" if chart.far_field else "radius around the centre (mm)")
+    axes.set_xlabel("angle from the axis (°)" if chart.far_field else f"radius around the centre ({chart.unit_drawn})")
+    chart.label_metres(axes.xaxis)
     if chart.far_field:
         chart.label_angles(axes, x=reach)
 

@@ -22,11 +22,12 @@ RELATIVE = LightUnit("irradiance", "mean = 1", 1.0)
 
 @dataclass(frozen=True)
 class Measured:
-    """One measurement of the part: its heading, facts, and rows of pictures."""
+    """One measurement of the part: its heading, facts, and rows of pictures; the ``first`` facts are seen at once."""
 
     title: str
     facts: Facts
     rows: list[list[PagePicture]]
+    first: int = 4
 
 
 def measured(results: Results) -> list[Measured]:

@@ -83,6 +83,12 @@ def percent(share: float | None, decimals: int = 1) -> str:
     return NOTHING if share is None else f"{100.0 * share:.{decimals}f}{_THIN_SPACE}%".replace("-", _MINUS)
 
 
+def percent_with_error(share: Metric) -> str:
+    """A share in per cent and, where it is known and not 0, its standard error."""
+    error = f" ± {percent(share.standard_error, 3)}" if share.standard_error else ""
+    return f"{percent(share.value)}{error}"
+
+
 def size(count: int) -> str:
     """A file size in decimal units."""
     for unit, scale in (("MB", 1e6), ("kB", 1e3)):

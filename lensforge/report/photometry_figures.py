@@ -17,6 +17,7 @@ _RINGS = 4
 _FURTHER = 1.25  # of the field angle: what the isocandela diagram shows beyond it
 _SHOWN_HEIGHTS = 6.0  # mounting heights to each side: "very long" lies beyond
 _PIXELS = 241
+_DIAGONAL = 0.5**0.5  # between the labels of C
 
 
 @in_report_style
@@ -31,9 +32,10 @@ def polar_diagram(found: Photometry) -> Figure:
     for degrees in range(-90, 91, 30):
         angle = np.deg2rad(degrees)
         axes.plot([0.0, top * np.sin(angle)], [0.0, -top * np.cos(angle)], color=GREY, linewidth=0.4)
+        level = abs(degrees) == 90  # the values of the rings stand above that line
         axes.text(
-            1.08 * top * np.sin(angle), -1.08 * top * np.cos(angle), f"{abs(degrees)}°", fontsize=7.0, ha="center",
-            va="center",
+            1.08 * top * np.sin(angle), -1.08 * top * np.cos(angle) - 0.02 * top * level, f"{abs(degrees)}°",
+            fontsize=7.0, ha="center", va="top" if level else "center",
         )  # fmt: skip
     for c_deg, (colour, name) in _PLANES.items():
         gamma, values = profiles[c_deg]
@@ -58,7 +60,7 @@ def isocandela_diagram(found: Photometry) -> Figure:
         axes.plot([], [], color=colour, label=f"{number(level, 3)} cd ({percent(share, 0)})")
     for radius in _round_angles(reach):
         _ring(axes, radius)
-        axes.text(0.0, -radius, f"{radius:g}°", fontsize=7.0, ha="center", va="center")
+        axes.text(radius * _DIAGONAL, -radius * _DIAGONAL, f"{radius:g}°", fontsize=7.0, ha="center", va="center")
     for c_deg in (0, 90, 180, 270):
         turn = np.deg2rad(c_deg)
         axes.text(reach * np.cos(turn), reach * np.sin(turn), f"C {c_deg}", fontsize=7.0, ha="center", va="center")

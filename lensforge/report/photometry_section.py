@@ -24,11 +24,17 @@ _ZONES = {
 
 @dataclass(frozen=True)
 class ShownPhotometry:
-    """Facts by their title, pictures, and a sentence on the conditions."""
+    """Facts by their title, pictures, and a sentence on the conditions; the ``long`` tables may be folded away."""
 
     sentence: str
     tables: dict[str, list[Fact]]
     pictures: list[PagePicture]
+    long: tuple[str, ...] = ()
+
+    @property
+    def folded(self) -> str:
+        """Title of what is folded away: the pictures but the first, and the long tables."""
+        return ", ".join([*(each.title for each in self.pictures[1:]), *self.long])
 
 
 def photometry_section(results: Results) -> ShownPhotometry | None:
@@ -37,13 +43,15 @@ def photometry_section(results: Results) -> ShownPhotometry | None:
     for shown in shown_receivers(results):
         if facts := list(_region_facts(shown)):
             tables[f"On {shown.light.name}" if shown.several else "On the receiver"] = facts
+    further = tuple(tables)[1:]
     if found is None:
-        return ShownPhotometry("", tables, []) if tables else None
+        return ShownPhotometry("", tables, [], further) if tables else None
     section = results.spec.photometry
     far = {"Far field": list(_far_field_facts(found))}
     if found.road is not None:
         far |= {"Lamp": list(_lamp_facts(found.road, section)), "Zones": _zone_facts(found.road)}
-    return ShownPhotometry(_sentence(found), far | tables, _pictures(found, section))
+    long = ("Zones",) if "Zones" in far else ()
+    return ShownPhotometry(_sentence(found), far | tables, _pictures(found, section), (*long, *further))
 
 
 def _sentence(found: Photometry) -> str:
@@ -55,8 +63,9 @@ def _sentence(found: Photometry) -> str:
 def _far_field_facts(found: Photometry) -> Iterator[Fact]:
     direction = found.peak_direction
     yield "light that leaves the lens", _words(found.exit_lm)
-    place = f"C {number(direction.c_deg, 4)}, gamma {number(direction.gamma_deg, 3)}°"
-    yield "peak intensity", f"{_words(found.peak_cd)}, at {place}"
+    place = f"C\u00a0{number(direction.c_deg, 4)}, gamma\u00a0{number(direction.gamma_deg, 3)}°"
+    yield "peak intensity", _words(found.peak_cd)
+    yield "direction of the peak", place
     yield "intensity on the axis", _words(found.axis_cd)
     for name, beam in (("C 0 – C 180", found.beam_c0), ("C 90 – C 270", found.beam_c90)):
         yield f"beam angle (50 %), {name}", _words(beam.beam_angle_deg)

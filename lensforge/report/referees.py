@@ -51,7 +51,7 @@ def _rows(proof: Proof, index: int) -> Iterator[RefereeRow]:
     rms, p99, largest = (number(value, 2) for value in (gap.rms, gap.p99, gap.max))
     floor = f"NMSE {number(receiver.nmse_vs_design, 2)}, ray noise alone {number(receiver.noise_floor_nmse, 2)}"
     yield RefereeRow(
-        f"Grid of trimesh\u2019s triangles, normals fitted to the vertices{suffix(proof.receivers, index)}",
+        f"Mesh with smooth normals{suffix(proof.receivers, index)}",
         "lens.stl",
         number(proof.rays),
         rms,
@@ -75,9 +75,9 @@ def _state(proof: Proof, index: int, *names: str) -> str:
 
 
 def _plain(proof: Proof, plain: PlainCast) -> RefereeRow:
-    says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from the grid\u2019s"
+    says = f"{number(plain.disagreements)} of {number(plain.casts)} first hits differ from those above"
     state = criteria_state(proof.criteria, "plain_cast_disagreements")
-    return RefereeRow("trimesh\u2019s own plain cast", "lens.stl", number(plain.rays), "", "", "", says, state)
+    return RefereeRow("Plain ray cast by trimesh", "lens.stl", number(plain.rays), "", "", "", says, state)
 
 
 def _brep(proof: Proof, brep: BrepCast, index: int) -> RefereeRow:
@@ -103,7 +103,7 @@ def _own_rays(proof: Proof, own: OwnRays, index: int) -> RefereeRow:
         error = number(own.nmse_less_noise.standard_error, 2)
         says += f"; NMSE less noise {number(own.nmse_less_noise.value, 2)} \u00b1 {error}"
     state = _state(proof, index, "own_rays_efficiency", "own_rays_nmse", *(["own_rays_emission"] if index == 0 else []))
-    name = f"Rays drawn apart from the design\u2019s{suffix(proof.receivers, index)}"
+    name = f"Freshly drawn rays of the LED{suffix(proof.receivers, index)}"
     return RefereeRow(name, "lens.stl", number(own.rays), "", "", "", says, state)
 
 

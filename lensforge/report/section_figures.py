@@ -89,10 +89,10 @@ def _draw_constraints(axes: Axes, lens: Lens) -> None:
     limits = lens.spec.constraints
     position = np.linspace(-limits.cavity_radius_mm, limits.cavity_radius_mm, 121)
     height = limits.cavity_height_mm * (1.0 - (position / limits.cavity_radius_mm) ** 2)
-    axes.plot(position, height, color=GREEN, linewidth=1.1, label="cavity limit")
+    axes.plot(position, height, color=GREEN, linewidth=1.1, label="room for the LED")
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
     circle = limits.max_radius_mm * np.array([np.sin(theta), np.cos(theta)])
-    axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="radius limit")
+    axes.plot(*circle, color=GREY, linestyle=(0, (3, 2)), linewidth=0.8, label="largest distance")
 
 
 def _draw_source(axes: Axes, position: Float[np.ndarray, " k"], height: Float[np.ndarray, " k"]) -> None:

@@ -31,6 +31,7 @@ _PIXELS = (880, 640)
 _GLASS, _CUT = "#a3bfd8", "#e8b27a"
 _ON_PLANE = 1e-7  # of the part's size: cells of the cut have all of their corners in it
 _WHOLE, _CLOSE = 0.37, 1.45  # half the height of a picture, in the part's diagonal and in the optics' radius
+_MARGIN = 1.1  # of a picture over the part that it frames
 MOST_TRIANGLES = 12_000  # about 110 kB: too coarse to measure on, fine enough to look at
 _EDGE_DEG = 35.0  # sharper edges keep two normals
 _CANDIDATES = 8
@@ -152,11 +153,30 @@ def _frame(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float,
     return whole, mesh.center[2]
 
 
+def _framed(mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> tuple[float, tuple[float, float, float]]:
+    """Half the height of a picture and its centre (mm), so that it shows what ``view`` is of, and no more.
+
+    The first view is the one that a reader turns: it leaves room for every direction.
+    """
+    half_height, centre_z = _frame(mesh, view, optics_radius_mm)
+    if view is VIEWS["above"] or half_height < _WHOLE * mesh.length:
+        return half_height, (0.0, 0.0, centre_z)
+    camera = np.array(view.camera) / np.linalg.norm(view.camera)
+    right = np.cross((0.0, 0.0, 1.0), camera)
+    right /= np.linalg.norm(right)
+    up = np.cross(camera, right)
+    points = np.asarray(mesh.points, dtype=np.float64)
+    seen = points[points[:, 1] >= 0.0] if view.cut else points
+    across, along = seen @ right, seen @ up
+    reach = max(np.ptp(along), np.ptp(across) * _PIXELS[1] / _PIXELS[0])
+    x, y, z = 0.5 * (across.min() + across.max()) * right + 0.5 * (along.min() + along.max()) * up
+    return 0.5 * _MARGIN * float(reach), (float(x), float(y), float(z))
+
+
 def _aim(plotter: Any, mesh: Any, view: _Viewpoint, optics_radius_mm: float) -> None:
     """Set a parallel projection from the direction of ``view``."""
-    half_height, centre_z = _frame(mesh, view, optics_radius_mm)
+    half_height, centre = _framed(mesh, view, optics_radius_mm)
     distance = 3.0 * mesh.length
-    centre = (0.0, 0.0, centre_z)
     position = tuple(c + distance * d for c, d in zip(centre, view.camera, strict=True))
     plotter.camera_position = [position, centre, (0.0, 0.0, 1.0)]
     plotter.enable_parallel_projection()

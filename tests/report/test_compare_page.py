@@ -43,7 +43,8 @@ def test_the_page_holds_both_designs_and_needs_nothing_else(designs):
     ids = re.findall(r'\bid="([^"]+)"', markup)
     assert len(ids) == len(set(ids))
     for name in ("first", "second"):
-        assert markup.count(f"<h4>{name}</h4>") == 3
+        assert markup.count(f'<h2 class="first">{name}</h2>') == 1
+        assert markup.count(f'<p class="title">{name}</p>') == 2
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -62,7 +63,7 @@ def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
     three = number_lines([designs[index] for index in (0, 1, 1)])
     assert [cell.best for cell in three[0].cells] == [False, True, True]
-    assert not any(cell.best for cell in lines["Lens radius"]), "no radius is better whatever the spec"
+    assert not any(cell.best for cell in lines["Farthest from the LED"]), "no radius is better whatever the spec"
 
 
 def test_a_stage_that_one_has_not_run_leaves_a_gap(designs):
@@ -124,7 +125,7 @@ def test_folders_of_one_name_are_told_apart(tmp_path):
 def test_designs_of_one_name_are_numbered(designs):
     assert spec_names(designs) == ["small (1)", "small (2)"]
     markup = render_comparison(designs)
-    assert "<h4>small (1)</h4>" in markup and "<h4>small (2)</h4>" in markup
+    assert ">small (1)</h2>" in markup and ">small (2)</h2>" in markup
 
 
 def test_one_folder_twice_or_one_design_alone_is_refused(designs, tmp_path):

@@ -28,7 +28,6 @@ def test_criteria_that_hold_are_said_to_hold(page):
     assert "All 9 criteria are met." in page.text
     table = page.text[page.text.index("All criteria") :]
     assert table.count("✓ pass") == 9
-    assert "✗" not in page.text
 
 
 def test_the_three_verdicts_stand_at_the_top(page):
@@ -64,13 +63,12 @@ def test_headline_numbers_say_whether_they_are_what_was_asked_for():
     results = make_results(("design", "check"), design={"criteria": criteria})
     states = {card.label: card.state for card in cards(results)}
     assert states["Cavity clearance"] == "pass"
-    assert states["Lens radius"] == "fail"
+    assert states["Farthest from the LED"] == "fail"
     assert states["Thinnest wall"] == "pass"
     assert states["Ball mill"] == "open", "0.77 mm at most, the shop has 1 mm"
     assert states["Lens height"] == ""
     text = text_of(results)
-    assert "Lens radius✗ fail" in text
-    assert text.index("radius marginTry") < text.index("Lens radius"), "what fails comes first"
+    assert text.index("radius marginTry") < text.index("Lens, farthest point from the LED"), "what fails comes first"
 
 
 @pytest.mark.parametrize(("efficacy", "peak"), [(None, "42.5 W/m²"), (301.7, "12 800 lx")])

@@ -35,7 +35,7 @@ def test_results_show_verdicts_numbers_and_pictures(results):
     text = "".join(root.itertext())
     assert "light: pass, files: pass, cutting: pass. Light, files and cutting pass." in text
     assert len([node for node in root.iter() if node.tag.endswith("svg")]) == 2
-    for label in ("NMSE", "Lens radius", "Form error", "Ball mill", "Exported part"):
+    for label in ("NMSE", "Farthest from the LED", "Form error", "Ball mill", "Exported part"):
         assert label in text
 
 

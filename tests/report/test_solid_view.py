@@ -63,6 +63,10 @@ def test_the_part_is_shown_from_three_sides(tmp_path, monkeypatch):
     for picture in pictures:
         alpha = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 3]
         assert 0.05 < (alpha > 0).mean() < 0.95, "a part before a transparent ground"
+        rows, columns = np.nonzero(alpha)
+        assert rows.min() > 0 and columns.min() > 0, "all of it"
+        assert rows.max() < alpha.shape[0] - 1 and columns.max() < alpha.shape[1] - 1
+        assert max(np.ptp(rows) / alpha.shape[0], np.ptp(columns) / alpha.shape[1]) > 0.6, "and not far away"
     assert "10 × 10 × 10 mm over all" in markup
     assert "script" in Page(markup).tags, "it can be turned"
 

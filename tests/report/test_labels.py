@@ -1,0 +1,78 @@
+"""Labels of every figure of the page: none is cut off at the edge, and no two stand on each other."""
+
+from itertools import combinations
+
+import pytest
+from matplotlib.text import Text
+from part_files import whole_results
+from result_folders import small_lens
+from test_readable_page import SKY, WALL
+from undrawn import without_views
+
+from lensforge.report.figure_style import to_svg
+from lensforge.report.lens_page import render_report
+
+TOUCH = 1.0  # pixel: boxes of texts have a margin
+
+
+def boxes(figure):
+    """Visible texts with their boxes in pixels, after the layout."""
+    figure.draw_without_rendering()
+    renderer = figure._get_renderer()
+    texts = [each for each in figure.findobj(Text) if each.get_visible() and each.get_text().strip()]
+    hidden = set(_undrawn(figure))
+    return [(each.get_text(), each.get_window_extent(renderer)) for each in texts if each not in hidden]
+
+
+def _undrawn(figure):
+    """Labels of ticks beyond the limits, and of axes that are not drawn: they are there, but matplotlib hides them."""
+    for axes in figure.axes:
+        if axes.name == "3d":
+            yield from axes.findobj(Text)
+            continue
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            room = 1e-6 * (high - low)
+            for tick in (*axis.majorTicks, *axis.minorTicks):
+                if not (axes.axison and low - room <= tick.get_loc() <= high + room):
+                    yield from (tick.label1, tick.label2)
+            if not axes.axison:
+                yield from (axis.label, axis.offsetText)
+
+
+def faults(figure):
+    """Texts that are cut off, and pairs of texts that collide."""
+    found, width, height = boxes(figure), *(figure.get_size_inches() * figure.dpi)
+    cut = [
+        text for text, box in found if min(box.x0, box.y0) < -TOUCH or box.x1 > width + TOUCH or box.y1 > height + TOUCH
+    ]
+    return cut + [
+        (one, other)
+        for (one, first), (other, second) in combinations(found, 2)
+        if min(first.x1, second.x1) - max(first.x0, second.x0) > TOUCH
+        and min(first.y1, second.y1) - max(first.y0, second.y0) > TOUCH
+    ]
+
+
+# A floor 40 m wide: its places have five digits in mm.
+FLOOR = {"kind": "rectangle", "width_mm": 3e4, "height_mm": 7e3, "distance_mm": 8e3, "receiver_mm": 4e4}
+LENSES = {
+    "one receiver": {},
+    "two": {"wanted": {"receivers": (WALL, SKY)}},
+    "a floor": {"wanted": {"target": FLOOR}},
+}
+
+
+@pytest.mark.parametrize("wanted", LENSES.values(), ids=LENSES)
+def test_labels_are_whole_and_stand_alone(wanted, monkeypatch):
+    figures = {}
+
+    def keep(figure, name, title):
+        figures[name] = faults(figure)
+        return to_svg(figure, name, title)
+
+    monkeypatch.setattr("lensforge.report.pictures.to_svg", keep)
+    with without_views():
+        render_report(whole_results(lens=small_lens(**wanted)))
+    assert len(figures) > 30
+    assert {name: found for name, found in figures.items() if found} == {}

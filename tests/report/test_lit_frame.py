@@ -1,0 +1,55 @@
+"""The frame of the first picture: all of the target, and the light that misses it, without dark surroundings."""
+
+import numpy as np
+import pytest
+from result_folders import make_results
+
+from lensforge.figures.chart import Chart
+from lensforge.report import irradiance_figures
+from lensforge.report.light_pictures import first_picture
+from lensforge.report.lit_frame import lit_frame
+
+CHART = Chart(400.0, 400.0)
+
+
+def spot(x_mm, y_mm, half_mm, level=1.0):
+    """Light of ``level`` on a square about (x, y), on 100 x 100 pixels of 4 mm."""
+    x, y = np.meshgrid(CHART.x(100), CHART.y(100))
+    return level * ((abs(x - x_mm) < half_mm) & (abs(y - y_mm) < half_mm))
+
+
+def test_a_small_target_fills_its_picture():
+    frame = lit_frame(spot(0, 0, 40), spot(0, 0, 40), CHART)
+    assert frame == Chart(pytest.approx(96.0), pytest.approx(96.0))
+
+
+def test_the_frame_reaches_as_far_as_target_and_light():
+    for target, light in ((spot(100, 0, 20), spot(0, 0, 20)), (spot(0, 0, 20), spot(-100, 0, 20, 0.5))):
+        assert lit_frame(target, light, CHART).width == pytest.approx(288.0)
+        assert lit_frame(target, light, CHART).height == pytest.approx(144.0), "half as high: the scale can be read"
+
+
+def test_faint_light_far_away_is_left_out_and_a_lit_receiver_is_shown_whole():
+    assert lit_frame(spot(0, 0, 40), spot(180, 180, 10, 0.04), CHART).width == pytest.approx(96.0)
+    assert lit_frame(spot(0, 0, 170), spot(0, 0, 170), CHART) == CHART
+    assert lit_frame(np.zeros((4, 4)), np.ones((4, 4)), CHART) == CHART
+
+
+def test_the_first_picture_has_the_scale_and_the_place_of_the_target(monkeypatch):
+    seen = {}
+    draw = irradiance_figures.irradiance_map
+
+    def keep(image, chart, top, outline, **others):
+        seen.update(image=image, top=top, outline=outline, figure=draw(image, chart, top, outline, **others))
+        return seen["figure"]
+
+    monkeypatch.setattr(irradiance_figures, "irradiance_map", keep)
+    target = np.zeros((16, 16))
+    target[6:10, 6:10] = 40.0
+    first = first_picture(make_results(("evaluate",), evaluate={"map": 3.0 * target, "target_map": target}))
+    assert seen["top"] == pytest.approx(44.0), "of the target, though the light is three times as bright"
+    axes, bar = seen["figure"].axes
+    assert axes.get_xlim() == pytest.approx((-45.0, 45.0)), "of a receiver of 300 mm"
+    assert axes.images[0].get_clim() == pytest.approx((0.0, 44.0))
+    assert len(bar.patches) == 1, "an arrow at the end of the scale"
+    assert "Cut to the lit part" in first.caption

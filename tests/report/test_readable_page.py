@@ -1,0 +1,73 @@
+"""The report in a browser: short enough to be read, on a screen and on a telephone, in light and dark, by everybody."""
+
+import browser
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from made_yield import make_yield
+from part_files import whole_results
+from result_folders import make_light, small_lens
+
+from lensforge.records import Conditions
+from lensforge.report.lens_page import render_report
+from lensforge.results import Results
+
+pytestmark = browser.needed
+
+HIGHEST = {1280: 6000, 400: 12_000}  # pixels, before anything is unfolded
+UNFOLD = "document.querySelectorAll('details').forEach(each => each.open = true)"
+WALL = {
+    "kind": "plane", "name": "wall", "centre_mm": (100.0, 0.0, 200.0), "width_mm": 300.0, "height_mm": 150.0,
+    "targets": ({"kind": "rectangle", "width_mm": 100.0, "height_mm": 60.0, "uniform_mm": 40.0},),
+}  # fmt: skip
+SKY = {
+    "kind": "far_field", "name": "sky", "half_angle_deg": 80.0,
+    "targets": ({"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0},),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """A page with every section: two receivers, all tracers, stray light, yield, measurements, another condition."""
+    lens = small_lens(wanted={"receivers": (WALL, SKY)})
+    found = whole_results(lens=lens, **{"yield": make_yield(lens)}).found
+    results = Results(lens, found, {}, {"evaluate_64rays": make_light(lens, conditions=Conditions.of(rays=64))})
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(render_report(results), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def started():
+    with browser.chromium() as found:
+        yield found
+
+
+def test_the_page_can_be_sent_by_mail(page):
+    assert page.stat().st_size <= 2_000_000
+
+
+@pytest.mark.parametrize("width", HIGHEST)
+def test_the_page_is_short_until_it_is_unfolded(started, page, width):
+    with browser.opened(started, page, width, "light") as window:
+        assert window.evaluate("document.documentElement.scrollHeight") <= HIGHEST[width]
+        assert window.evaluate("document.documentElement.scrollWidth") <= width
+        window.evaluate(UNFOLD)
+        assert window.evaluate("document.documentElement.scrollHeight") > HIGHEST[width], "all of it is there"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", HIGHEST)
+def test_axe_finds_nothing_against_the_page(started, page, width, scheme):
+    """Contrast, order of headings, names of tables and pictures, reach by the keyboard; folded, then unfolded."""
+    with browser.opened(started, page, width, scheme) as window:
+        for unfold in ("", UNFOLD):
+            window.evaluate(unfold)
+            found = Axe().run(window, options={"resultTypes": ["violations"]}).response["violations"]
+            assert {each["id"]: [node["target"] for node in each["nodes"]] for each in found} == {}
+
+
+def test_links_lead_to_sections_of_the_folded_page(started, page):
+    with browser.opened(started, page, 1280, "light") as window:
+        window.evaluate("location.hash = '#search'")
+        assert window.evaluate("document.querySelector('#search').getBoundingClientRect().top") < 900
+        assert window.evaluate("document.querySelectorAll('details[open]').length") == 0
