@@ -1,0 +1,101 @@
+"""Outlines of the two views: the section at y = 0, and the part seen from its base along +z; first angle.
+
+Both have +x upwards on paper. In the section z points to the right, in the view of the end y does: it stands to the
+right of the section and shows the part from the left, as the first angle has it.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from lensforge.drawings.sheet import Points
+from lensforge.geometry.custom_base import read_custom_base, tessellated
+from lensforge.geometry.cutter_room import base_with_room
+from lensforge.geometry.manifold import manifold_of
+from lensforge.geometry.plan import lay_out, rim_radius
+from lensforge.geometry.section import body_outlines
+from lensforge.lens import Lens
+from lensforge.spec import BaseSection
+
+_AZIMUTHS, _POLAR = 721, 361  # of the curves of the view; of the meridians whose widest place is the silhouette
+_CHORD_MM = 1e-2
+
+
+@dataclass(frozen=True)
+class ViewLine:
+    """A line of a view (mm, in the view's own axes); ``hidden`` lines are dashed."""
+
+    points: Points
+    closed: bool = True
+    hidden: bool = False
+
+
+def section_outlines(lens: Lens) -> list[Points]:
+    """Closed outlines of the cut material at y = 0, as (z, x)."""
+    return [outline[:, ::-1] for outline in body_outlines(lens, 0.0)]
+
+
+def end_lines(lens: Lens) -> list[ViewLine]:
+    """Lines of the part seen from its base, as (y, x)."""
+    base = base_with_room(lens)
+    turn = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS)
+    opening = _loop(turn, rim_radius(lens.inner)(turn))
+    dome = dome_radius(lens, turn)
+    if base.kind == "none":
+        return [ViewLine(opening), ViewLine(_loop(turn, rim_radius(lens.outer)(turn))), *_seen(turn, dome, None)]
+    if base.file is not None:
+        return [*(ViewLine(loop) for loop in _shadow_of_file(base)), ViewLine(_loop(turn, dome), hidden=True)]
+    plan = lay_out(lens.inner, lens.outer, base)
+    widest = plan.outline if plan.flange is None else plan.flange
+    found = [ViewLine(opening)]
+    found += [ViewLine(_loop(turn, circle.radius(turn))) for circle in (plan.bore, plan.pocket) if circle is not None]
+    corners = np.union1d(turn, np.mod(plan.outline.corners, 2.0 * np.pi))
+    found.append(ViewLine(_loop(corners, plan.outline.radius(corners)), hidden=plan.flange is not None))
+    if plan.flange is not None:
+        found.append(ViewLine(_loop(turn, plan.flange.radius(turn))))
+    return [*found, *_seen(turn, dome, widest.radius(turn))]
+
+
+def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Silhouette of the outer face along the axis: its largest distance (mm) from the axis at each azimuth."""
+    polar = np.linspace(0.0, 0.5 * np.pi, _POLAR)
+    across, along = np.sin(polar), np.cos(polar)
+    found = np.empty_like(turn)
+    for k, azimuth in enumerate(turn.tolist()):
+        directions = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), along])
+        found[k] = (lens.outer.radius(directions) * across).max()
+    return found
+
+
+def _loop(turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"]) -> Points:
+    """(y, x) of a curve about the axis."""
+    return np.column_stack([radius * np.sin(turn), radius * np.cos(turn)])
+
+
+def _seen(
+    turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"], front: Float[np.ndarray, " n"] | None
+) -> list[ViewLine]:
+    """A curve behind a body of radius ``front``, in pieces that are seen and pieces that are hidden."""
+    visible = np.ones_like(turn, dtype=bool) if front is None else radius > front
+    points = _loop(turn, radius)
+    if visible.all() or not visible.any():
+        return [ViewLine(points, hidden=not visible[0])]
+    return [
+        ViewLine(points[first : last + 1], closed=False, hidden=not visible[first]) for first, last in _runs(visible)
+    ]
+
+
+def _runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
+    """First and last index of each piece of equal flags; a piece reaches to the first index of the next one."""
+    changes = [0, *(np.flatnonzero(flags[1:] != flags[:-1]) + 1).tolist(), len(flags) - 1]
+    return [(first, last) for first, last in pairwise(changes) if last > first]
+
+
+def _shadow_of_file(base: BaseSection) -> list[Points]:
+    """Outlines, and holes that go through, of a base from a file, seen along the axis."""
+    assert base.file is not None
+    vertices, triangles = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
+    loops = manifold_of(vertices, triangles).project().to_polygons()
+    return [np.asarray(loop)[:, ::-1] for loop in loops]
