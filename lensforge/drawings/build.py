@@ -10,6 +10,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from lensforge.criteria import Criterion
+from lensforge.drawings.cloud import cloud_facts, cloud_name, cloud_text
 from lensforge.drawings.dimensions import Dimension, dimensions
 from lensforge.drawings.drawing import DrawingContent, drawing_content, make_sheet
 from lensforge.drawings.drawing_notes import tool_advice
@@ -20,6 +21,7 @@ from lensforge.drawings.handover import DXF_FILE, PDF_FILE, POINTS_FILE, SAG_FIL
 from lensforge.drawings.offset_face import offset_faces
 from lensforge.drawings.pdf import Pictures, pdf_of
 from lensforge.drawings.point_tables import points_table, ring_angles, sag_table
+from lensforge.drawings.polar import Polar
 from lensforge.drawings.raster import Raster
 from lensforge.drawings.sheet import Sheet, shown
 from lensforge.drawings.sheet_dxf import sheet_dxf
@@ -63,11 +65,15 @@ def make_handover(results: Results, request: GridRequest | None = None) -> Hando
     """
     lens, part, check, request = results.lens, results.part, results.check, request or GridRequest()
     faces, head = offset_faces(lens, check, {"inner": 0.0, "outer": 0.0}), origin_lines(lens, part)
-    grids = tuple(_point_grid(measured, lens, part, request) for measured in make_grids(lens, check, request))
+    made = make_grids(lens, check, request)
+    grids = tuple(_point_grid(measured, lens, part, request) for measured in made)
+    rings = [measured.grid for measured in made if isinstance(measured.grid, Polar)]
+    clouds = {cloud_name(polar): cloud_text(polar).encode() for polar in rings}
     tables = {
         POINTS_FILE: points_table(faces, head).encode(),
         SAG_FILE: sag_table(faces, check, head).encode(),
         **{grid.file: grid.content for grid in grids},
+        **clouds,
     }
     sizes, tolerances = dimensions(lens), tolerance_table(lens, results.find(Yield))
     drawn = drawing_content(lens, part, check, sizes, tolerances)
@@ -75,7 +81,8 @@ def make_handover(results: Results, request: GridRequest | None = None) -> Hando
     dxf, drawing, figures = sheet_dxf(sheet), sheet_figure(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
-    content = _content(results, drawn, tolerances, grids, hashes)
+    words = {grid.file: grid_facts(grid) for grid in grids} | {cloud_name(polar): cloud_facts(polar) for polar in rings}
+    content = _content(results, drawn, tolerances, words, hashes)
     title = f"{content.name}: for manufacture"
     return Handover(
         name=title,
@@ -86,6 +93,7 @@ def make_handover(results: Results, request: GridRequest | None = None) -> Hando
         sag_csv=tables[SAG_FILE],
         points=len(faces) * len(ring_angles()),
         grids=grids,
+        clouds=clouds,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
@@ -111,7 +119,7 @@ def _content(
     results: Results,
     drawn: DrawingContent,
     tolerances: ToleranceTable,
-    grids: tuple[PointGrid, ...],
+    grids: Facts,
     hashes: Mapping[str, str],
 ) -> _Content:
     lens, part, check = results.lens, results.part, results.check
@@ -124,7 +132,7 @@ def _content(
         notes=drawn.notes,
         tolerances=tolerances,
         faces={"outer": face_facts(check.outer), "inner": face_facts(check.inner)},
-        grids={grid.file: grid_facts(grid) for grid in grids},
+        grids=grids,
         verdicts=check.verdicts,
         changes=tool_advice(lens, check),
         criteria=(*part.criteria, *check.criteria),

@@ -23,7 +23,7 @@ from lensforge.drawings.title_block import (
 )
 from lensforge.drawings.tolerance_table import ToleranceTable
 from lensforge.drawings.view_drawing import ViewContent, Views, draw_views
-from lensforge.drawings.views import end_lines, section_outlines
+from lensforge.drawings.views import end_lines, section_edges, section_outlines
 from lensforge.errors import InputError
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
@@ -53,7 +53,7 @@ def drawing_content(
     """Collect what the drawing says, from the results of the lens."""
     datums = datum_scheme(lens, part)
     return DrawingContent(
-        views=ViewContent(section_outlines(lens), end_lines(lens), dimensions, datums),
+        views=ViewContent(section_outlines(lens), section_edges(lens), end_lines(lens), dimensions, datums),
         notes=drawing_notes(lens, check, datums, tolerances),
         table=optical_table(lens, part, check),
         title=title_block(lens, part),

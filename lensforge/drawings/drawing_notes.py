@@ -10,8 +10,9 @@ from lensforge.manufacturing.result import Check, FaceResult
 def drawing_notes(lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable) -> list[str]:
     """The notes, a paragraph each."""
     return [
-        "Sizes in parentheses are auxiliary: they follow from the freeform faces OPTICAL_OUTER and OPTICAL_INNER, "
-        "which lens.step alone defines. z = 0 is the plane in which these faces end.",
+        "Sizes in parentheses are auxiliary: of the freeform faces OPTICAL_OUTER and OPTICAL_INNER"
+        f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
+        "z = 0 is the plane in which the optical faces end.",
         *(f"{line}." for line in datums.lines),
         _sources(lens, tolerances),
         _general(lens),

@@ -44,7 +44,8 @@ class PointGrid(Record):
 class Handover(Record):
     """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
 
-    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
+    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning;
+    ``clouds``: the same points with normals as plain text, by file.
     ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
     ``refused``: verdicts of the check that do not hold.
     """
@@ -57,6 +58,7 @@ class Handover(Record):
     sag_csv: bytes
     points: Count
     grids: tuple[PointGrid, ...]
+    clouds: dict[Text, bytes]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
@@ -64,12 +66,16 @@ class Handover(Record):
     def _as_text(self, content: bytes) -> str:
         return b64encode(content).decode("ascii")
 
+    @field_serializer("clouds", when_used="json")
+    def _clouds_as_text(self, clouds: dict[str, bytes]) -> dict[str, str]:
+        return {name: b64encode(content).decode("ascii") for name, content in clouds.items()}
+
     @property
     def files(self) -> dict[str, bytes]:
         """The files by name."""
         fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
         fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
-        return fixed | {grid.file: grid.content for grid in self.grids}
+        return fixed | {grid.file: grid.content for grid in self.grids} | self.clouds
 
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.

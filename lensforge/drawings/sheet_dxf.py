@@ -31,6 +31,13 @@ _DIGITS = 3
 
 def sheet_dxf(sheet: Sheet) -> bytes:
     """The bytes of the DXF file; the same sheet gives the same bytes."""
+    with _without_clock():
+        document, stream = _document(sheet), io.StringIO()
+        document.write(stream)
+    return stream.getvalue().encode(document.output_encoding, errors="dxfreplace")
+
+
+def _document(sheet: Sheet) -> "Drawing":
     from ezdxf import units
     from ezdxf.filemanagement import new
 
@@ -45,15 +52,12 @@ def sheet_dxf(sheet: Sheet) -> bytes:
     for dimension in sheet.dimensions:
         _add_dimension(document, sheet, dimension)
     _add_layout(document, sheet)
-    stream = io.StringIO()
-    with _without_clock():
-        document.write(stream)
-    return stream.getvalue().encode(document.output_encoding, errors="dxfreplace")
+    return document
 
 
 @contextmanager
 def _without_clock() -> Iterator[None]:
-    """Write neither the time nor new identifiers into the file."""
+    """Put neither the time nor new identifiers into a file: ezdxf takes both from the clock as it makes one."""
     from ezdxf import options  # type: ignore[attr-defined]  # public, but not named in __all__
 
     before = options.write_fixed_meta_data_for_testing

@@ -20,9 +20,10 @@ _HATCH = 3.5
 
 @dataclass(frozen=True)
 class ViewContent:
-    """Lines (mm, of the part) of the section and of the view of the end, dimensions and datums."""
+    """Lines (mm, of the part) of the section, edges behind it, the view of the end, dimensions and datums."""
 
     section: list[Points]
+    edges: list[Points]
     end: list[ViewLine]
     dimensions: list[Dimension]
     datums: DatumScheme
@@ -90,6 +91,7 @@ def _draw_section(views: Views, content: ViewContent, scale: float, unit: float,
     x, y = origin
     views.strokes += hatch(outlines, _HATCH * unit)
     views.strokes += [Stroke(outline, "outline", closed=True) for outline in outlines]
+    views.strokes += [Stroke(scale * edge + origin, "outline") for edge in content.edges]
     views.strokes.append(Stroke(np.array([(x + low - 4.0 * unit, y), (x + high + 4.0 * unit, y)]), "axis"))
     mine = [each for each in content.dimensions if each.ends is not None and each.view == "section"]
     beyond = [each for each in mine if each.along == "x" and _rim_is_beside(each, content)]

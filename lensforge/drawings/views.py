@@ -37,6 +37,20 @@ def section_outlines(lens: Lens) -> list[Points]:
     return [outline[:, ::-1] for outline in body_outlines(lens, 0.0)]
 
 
+def section_edges(lens: Lens) -> list[Points]:
+    """Edges of cavity, bore and pocket behind the plane of the section, across the opening, as (z, x)."""
+    turns = np.array([0.0, np.pi])
+    base = base_with_room(lens)
+    holes = [(0.0, rim_radius(lens.inner))]
+    if base.kind in ("cylinder", "square"):
+        plan = lay_out(lens.inner, lens.outer, base)
+        bore = rim_radius(lens.inner) if plan.bore is None else plan.bore.radius
+        holes += [(0.0, bore), (-plan.bore_mm, bore)]
+        if plan.pocket is not None:
+            holes += [(-plan.bore_mm, plan.pocket.radius), (-base.height_mm, plan.pocket.radius)]
+    return [np.array([(z, -left), (z, right)]) for z, hole in holes for right, left in [hole(turns).tolist()]]
+
+
 def end_lines(lens: Lens) -> list[ViewLine]:
     """Lines of the part seen from its base, as (y, x)."""
     base = base_with_room(lens)

@@ -75,14 +75,18 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"
     for verdict in results.check.verdicts:
         assert f"{verdict.name}, {verdict.surface}" in page
-    content = {
-        "lens.step": results.part.step,
-        "lens.stl": results.part.stl,
-        "lens.3mf": results.part.threemf,
-        "points.csv": handed.points_csv,
-        "sag.csv": handed.sag_csv,
-        "drawing.dxf": handed.dxf,
-    } | {grid.file: grid.content for grid in handed.grids}
+    content = (
+        {
+            "lens.step": results.part.step,
+            "lens.stl": results.part.stl,
+            "lens.3mf": results.part.threemf,
+            "points.csv": handed.points_csv,
+            "sag.csv": handed.sag_csv,
+            "drawing.dxf": handed.dxf,
+        }
+        | {grid.file: grid.content for grid in handed.grids}
+        | handed.clouds
+    )
     assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
@@ -98,13 +102,18 @@ def test_the_same_results_give_the_same_bytes(results, handed):
 def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
     handed.save(tmp_path / "to_the_shop")
     written = {path.name: path.read_bytes() for path in (tmp_path / "to_the_shop").iterdir()}
-    assert written == {
-        "manufacturing.html": handed.html,
-        "manufacturing.pdf": handed.pdf,
-        "drawing.dxf": handed.dxf,
-        "points.csv": handed.points_csv,
-        "sag.csv": handed.sag_csv,
-    } | {grid.file: grid.content for grid in handed.grids}
+    assert (
+        written
+        == {
+            "manufacturing.html": handed.html,
+            "manufacturing.pdf": handed.pdf,
+            "drawing.dxf": handed.dxf,
+            "points.csv": handed.points_csv,
+            "sag.csv": handed.sag_csv,
+        }
+        | {grid.file: grid.content for grid in handed.grids}
+        | handed.clouds
+    )
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
         handed.save(tmp_path / "file" / "folder")
