@@ -34,6 +34,7 @@ from lensforge.manufacturing.result import Check, Finding
 from lensforge.report.figure_style import to_svg
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
+from lensforge.spec import DrawingSection
 from lensforge.tolerancing.yield_result import Yield
 
 _TEMPLATES = Path(__file__).with_name("templates")
@@ -58,10 +59,13 @@ class _Content:
     hashes: Mapping[str, str]
 
 
-def make_handover(results: Results, request: GridRequest | None = None) -> Handover:
+def make_handover(
+    results: Results, request: GridRequest | None = None, words: DrawingSection | None = None
+) -> Handover:
     """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check.
 
-    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so.
+    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so. ``words``: of title block
+    and notes; None: those of the spec.
     """
     lens, part, check, request = results.lens, results.part, results.check, request or GridRequest()
     faces, head = offset_faces(lens, check, {"inner": 0.0, "outer": 0.0}), origin_lines(lens, part)
@@ -76,13 +80,14 @@ def make_handover(results: Results, request: GridRequest | None = None) -> Hando
         **clouds,
     }
     sizes, tolerances = dimensions(lens), tolerance_table(lens, results.find(Yield))
-    drawn = drawing_content(lens, part, check, sizes, tolerances)
-    sheet = make_sheet(drawn, lens.spec.drawing.sheet)
+    words = words or lens.spec.drawing
+    drawn = drawing_content(lens, part, check, sizes, tolerances, words)
+    sheet = make_sheet(drawn, words.sheet)
     dxf, drawing, figures = sheet_dxf(sheet), sheet_figure(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
-    words = {grid.file: grid_facts(grid) for grid in grids} | {cloud_name(polar): cloud_facts(polar) for polar in rings}
-    content = _content(results, drawn, tolerances, words, hashes)
+    dense = {grid.file: grid_facts(grid) for grid in grids} | {cloud_name(polar): cloud_facts(polar) for polar in rings}
+    content = _content(results, drawn, words, tolerances, dense, hashes)
     title = f"{content.name}: for manufacture"
     return Handover(
         name=title,
@@ -118,6 +123,7 @@ def _point_grid(measured: MeasuredGrid, lens: Lens, part: Part, request: GridReq
 def _content(
     results: Results,
     drawn: DrawingContent,
+    words: DrawingSection,
     tolerances: ToleranceTable,
     grids: Facts,
     hashes: Mapping[str, str],
@@ -125,7 +131,7 @@ def _content(
     lens, part, check = results.lens, results.part, results.check
     return _Content(
         name=drawn.title.title,
-        facts=part_facts(lens, part, check),
+        facts=part_facts(lens, part, check, words),
         datums=drawn.views.datums.lines,
         definition=DEFINITION,
         dimensions=drawn.views.dimensions,

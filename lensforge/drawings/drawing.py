@@ -28,6 +28,7 @@ from lensforge.errors import InputError
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
+from lensforge.spec import DrawingSection
 
 SheetName = Literal["A3", "A4"]
 SIZES: dict[SheetName, tuple[float, float]] = {"A4": (297.0, 210.0), "A3": (420.0, 297.0)}
@@ -48,15 +49,20 @@ class DrawingContent:
 
 
 def drawing_content(
-    lens: Lens, part: Part, check: Check, dimensions: list[Dimension], tolerances: ToleranceTable
+    lens: Lens,
+    part: Part,
+    check: Check,
+    dimensions: list[Dimension],
+    tolerances: ToleranceTable,
+    words: DrawingSection,
 ) -> DrawingContent:
-    """Collect what the drawing says, from the results of the lens."""
+    """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
     datums = datum_scheme(lens, part)
     return DrawingContent(
         views=ViewContent(section_outlines(lens), section_edges(lens), end_lines(lens), dimensions, datums),
-        notes=drawing_notes(lens, check, datums, tolerances),
-        table=optical_table(lens, part, check),
-        title=title_block(lens, part),
+        notes=drawing_notes(lens, check, datums, tolerances, words),
+        table=optical_table(lens, part, check, words),
+        title=title_block(lens, part, words),
     )
 
 

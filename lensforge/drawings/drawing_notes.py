@@ -5,18 +5,21 @@ from lensforge.drawings.tolerance_table import ToleranceTable
 from lensforge.lens import Lens
 from lensforge.manufacturing.advice import advice
 from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.spec import DrawingSection
 
 
-def drawing_notes(lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable) -> list[str]:
-    """The notes, a paragraph each."""
+def drawing_notes(
+    lens: Lens, check: Check, datums: DatumScheme, tolerances: ToleranceTable, words: DrawingSection
+) -> list[str]:
+    """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
     return [
         "Sizes in parentheses are auxiliary: of the freeform faces OPTICAL_OUTER and OPTICAL_INNER"
         f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
         "z = 0 is the plane in which the optical faces end.",
         *(f"{line}." for line in datums.lines),
         _sources(lens, tolerances),
-        _general(lens),
-        _edges(lens),
+        _general(words),
+        _edges(words),
         "Optical faces polished, free of marks; all other faces as machined, no roughness stated.",
         *_mould(lens),
         *tool_notes(lens, check),
@@ -67,13 +70,13 @@ def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
     return f"Tolerances on the axis, 3/, 4/, n and roughness: {words}.{passing}"
 
 
-def _general(lens: Lens) -> str:
-    stated = lens.spec.drawing.general_tolerances
+def _general(words: DrawingSection) -> str:
+    stated = words.general_tolerances
     return f"Other sizes: {stated}." if stated else "Other sizes: no tolerance stated; agree on one with the shop."
 
 
-def _edges(lens: Lens) -> str:
-    largest = lens.spec.drawing.edge_break_mm
+def _edges(words: DrawingSection) -> str:
+    largest = words.edge_break_mm
     rims = "rims of the optical faces: sharp, without burr or chamfer"
     if largest is None:
         return f"Edges as in lens.step, no break stated; {rims}."

@@ -4,6 +4,7 @@ from lensforge.drawings.handover import PointGrid
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.spec import DrawingSection
 from lensforge.spec.section import rounded_up
 
 Facts = dict[str, str]
@@ -14,12 +15,12 @@ DEFINITION = (
 )
 
 
-def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
-    """Facts on the part and its files."""
+def part_facts(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Facts:
+    """Facts on the part and its files; ``words``: those of its drawing."""
     spec, signature = lens.spec, part.signature
     return {
-        "Number": spec.drawing.part_number or "not stated",
-        "Revision": spec.drawing.revision or "not stated",
+        "Number": words.part_number or "not stated",
+        "Revision": words.revision or "not stated",
         "Author": signature.author or "not stated",
         "Organisation": signature.organisation or "not stated",
         "Date": signature.date or "not stated",

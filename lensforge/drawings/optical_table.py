@@ -11,17 +11,24 @@ from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceName
+from lensforge.spec import DrawingSection
 
 ROW = 5.0  # mm on A3
 _WIDTHS = (66.0, 48.0, 66.0)
 _DASH = "–"
+# Faces that the spec gives by a formula; those of files have none.
+_SHAPES = {
+    **{kind: kind for kind in ("sphere", "asphere", "biconic", "toroid")},
+    "xy_polynomial": "polynomial in x, y",
+    "zernike": "Zernike polynomials",
+}
 
 Rows = list[list[str]]
 
 
-def optical_table(lens: Lens, part: Part, check: Check) -> Rows:
+def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Rows:
     """Rows of three texts: of the outer face, of the material, of the inner face."""
-    outer, inner = (_face(name, lens, part, check) for name in ("outer", "inner"))
+    outer, inner = (_face(name, lens, part, check, words) for name in ("outer", "inner"))
     spec = lens.spec.lens
     index = _amount(lens, "index")
     material = [
@@ -47,19 +54,24 @@ def draw_optical_table(rows: Rows, left: float, top: float, unit: float) -> Mark
     return strokes, words
 
 
-def _face(name: FaceName, lens: Lens, part: Part, check: Check) -> list[str]:
+def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSection) -> list[str]:
     found, sphere = getattr(check, name), getattr(check, name).best_fit_sphere
     coating = getattr(lens.spec.lens, f"{name}_coating")
     return [
         f"{name.capitalize()} face, {OUTER if name == 'outer' else INNER}",
-        f"freeform; best-fit R {sphere.radius_mm:.3f}, PV {sphere.pv_mm:.3f}",
+        f"{_shape(name, lens)}; best-fit R {sphere.radius_mm:.3f}, PV {sphere.pv_mm:.3f}",
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),
-        f"5/ {lens.spec.drawing.imperfections or _DASH}",
-        _texture(name, lens),
+        f"5/ {words.imperfections or _DASH}",
+        _texture(name, lens, words.roughness_nm),
         f"Coating: {_DASH if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
     ]
+
+
+def _shape(name: FaceName, lens: Lens) -> str:
+    fixed = lens.spec.lens.fixed_inner if name == "inner" else lens.spec.lens.fixed_outer
+    return "freeform" if fixed is None else _SHAPES.get(fixed.kind, "freeform")
 
 
 def _form(name: FaceName, lens: Lens) -> str:
@@ -87,9 +99,8 @@ def _centring(name: FaceName, lens: Lens) -> str:
     return f"4/ {', '.join(words)} to the inner face" if words else f"4/ {_DASH}"
 
 
-def _texture(name: FaceName, lens: Lens) -> str:
-    slope, height = _amount(lens, f"{name}_roughness_mrad"), lens.spec.drawing.roughness_nm
-    ripple = _amount(lens, f"{name}_ripple_um")
+def _texture(name: FaceName, lens: Lens, height: float | None) -> str:
+    slope, ripple = _amount(lens, f"{name}_roughness_mrad"), _amount(lens, f"{name}_ripple_um")
     words = ["polished"]
     words += [f"Rq {height:g} nm"] if height else []
     words += [f"RΔq {slope:g} mrad"] if slope else []

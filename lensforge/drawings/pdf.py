@@ -40,7 +40,7 @@ def _picture_page(pictures: Pictures) -> Figure:
     """The pictures two by two, each as an image of 300 dpi."""
     page = Figure(figsize=_A4)
     rows = (len(pictures) + 1) // 2
-    grid = page.add_gridspec(rows, 2, hspace=0.15, left=0.07, right=0.95, top=0.93, bottom=0.08)
+    grid = page.add_gridspec(rows, 2, hspace=0.15, left=0.07, right=0.95, top=0.93, bottom=0.93 - 0.3 * rows)
     for number, (caption, figure) in enumerate(pictures):
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white")

@@ -9,6 +9,7 @@ from lensforge.drawings.sheet import Box, Stroke
 from lensforge.drawings.text_cells import cell, frame_of, row
 from lensforge.geometry.part import STEP_FILE, Part
 from lensforge.lens import Lens
+from lensforge.spec import DrawingSection
 
 WIDTH, ROW = 180.0, 5.6  # mm on A3
 HEIGHT = 8.0 * ROW
@@ -37,9 +38,9 @@ class TitleBlock:
         return ", ".join([*found, *(f"revision {text}" for text in (self.revision,) if text != _NONE)])
 
 
-def title_block(lens: Lens, part: Part) -> TitleBlock:
-    """Words from the spec, and from the record of the part: author and date are those of its files."""
-    spec, words, signature = lens.spec, lens.spec.drawing, part.signature
+def title_block(lens: Lens, part: Part, words: DrawingSection) -> TitleBlock:
+    """Words for the shop, and from the record of the part: author and date are those of its files."""
+    spec, signature = lens.spec, part.signature
     stamp = part.files[STEP_FILE]
     return TitleBlock(
         name=words.part_name or spec.name,

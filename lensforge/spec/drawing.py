@@ -1,10 +1,14 @@
 """The drawing for the shop: ``[drawing]``, words of its title block and of its notes."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
+from lensforge.errors import InputError
 from lensforge.spec.section import Label, Section
+from lensforge.spec.toml_file import read_toml
+from lensforge.spec.wrong_fields import spec_error
 
 
 class DrawingSection(Section):
@@ -31,3 +35,14 @@ class DrawingSection(Section):
     """Largest roughness of the optical faces, rms of height (Rq)."""
     imperfections: Label = ""
     """Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade."""
+
+
+def read_drawing(path: Path) -> DrawingSection:
+    """The ``[drawing]`` of a TOML file, such as a spec. Raises :class:`InputError` where it has none."""
+    content = read_toml(path, "give a TOML file with [drawing]").get("drawing")
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: has no [drawing]; add one, or give another file")
+    try:
+        return DrawingSection.model_validate(content)
+    except ValidationError as error:
+        raise spec_error(error, f"{path}: drawing", DrawingSection) from None

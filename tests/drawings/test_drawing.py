@@ -3,6 +3,7 @@
 import io
 import re
 import zlib
+from dataclasses import replace
 from itertools import combinations
 
 import ezdxf
@@ -13,15 +14,17 @@ from shop_lenses import BASE, small_lens
 from lensforge.drawings.datums import datum_scheme
 from lensforge.drawings.dimension_lines import strokes_of, words_of_dimension
 from lensforge.drawings.dimensions import dimensions
-from lensforge.drawings.drawing import SIZES, drawing_content, make_sheet
+from lensforge.drawings.drawing import SCALES, SIZES, drawing_content, make_sheet
 from lensforge.drawings.lettering import box_of, shortened, width_of, wrapped
 from lensforge.drawings.pdf import pdf_of
 from lensforge.drawings.sheet import shown
 from lensforge.drawings.sheet_dxf import sheet_dxf
 from lensforge.drawings.sheet_figure import sheet_figure
 from lensforge.drawings.tolerance_table import tolerance_table
+from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
 from lensforge.manufacturing.check import check_part
+from lensforge.spec.drawing import read_drawing
 
 ROUND = {"diameter_mm": 16.0}
 BASES = {
@@ -39,7 +42,7 @@ def drawn_of(lens, sheet=None):
 
 
 def content_of(lens, part, check, sheet=None):
-    content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None))
+    content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None), lens.spec.drawing)
     return content, make_sheet(content, sheet)
 
 
@@ -220,6 +223,20 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
         assert text in stated, text
 
 
+def test_the_notes_name_the_yield_where_it_has_run(parts):
+    lens, part, check = parts["none"]
+    table = replace(tolerance_table(lens, None), passing="93 % of 1000 parts drawn from these amounts pass")
+    content = drawing_content(lens, part, check, dimensions(lens), table, lens.spec.drawing)
+    assert any("preset “standard” of lensforge. 93 % of 1000 parts" in note for note in content.notes)
+
+
+def test_a_face_that_the_spec_gives_is_not_called_freeform(parts):
+    _, part, check = parts["none"]
+    given = {"levels": [9], "inner_offset_mm": 3.0, "fixed_outer": {"kind": "sphere", "radius_mm": 6.0}}
+    content, _ = content_of(small_lens(BASES["none"], lens={**given, "refractive_index": 1.49}), part, check)
+    assert content.table[1][0].startswith("sphere") and "freeform" in content.table[1][2]
+
+
 def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so():
     long = "x" * 200
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": " ".join([long] * 1)})
@@ -228,6 +245,54 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so():
         left, _, right, _ = box_of(words)
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
     assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.words)
+
+
+@pytest.mark.parametrize("name", ["none", "square"])
+@pytest.mark.parametrize("factor", [0.02, 0.3, 4.0, 60.0])
+def test_parts_of_any_size_have_a_scale_at_which_nothing_collides(drawings, name, factor):
+    content, usual = drawings[name]
+    views = content.views
+    larger = replace(
+        views,
+        section=[factor * each for each in views.section],
+        edges=[factor * each for each in views.edges],
+        end=[replace(line, points=factor * line.points) for line in views.end],
+        dimensions=[
+            each
+            if each.ends is None
+            else replace(each, value_mm=factor * each.value_mm, ends=(factor * np.array(each.ends)).tolist())
+            for each in views.dimensions
+        ],
+        datums=replace(
+            views.datums,
+            datums=tuple(
+                each if each.z_mm is None else replace(each, z_mm=factor * each.z_mm) for each in views.datums.datums
+            ),
+        ),
+    )
+    sheet = make_sheet(replace(content, views=larger), None)
+    assert sheet.scale in SCALES
+    assert 0.2 < sheet.scale * factor / usual.scale < 5.0
+    boxes = [box_of(words) for words in all_words(sheet)]
+    for a, b in combinations(boxes, 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+    assert min(box[0] for box in boxes) > 20.0 and max(box[2] for box in boxes) < sheet.size_mm[0] - 10.0
+    assert min(box[1] for box in boxes) > 10.0 and max(box[3] for box in boxes) < sheet.size_mm[1] - 10.0
+
+
+def test_another_revision_is_read_from_a_file_and_wrong_ones_are_a_line(tmp_path):
+    path = tmp_path / "revision.toml"
+    path.write_text('[drawing]\nrevision = "D"\n[other]\nx = 1\n', encoding="utf-8")
+    assert read_drawing(path).revision == "D"
+    for content, line in (
+        ("[other]\n", "has no \\[drawing\\]; add one"),
+        ("[drawing]\nrevison = 'D'\n", "drawing: revison.*revision"),
+        ("[drawing]\nroughness_nm = -1\n", "drawing: roughness_nm = -1"),
+    ):
+        path.write_text(content, encoding="utf-8")
+        with pytest.raises(InputError, match=line) as caught:
+            read_drawing(path)
+        assert "\n" not in str(caught.value)
 
 
 def test_letters_are_measured_as_they_are_drawn():
