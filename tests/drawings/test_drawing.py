@@ -36,24 +36,21 @@ BASES = {
 }
 
 
-def drawn_of(lens, sheet=None):
-    part = build_part(lens, rings=16)
-    return content_of(lens, part, check_part(part), sheet)
-
-
 def content_of(lens, part, check, sheet=None):
     content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None), lens.spec.drawing)
     return content, make_sheet(content, sheet)
 
 
 @pytest.fixture(scope="module")
-def parts():
-    found = {}
-    for name, base in BASES.items():
-        lens = small_lens(base)
-        part = build_part(lens, rings=16)
-        found[name] = lens, part, check_part(part)
-    return found
+def check():
+    """Findings on one of the parts: those of the others differ in their base only."""
+    return check_part(build_part(small_lens(BASES["none"]), rings=16))
+
+
+@pytest.fixture(scope="module")
+def parts(check):
+    lenses = {name: small_lens(base) for name, base in BASES.items()}
+    return {name: (lens, build_part(lens, rings=16), check) for name, lens in lenses.items()}
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +173,7 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts):
     lens = small_lens(BASES["full"], {"form_tolerance_um": 2.0})
     part = build_part(lens, rings=16, schema="AP242")
     assert part.form_tolerances[0].datum_faces
-    content, _ = content_of(lens, part, check_part(part))
+    content, _ = content_of(lens, part, parts["full"][2])
     plane = content.views.datums.find("A")
     assert plane.z_mm == 0.0 and all(face in plane.words for face in part.form_tolerances[0].datum_faces)
     assert content.table[3][0] == "Profile of the surface: 0.002 | A"
@@ -191,7 +188,7 @@ def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
     assert re.fullmatch(r"\d+\.\d{3} ±0\.020", texts["thickness on the axis"]), "the preset's gap_mm"
 
 
-def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not():
+def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not(check):
     words = {
         "part_name": "Kerbside lens",
         "part_number": "LF-0042",
@@ -206,7 +203,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
     tolerances = {"gap_mm": 0.07, "outer_form_um": 0.4}
     lens = small_lens(ROUND, shop, drawing=words, tolerances=tolerances)
-    content, sheet = drawn_of(lens, "A3")
+    content, sheet = content_of(lens, build_part(lens, rings=16), check, "A3")
     stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
     for text in (
         "Kerbside lens", "Number: LF-0042", "Revision: C", "Checked: C. Checker", "Drawn: A. Author",
@@ -217,7 +214,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     ):  # fmt: skip
         assert text in stated, text
     assert content.title.title == "Kerbside lens, LF-0042, revision C"
-    _, bare = drawn_of(small_lens(ROUND))
+    _, bare = content_of(small_lens(ROUND), build_part(small_lens(ROUND), rings=16), check)
     stated = " ".join(each.text for each in all_words(bare))
     for text in ("Number: not stated", "Date: not stated", "no tolerance stated", "no break stated", "5/ –"):
         assert text in stated, text
@@ -237,14 +234,16 @@ def test_a_face_that_the_spec_gives_is_not_called_freeform(parts):
     assert content.table[1][0].startswith("sphere") and "freeform" in content.table[1][2]
 
 
-def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so():
+def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(check):
     long = "x" * 200
-    lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": " ".join([long] * 1)})
-    _, sheet = drawn_of(lens)
+    lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
+    content, _ = content_of(lens, build_part(lens, rings=16), check)
+    sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]), None)
     for words in sheet.words:
         left, _, right, _ = box_of(words)
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
     assert any(words.text.endswith("…") and words.text.startswith("Drawn: x") for words in sheet.words)
+    assert sum(words.text.startswith("More notes") for words in sheet.words) == 1
 
 
 @pytest.mark.parametrize("name", ["none", "square"])
