@@ -19,7 +19,9 @@ from lensforge.geometry.section import body_outlines
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 
-_AZIMUTHS, _POLAR = 721, 361  # of the curves of the view; of the meridians whose widest place is the silhouette
+# Of the curves of the view, and of the meridians whose widest place is the silhouette: 1 um on a lens of 14 mm, a
+# hundredth of a line's width at 5 : 1. Twice as many of each cost 6 s on a lens of 400 functions.
+_AZIMUTHS, _POLAR = 361, 91
 _CHORD_MM = 1e-2
 
 
@@ -74,13 +76,11 @@ def end_lines(lens: Lens) -> list[ViewLine]:
 
 def dome_radius(lens: Lens, turn: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Silhouette of the outer face along the axis: its largest distance (mm) from the axis at each azimuth."""
-    polar = np.linspace(0.0, 0.5 * np.pi, _POLAR)
-    across, along = np.sin(polar), np.cos(polar)
-    found = np.empty_like(turn)
-    for k, azimuth in enumerate(turn.tolist()):
-        directions = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), along])
-        found[k] = (lens.outer.radius(directions) * across).max()
-    return found
+    polar, azimuth = np.meshgrid(np.linspace(0.0, 0.5 * np.pi, _POLAR), turn)
+    across = np.sin(polar)
+    directions = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(polar)], axis=-1)
+    widths = lens.outer.radius(directions.reshape(-1, 3)).reshape(across.shape) * across
+    return np.asarray(widths.max(axis=1))
 
 
 def _loop(turn: Float[np.ndarray, " n"], radius: Float[np.ndarray, " n"]) -> Points:
