@@ -25,6 +25,7 @@ from lensforge.sources.rayfiles.summary import RayFileSummary
 from lensforge.spec import (
     BaseSection,
     ConstraintsSection,
+    DrawingSection,
     EvaluateSection,
     LensSection,
     ManufactureSection,
@@ -112,6 +113,7 @@ __all__ = [
     "Design",
     "DiscSource",
     "DiscTarget",
+    "DrawingSection",
     "EllipseTarget",
     "EvaluateSection",
     "FarFieldReceiver",

@@ -26,7 +26,7 @@ from lensforge.report.ownership import require_own
 from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import Accuracy, DrawingSection, Spec
 from lensforge.spec.design import require_spec
 from lensforge.spec.feasible import require_base_around_cavity
 from lensforge.starts import best_design
@@ -204,11 +204,14 @@ def run_photometry(
 
 
 @in_locked_folder
-def run_handover(folder: Path, request: "GridRequest | None" = None) -> "Handover":
-    """Write the documents that go to the shop with the STEP file; ``request``: of the dense tables of points."""
+def run_handover(folder: Path, request: "GridRequest | None" = None, words: DrawingSection | None = None) -> "Handover":
+    """Write the documents that go to the shop with the STEP file.
+
+    ``request``: of the dense tables of points. ``words``: of the drawing's title block; None: those of the spec.
+    """
     from lensforge.drawings.build import make_handover
 
-    handover = make_handover(load_to_show(folder), request)
+    handover = make_handover(load_to_show(folder), request, words)
     handover.save(folder)
     renew(folder)
     return handover

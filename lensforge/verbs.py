@@ -13,7 +13,7 @@ from lensforge.records import StageResult
 from lensforge.records.validation import its_type
 from lensforge.results import Results
 from lensforge.sources.inspection import inspect
-from lensforge.spec import Accuracy, Spec
+from lensforge.spec import Accuracy, DrawingSection, Spec
 from lensforge.spec.design import require_spec
 
 if TYPE_CHECKING:
@@ -33,8 +33,11 @@ def handover(
     slope_deg: float = 60.0,
     offset_inner_mm: float = 0.0,
     offset_outer_mm: float = 0.0,
+    drawing: DrawingSection | None = None,
 ) -> "Handover":
     """Make the documents for the shop: drawing, verdicts, point tables, hashes; ``save(folder)`` writes them.
+
+    ``drawing``: words of its title block and notes, such as another revision; None: those of the spec.
 
     ``spacing_mm``: of the dense tables; None: as wide as an ``interpolation`` error of ``error_nm`` along the normal
     allows. ``slope_deg``: where their raster ends. ``offset_inner_mm``, ``offset_outer_mm``: radius of a probe or tool
@@ -46,7 +49,7 @@ def handover(
     if not isinstance(run, Results):
         raise InputError(f"handover: {str(run)[:60]!r} is {its_type(run)}, must be a Run: run(...) or load(...)")
     request = GridRequest(spacing_mm, error_nm, interpolation, slope_deg, offset_inner_mm, offset_outer_mm)
-    return make_handover(run, request)
+    return make_handover(run, request, drawing)
 
 
 def sweep(

@@ -16,6 +16,7 @@ from lensforge.measured_part import refuse_unused
 from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.other_conditions import unless_own
 from lensforge.sources.photometric.ies_labels import NEWEST, require_ies_version
+from lensforge.spec.drawing import read_drawing
 
 if TYPE_CHECKING:
     _Pixel = click.ParamType[tuple[float, float]]
@@ -33,6 +34,12 @@ else:
 @click.option("--slope", type=float, default=60.0, show_default=True, metavar="DEG", help="Where the raster ends.")
 @click.option("--offset-inner", type=float, default=0.0, metavar="MM", help="Ball whose centres the tables hold.")
 @click.option("--offset-outer", type=float, default=0.0, metavar="MM", help="The same for the outer face.")
+@click.option(
+    "--drawing",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="TOML file whose [drawing] replaces the spec's: another revision.",
+)
 @with_output
 def handover(
     directory: Path,
@@ -42,18 +49,20 @@ def handover(
     slope: float,
     offset_inner: float,
     offset_outer: float,
+    drawing: Path | None,
     output: Output,
 ) -> None:
     """Write the files that go to the shop with the STEP.
 
-    A drawing with the findings of the check (HTML, PDF), and tables of points.
+    A drawing with the findings of the check (HTML, PDF, DXF), and tables of points.
     """
     from lensforge.commands.stage_clock import StageClock
     from lensforge.drawings.grids import GridRequest
 
+    words = None if drawing is None else read_drawing(drawing)
     request = GridRequest(spacing, error, interpolation, slope, offset_inner, offset_outer)
     with StageClock("handover", quiet=output.quiet):
-        result = pipeline.run_handover(directory, request)
+        result = pipeline.run_handover(directory, request, words)
     finish_handover(output, directory, result)
 
 

@@ -1,47 +1,43 @@
-"""The handover to the shop, from the results of a lens: the same content as HTML page and as PDF, and the tables.
+"""The handover to the shop, from the results of a lens: drawing, page, PDF and DXF of the same content, and tables."""
 
-The PDF has A4 pages drawn by matplotlib, so that no browser is needed.
-"""
-
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from textwrap import fill
 
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 
 from lensforge.criteria import Criterion
-from lensforge.drawings.dimensions import Dimension, dimensions, points_table, ring_angles, sag_table
-from lensforge.drawings.facts import Facts, datum_text, face_facts, grid_facts, part_facts
+from lensforge.drawings.cloud import cloud_facts, cloud_name, cloud_text
+from lensforge.drawings.dimensions import Dimension, dimensions
+from lensforge.drawings.drawing import DrawingContent, drawing_content, make_sheet
+from lensforge.drawings.drawing_notes import tool_advice
+from lensforge.drawings.facts import DEFINITION, Facts, face_facts, grid_facts, part_facts
 from lensforge.drawings.grid_text import file_name, grid_text, origin_lines
 from lensforge.drawings.grids import GridRequest, MeasuredGrid, make_grids
-from lensforge.drawings.handover import POINTS_FILE, SAG_FILE, Handover, PointGrid
+from lensforge.drawings.handover import DXF_FILE, PDF_FILE, POINTS_FILE, SAG_FILE, Handover, PointGrid
 from lensforge.drawings.offset_face import offset_faces
+from lensforge.drawings.pdf import Pictures, pdf_of
+from lensforge.drawings.point_tables import points_table, ring_angles, sag_table
+from lensforge.drawings.polar import Polar
 from lensforge.drawings.raster import Raster
-from lensforge.drawings.section import dimensioned_section
+from lensforge.drawings.sheet import Sheet, shown
+from lensforge.drawings.sheet_dxf import sheet_dxf
+from lensforge.drawings.sheet_figure import sheet_figure
+from lensforge.drawings.title_block import scale_words
 from lensforge.drawings.tolerance_table import ToleranceTable, tolerance_table
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
 from lensforge.report.figure_style import to_svg
-from lensforge.report.ownership import pdf_mark
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
+from lensforge.spec import DrawingSection
 from lensforge.tolerancing.yield_result import Yield
 
 _TEMPLATES = Path(__file__).with_name("templates")
-_A4 = (8.27, 11.69)
-_LINES, _COLUMNS = 68, 100
-_DPI, _CAPTION = 300, 56
-_NO_DATE = {"CreationDate": None}  # the same results make the same bytes
-
-Pictures = list[tuple[str, Figure]]
 
 
 @dataclass(frozen=True)
@@ -50,41 +46,59 @@ class _Content:
 
     name: str
     facts: Facts
-    datum: str
+    datums: tuple[str, ...]
+    definition: str
     dimensions: list[Dimension]
+    notes: list[str]
     tolerances: ToleranceTable
     faces: dict[str, Facts]
     grids: Facts
     verdicts: tuple[Finding, ...]
+    changes: list[str]
     criteria: tuple[Criterion, ...]
     hashes: Mapping[str, str]
 
 
-def make_handover(results: Results, request: GridRequest | None = None) -> Handover:
+def make_handover(
+    results: Results, request: GridRequest | None = None, words: DrawingSection | None = None
+) -> Handover:
     """Make the files that go to the shop with the STEP. Raises :class:`MissingResult` without part or check.
 
-    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so.
+    ``request``: of the dense tables. Raises :class:`InputError` where they cannot be made so. ``words``: of title block
+    and notes; None: those of the spec.
     """
     lens, part, check, request = results.lens, results.part, results.check, request or GridRequest()
     faces, head = offset_faces(lens, check, {"inner": 0.0, "outer": 0.0}), origin_lines(lens, part)
-    grids = tuple(_point_grid(measured, lens, part, request) for measured in make_grids(lens, check, request))
+    made = make_grids(lens, check, request)
+    grids = tuple(_point_grid(measured, lens, part, request) for measured in made)
+    rings = [measured.grid for measured in made if isinstance(measured.grid, Polar)]
+    clouds = {cloud_name(polar): cloud_text(polar).encode() for polar in rings}
     tables = {
         POINTS_FILE: points_table(faces, head).encode(),
         SAG_FILE: sag_table(faces, check, head).encode(),
         **{grid.file: grid.content for grid in grids},
+        **clouds,
     }
+    sizes, tolerances = dimensions(lens), tolerance_table(lens, results.find(Yield))
+    words = words or lens.spec.drawing
+    drawn = drawing_content(lens, part, check, sizes, tolerances, words)
+    sheet = make_sheet(drawn, words.sheet)
+    dxf, drawing, figures = sheet_dxf(sheet), sheet_figure(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
-    hashes |= {name: sha256(content).hexdigest() for name, content in tables.items()}
-    content, figures = _content(results, grids, hashes), _pictures(lens, check)
+    hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
+    dense = {grid.file: grid_facts(grid) for grid in grids} | {cloud_name(polar): cloud_facts(polar) for polar in rings}
+    content = _content(results, drawn, words, tolerances, dense, hashes)
     title = f"{content.name}: for manufacture"
     return Handover(
         name=title,
-        html=_page(content, figures).encode(),
-        pdf=pdf_of(title, _as_text(title, content), figures),
+        html=_page(content, sheet, drawing, figures).encode(),
+        pdf=pdf_of(title, drawing, _as_text(title, content), figures),
+        dxf=dxf,
         points_csv=tables[POINTS_FILE],
         sag_csv=tables[SAG_FILE],
         points=len(faces) * len(ring_angles()),
         grids=grids,
+        clouds=clouds,
         sha256=hashes,
         refused=tuple(verdict for verdict in check.verdicts if not verdict.holds),
     )
@@ -106,24 +120,34 @@ def _point_grid(measured: MeasuredGrid, lens: Lens, part: Part, request: GridReq
     )
 
 
-def _content(results: Results, grids: tuple[PointGrid, ...], hashes: Mapping[str, str]) -> _Content:
+def _content(
+    results: Results,
+    drawn: DrawingContent,
+    words: DrawingSection,
+    tolerances: ToleranceTable,
+    grids: Facts,
+    hashes: Mapping[str, str],
+) -> _Content:
     lens, part, check = results.lens, results.part, results.check
     return _Content(
-        name=lens.spec.name,
-        facts=part_facts(lens, part, check),
-        datum=datum_text(lens),
-        dimensions=dimensions(lens),
-        tolerances=tolerance_table(lens, results.find(Yield)),
+        name=drawn.title.title,
+        facts=part_facts(lens, part, check, words),
+        datums=drawn.views.datums.lines,
+        definition=DEFINITION,
+        dimensions=drawn.views.dimensions,
+        notes=drawn.notes,
+        tolerances=tolerances,
         faces={"outer": face_facts(check.outer), "inner": face_facts(check.inner)},
-        grids={grid.file: grid_facts(grid) for grid in grids},
+        grids=grids,
         verdicts=check.verdicts,
+        changes=tool_advice(lens, check),
         criteria=(*part.criteria, *check.criteria),
         hashes=hashes,
     )
 
 
-def _pictures(lens: Lens, check: Check) -> Pictures:
-    figures: Pictures = [("Section at y = 0, to scale", dimensioned_section(lens))]
+def _pictures(check: Check) -> Pictures:
+    figures: Pictures = []
     for name, face, sag, kappa in (
         ("outer", check.outer, check.outer_sag_mm, check.outer_kappa_min),
         ("inner", check.inner, check.inner_sag_mm, check.inner_kappa_min),
@@ -135,19 +159,26 @@ def _pictures(lens: Lens, check: Check) -> Pictures:
     return figures
 
 
-def _page(content: _Content, figures: Pictures) -> str:
+def _page(content: _Content, sheet: Sheet, drawing: Figure, figures: Pictures) -> str:
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
-    drawn = [(caption, Markup(to_svg(f, f"handover{k}", caption))) for k, (caption, f) in enumerate(figures)]
-    return environment.get_template("manufacturing.html").render(**vars(content), pictures=drawn)
+    environment.globals.update(shown=shown)
+    pictures = [(caption, Markup(to_svg(f, f"handover{k}", caption))) for k, (caption, f) in enumerate(figures, 1)]
+    caption = f"Drawing, {sheet.name}, scale {scale_words(sheet.scale)}; the same as {PDF_FILE} and {DXF_FILE}"
+    main = caption, Markup(to_svg(drawing, "handover0", caption))
+    template = environment.get_template("manufacturing.html")
+    return template.render(**vars(content), drawing=main, pictures=pictures)
 
 
 def _as_text(title: str, content: _Content) -> list[str]:
-    lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datum", content.datum]
-    lines += ["", "Dimensions (mm)", *(f"{d.value_mm:10.4f}  {d.name}" for d in content.dimensions)]
+    lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datums"]
+    lines += [*content.datums, content.definition, "", "Dimensions (mm)"]
+    lines += [f"{shown(d.value_mm)}  {d.name}; {d.scope_words}" for d in content.dimensions]
+    lines += ["", "Notes of the drawing", *(f"{k}. {note}" for k, note in enumerate(content.notes, 1))]
     lines += ["", "Tolerances", *content.tolerances.lines]
     for name, facts in content.faces.items():
         lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
     lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]
+    lines += ["", "Changes of the specification", *content.changes] if content.changes else []
     lines += ["", "Criteria", *(f"[{_yes(c.passed)}] {c.name} {_value(c)}" for c in content.criteria)]
     lines += ["", "Dense tables of points", *(f"{key}: {value}" for key, value in content.grids.items())]
     return [*lines, "", "SHA-256", *(f"{digest}  {name}" for name, digest in content.hashes.items())]
@@ -159,46 +190,3 @@ def _yes(holds: bool) -> str:
 
 def _value(criterion: Criterion) -> str:
     return "could not be measured" if criterion.value is None else f"= {criterion.value:.6g} {criterion.unit}"
-
-
-def pdf_of(title: str, text: list[str], pictures: list[tuple[str, Figure]]) -> bytes:
-    """Make a PDF: the lines of ``text`` on as many pages as needed, then ``pictures`` with captions on one page."""
-    buffer = io.BytesIO()
-    with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
-        folded = [piece for line in text for piece in _fold(line)]
-        for first in range(0, len(folded), _LINES):
-            page = Figure(figsize=_A4)
-            page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
-            pages.savefig(page)
-        pages.savefig(_picture_page(pictures))
-    return buffer.getvalue() + pdf_mark()
-
-
-def _picture_page(pictures: list[tuple[str, Figure]]) -> Figure:
-    """The first picture across the page, the others below it two by two, each as an image of 300 dpi."""
-    page = Figure(figsize=_A4)
-    halves = page.add_gridspec(2, 1, height_ratios=(0.75, 1.0), left=0.07, right=0.95, top=0.95, bottom=0.04)
-    rows = len(pictures) // 2
-    pairs = halves[1].subgridspec(rows, 2, hspace=0.2)
-    places = [halves[0], *(pairs[row, column] for row in range(rows) for column in range(2))]
-    for place, (caption, figure) in zip(places, pictures, strict=False):
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=_DPI, facecolor="white")
-        buffer.seek(0)
-        axes = page.add_subplot(place)
-        axes.imshow(imread(buffer), interpolation="none")
-        axes.set_title(fill(caption, _CAPTION), size=8.0, loc="left")
-        axes.set_axis_off()
-    return page
-
-
-def _fold(line: str) -> list[str]:
-    """Lines that fit the page, continuations indented; words are not broken."""
-    pieces = [""]
-    for word in line.split(" "):
-        longer = f"{pieces[-1]} {word}" if pieces[-1] else word
-        if len(longer) > _COLUMNS and pieces[-1].strip():
-            pieces.append("    " + word)
-        else:
-            pieces[-1] = longer
-    return pieces

@@ -1,58 +1,104 @@
-"""Dimensions of the lens and its base for the drawing, and tables of both faces for a measuring machine.
+"""Dimensions of the lens and its base: one list for the drawing, its DXF and the table.
 
-All are of the exact surfaces; the tables are on rings about the axis, every 2.5 degrees of polar angle and 5 degrees of
-azimuth.
+All are of the exact surfaces. A dimension that is drawn has its two ends on the part.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.drawings.offset_face import OffsetFace
 from lensforge.geometry.custom_base import read_custom_base, tessellated
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.outline import Outline
-from lensforge.geometry.plan import lay_out
+from lensforge.geometry.plan import lay_out, rim_directions, rim_radius
+from lensforge.geometry.section import body_outlines
 from lensforge.lens import Lens
-from lensforge.manufacturing.result import Check
+from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import to_chart, to_sphere
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 
 _SAMPLES, _STARTS = 5_000, 8  # samples 1.8 degrees apart; searches from the highest of them
+_RIM_AZIMUTHS = 1440
 _AXIS = np.array([[0.0, 0.0, 1.0]])
-POINT_COLUMNS = "surface,x_mm,y_mm,z_mm,nx,ny,nz"
-SAG_COLUMNS = "surface,polar_deg,azimuth_deg,radius_mm,departure_mm"
-_POLAR_DEG, _AZIMUTH_DEG = np.arange(2.5, 90.1, 2.5), np.arange(0.0, 360.0, 5.0)
+
+Scope = Literal["axis", "section", "largest", "base", "box"]
+SCOPES: dict[Scope, str] = {
+    "axis": "on the axis",
+    "section": "in the section S–S",
+    "largest": "largest about the axis",
+    "base": "of the base, all around",
+    "box": "of the box around the base",
+}
+View = Literal["section", "end"]
+Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """One dimension (mm) with its name."""
+    """One dimension (mm) with its name, and ``scope``: of which places it is.
+
+    ``ends``: two places on the part, (z, x) in the section or (y, x) in the view of the end; None where it is not
+    drawn. ``along``: the axis along which it is measured. ``sign``: "⌀" or "□" before it. ``tolerance_mm``: either way.
+    """
 
     name: str
     value_mm: float
+    scope: Scope
+    ends: Ends | None = None
+    along: Literal["x", "y", "z"] = "z"
+    sign: str = ""
+    tolerance_mm: float | None = None
+
+    @property
+    def view(self) -> View:
+        """The view that shows it."""
+        return "end" if self.along == "y" else "section"
+
+    @property
+    def scope_words(self) -> str:
+        """Words on the places of which it is, and on its tolerance."""
+        if self.is_auxiliary:
+            return f"{SCOPES[self.scope]}; auxiliary"
+        return SCOPES[self.scope] + ("" if self.tolerance_mm is None else f"; ±{self.tolerance_mm:.3f}")
+
+    @property
+    def is_auxiliary(self) -> bool:
+        """True for a size that follows from a freeform face: it stands in parentheses, and the STEP defines it."""
+        return self.scope in ("axis", "section", "largest") and self.tolerance_mm is None
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
-    """Dimensions of the lens and of its base; the width of a rim is that of its enclosing circle about the axis."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 1440, endpoint=False)
-    rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    """Dimensions of the lens and of its base; those that are drawn are in the section at y = 0, or across y."""
+    return [*_lens_dimensions(lens), *_base_dimensions(lens)]
+
+
+def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
+    inner, outer = (float(surface.radius(_AXIS)[0]) for surface in (lens.inner, lens.outer))
+    gap = lens.spec.tolerances.of("gap_mm").amount
+    side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
+    yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
+    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer), "largest")
+    yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
+    ends = (inner, 0.0), (outer, 0.0)
+    yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
     dome = fibonacci_hemisphere(20_000)
-    radius = lens.outer.radius(dome)
-    inner_apex, outer_apex = (float(surface.radius(_AXIS)[0]) for surface in (lens.inner, lens.outer))
-    found = [
-        Dimension("height of the outer apex above A", outer_apex),
-        Dimension("highest point above A", highest_point_mm(lens.outer)),
-        Dimension("height of the cavity's apex above A", inner_apex),
-        Dimension("thickness on the axis", outer_apex - inner_apex),
-        Dimension("width of the dome", 2.0 * float((radius * np.hypot(dome[:, 0], dome[:, 1])).max())),
-        Dimension("outer rim in A, outside width", 2.0 * float(lens.outer.radius(rim).max())),
-        Dimension("opening of the cavity in A, outside width", 2.0 * float(lens.inner.radius(rim).max())),
-    ]
-    return found + _base_dimensions(lens)
+    across = lens.outer.radius(dome) * np.hypot(dome[:, 0], dome[:, 1])
+    yield Dimension("width of the dome", 2.0 * float(across.max()), "largest", sign="⌀")
+    for name, surface in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
+        yield _rim_in_section(name, surface)
+        turn = np.linspace(0.0, 2.0 * np.pi, _RIM_AZIMUTHS, endpoint=False)
+        widest = 2.0 * float(surface.radius(rim_directions(turn)).max())
+        yield Dimension(f"{name} in z = 0, circle about the axis that holds it", widest, "largest", sign="⌀")
+
+
+def _rim_in_section(name: str, surface: Surface) -> Dimension:
+    right, left = rim_radius(surface)(np.array([0.0, np.pi])).tolist()
+    return Dimension(f"{name} in z = 0, along x", left + right, "section", ((0.0, -left), (0.0, right)), "x")
 
 
 def highest_point_mm(surface: Surface) -> float:
@@ -77,75 +123,77 @@ def _base_dimensions(lens: Lens) -> list[Dimension]:
     if base.kind == "none":
         return []
     if base.file is not None:
-        return _box_of_file(base.file)
-    plan = lay_out(lens.inner, lens.outer, base)
-    square = base.kind == "square"
-    found = [
-        Dimension(
-            "side of the base" if square else "diameter of the base", base.side_mm if square else base.diameter_mm
-        ),
-        Dimension("height of the base below A", base.height_mm),
-    ]
-    for name, value in (
-        ("relief step below A", base.step_mm or None),
-        ("diameter of the step's wall", _diameter(plan.ring)),
-        ("diameter of the bore", _diameter(plan.bore)),
-        ("clocking flat, across +x, from the axis", base.flat_mm),
-        ("diameter of the pocket", base.pocket_diameter_mm),
-        ("depth of the pocket", base.pocket_depth_mm if base.pocket_diameter_mm else None),
-        ("diameter of the flange", base.flange_diameter_mm),
-        ("height of the flange", base.flange_height_mm if base.flange_diameter_mm else None),
+        return [*_in_section_of_file(lens), *_box_of_file(base.file)]
+    return [*_depths(lens, base), *_widths(lens, base)]
+
+
+def _depths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+    """Lengths of a built-in base along the axis."""
+    plan, bottom = lay_out(lens.inner, lens.outer, base), -base.height_mm
+    half = _half_width(base)
+    yield Dimension("height of the base below z = 0", base.height_mm, "base", ((bottom, -half), (0.0, -half)))
+    if plan.relief_mm > 0.0:
+        ends = (-plan.relief_mm, -half), (0.0, -half)
+        yield Dimension("depth of the relief step below z = 0", plan.relief_mm, "base", ends)
+    if base.pocket_diameter_mm is not None:
+        side = -base.pocket_diameter_mm / 2.0
+        ends = (bottom, side), (bottom + base.pocket_depth_mm, side)
+        yield Dimension("depth of the pocket", base.pocket_depth_mm, "base", ends)
+    if base.flange_diameter_mm is not None:
+        side = -base.flange_diameter_mm / 2.0
+        ends = (bottom, side), (bottom + base.flange_height_mm, side)
+        yield Dimension("height of the flange", base.flange_height_mm, "base", ends)
+
+
+def _half_width(base: BaseSection) -> float:
+    return (base.side_mm if base.kind == "square" else base.diameter_mm) / 2.0
+
+
+def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
+    """Widths of a built-in base."""
+    plan, half = lay_out(lens.inner, lens.outer, base), _half_width(base)
+    foot = -plan.shoulder_mm
+    if base.kind == "square":
+        yield Dimension("side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), "x", "□")
+        yield Dimension("side of the base across y", 2.0 * half, "base", ((-half, -half), (half, -half)), "y")
+    elif base.flat_mm is None:
+        yield Dimension("diameter of the base", 2.0 * half, "base", ((foot, -half), (foot, half)), "x", "⌀")
+    else:  # the flat takes a piece from the section
+        yield Dimension("diameter of the base", 2.0 * half, "base", ((-half, 0.0), (half, 0.0)), "y", "⌀")
+        ends = (foot, 0.0), (foot, base.flat_mm)
+        yield Dimension("clocking flat across +x, from the axis", base.flat_mm, "base", ends, "x")
+    for name, z, circle in (
+        ("diameter of the step's wall", 0.0, plan.ring),
+        ("diameter of the bore", -plan.bore_mm, plan.bore),
+        ("diameter of the pocket", -base.height_mm, plan.pocket),
+        ("diameter of the flange", -base.height_mm, plan.flange),
     ):
-        if value is not None:
-            found.append(Dimension(name, value))
-    return found
+        if circle is not None:
+            radius = _radius(circle)
+            yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), "x", "⌀")
 
 
-def _diameter(circle: Outline | None) -> float | None:
-    return None if circle is None else 2.0 * float(circle.radius(np.zeros(1))[0])
+def _radius(circle: Outline) -> float:
+    return float(circle.radius(np.zeros(1))[0])
+
+
+def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
+    """Width and height of the base where the section cuts it."""
+    outlines = body_outlines(lens, 0.0)[1:]  # the first is that of the lens
+    if not outlines:
+        return
+    below = np.concatenate(outlines)
+    low = below[np.argmin(below[:, 1])]
+    left, right = below[np.argmin(below[:, 0])], below[np.argmax(below[:, 0])]
+    ends = (float(low[1]), float(low[0])), (0.0, float(low[0]))
+    yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
+    across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
+    yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, "x")
 
 
 def _box_of_file(path: Path) -> list[Dimension]:
     """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
     vertices, _ = tessellated(read_custom_base(path).solid, 1e-2)
     sizes = np.ptp(vertices, axis=0).tolist()
-    names = ("width along x", "width along y", "height below A")
-    return [Dimension(f"base of {path.name}, {name}", size) for name, size in zip(names, sizes, strict=True)]
-
-
-def ring_angles() -> Float[np.ndarray, "n 2"]:
-    """Polar angle and azimuth (degrees) of every point of the tables, the apex first."""
-    polar, azimuth = np.meshgrid(_POLAR_DEG, _AZIMUTH_DEG, indexing="ij")
-    return np.concatenate([np.zeros((1, 2)), np.stack([polar.ravel(), azimuth.ravel()], axis=-1)])
-
-
-def ring_directions() -> Float[np.ndarray, "n 3"]:
-    """Unit directions of :func:`ring_angles`; those of the rim lie in z = 0 exactly."""
-    polar, azimuth = np.radians(ring_angles()).T
-    height = np.where(ring_angles()[:, 0] == 90.0, 0.0, np.cos(polar))
-    return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), height], axis=-1)
-
-
-def points_table(faces: list[OffsetFace], head: list[str]) -> str:
-    """``x, y, z`` (mm) and the unit normal out of the material, a line for each point of each face as it is cut."""
-    directions = ring_directions()
-    lines = [*(f"# {line}" for line in head), POINT_COLUMNS]
-    for face in faces:
-        name, surface = face.name, face.surface
-        points = surface.radius(directions)[:, None] * directions
-        rows = np.concatenate([points, face.air * surface.normal(directions)], axis=1) + 0.0  # no minus zero
-        lines += [name + "," + ",".join(f"{value:.9f}" for value in row) for row in rows]
-    return "\n".join(lines) + "\n"
-
-
-def sag_table(faces: list[OffsetFace], check: Check, head: list[str]) -> str:
-    """Distance from the origin and departure from the check's best-fit sphere (mm) at each angle of each face."""
-    directions, angles = ring_directions(), ring_angles()
-    lines = [*(f"# {line}" for line in head), SAG_COLUMNS]
-    for face in faces:
-        name, sphere = face.name, getattr(check, face.name).best_fit_sphere
-        radius = face.surface.radius(directions)
-        away = np.linalg.norm(radius[:, None] * directions - np.array(sphere.centre_mm), axis=1)
-        rows = np.column_stack([angles, radius, away - sphere.radius_mm])
-        lines += [f"{name},{p:.1f},{a:.1f},{r:.9f},{d:.9f}" for p, a, r, d in rows.tolist()]
-    return "\n".join(lines) + "\n"
+    names = ("width along x", "width along y", "height below z = 0")
+    return [Dimension(f"base of {path.name}, {name}", size, "box") for name, size in zip(names, sizes, strict=True)]

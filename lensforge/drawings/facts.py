@@ -1,18 +1,26 @@
-"""Statements on the page for the shop: part, datum, faces and tables."""
+"""Statements on the page for the shop: part, definition, faces and tables."""
 
 from lensforge.drawings.handover import PointGrid
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.spec import DrawingSection
 from lensforge.spec.section import rounded_up
 
 Facts = dict[str, str]
+DEFINITION = (
+    "lens.step alone defines the part; its faces OPTICAL_OUTER and OPTICAL_INNER are the optical ones. Drawing, tables "
+    "and pictures are for inspection, the dense tables for tool paths within the error that they state. All have the "
+    "coordinates of lens.step: z = 0 is the plane in which both optical faces end, z the optical axis."
+)
 
 
-def part_facts(lens: Lens, part: Part, check: Check) -> Facts:
-    """Facts on the part and its files."""
+def part_facts(lens: Lens, part: Part, check: Check, words: DrawingSection) -> Facts:
+    """Facts on the part and its files; ``words``: those of its drawing."""
     spec, signature = lens.spec, part.signature
     return {
+        "Number": words.part_number or "not stated",
+        "Revision": words.revision or "not stated",
         "Author": signature.author or "not stated",
         "Organisation": signature.organisation or "not stated",
         "Date": signature.date or "not stated",
@@ -88,28 +96,6 @@ def _tolerance_facts(lens: Lens, part: Part) -> Facts:
         "Form tolerance of the lens's optical faces": f"{width_um:g} µm, width of the zone, half of it on each side of "
         f"the face; in lens.step {carried}"
     }
-
-
-def datum_text(lens: Lens) -> str:
-    """Datum A and B, the feature that clocks the part, and the file that defines the optical faces."""
-    return (
-        "A is the plane z = 0, in which both optical faces end; B is the optical axis z through the origin of the "
-        f"STEP; {_clocking(lens)}. Lengths in mm. The optical faces are the named faces OPTICAL_OUTER and "
-        "OPTICAL_INNER of the STEP file, which alone defines them; tables and pictures are for inspection, the dense "
-        "tables for tool paths within the error that they state."
-    )
-
-
-def _clocking(lens: Lens) -> str:
-    """Feature that shows the azimuth; only one that is there."""
-    base = lens.spec.base
-    if base.kind == "cylinder" and base.flat_mm is not None:
-        return "a clocking flat lies across +x"
-    if base.kind == "square":
-        return "the sides of the base lie across x and y, and nothing tells +x from the other three"
-    if base.kind == "step":
-        return "the azimuth is that of the base in its own file"
-    return "nothing on the part marks the azimuth, which counts from +x of the STEP"
 
 
 def face_facts(face: FaceResult) -> Facts:

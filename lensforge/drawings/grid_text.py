@@ -26,8 +26,8 @@ def origin_lines(lens: Lens, part: Part) -> list[str]:
         f"lens: {lens.spec.name}, SHA-256 {lens.sha256}",
         f"author: {signature.author or 'not stated'}; organisation: {signature.organisation or 'not stated'}; "
         f"date: {signature.date or 'not stated'}; by lensforge {lens.version}",
-        "units: mm, degrees; datum A: the plane z = 0, in which both optical faces end; B: the optical axis z; "
-        "the azimuth counts from +x towards +y",
+        "units: mm, degrees; coordinates: those of lens.step, z = 0 the plane in which both optical faces end, z the "
+        "optical axis; the azimuth counts from +x towards +y",
         scale_line(lens),
     ]
 

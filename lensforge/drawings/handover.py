@@ -14,6 +14,7 @@ from lensforge.records import Count, NotNegative, Positive, Record, Sha256, Shar
 from lensforge.report.ownership import require_own
 
 HTML_FILE, PDF_FILE, POINTS_FILE, SAG_FILE = "manufacturing.html", "manufacturing.pdf", "points.csv", "sag.csv"
+DXF_FILE = "drawing.dxf"
 
 
 class PointGrid(Record):
@@ -41,9 +42,10 @@ class PointGrid(Record):
 
 
 class Handover(Record):
-    """Drawing and verdicts as page and PDF, tables of points and of sag, each as the bytes of its file.
+    """Drawing and verdicts as page and PDF, the drawing as DXF, tables of points and of sag, as the bytes of files.
 
-    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning.
+    ``points``: number of points in the table for a measuring machine; ``grids``: dense tables for milling and turning;
+    ``clouds``: the same points with normals as plain text, by file.
     ``sha256``: of the files that go to the shop, by name, except page and PDF, which list them.
     ``refused``: verdicts of the check that do not hold.
     """
@@ -51,22 +53,29 @@ class Handover(Record):
     name: Text
     html: bytes
     pdf: bytes
+    dxf: bytes
     points_csv: bytes
     sag_csv: bytes
     points: Count
     grids: tuple[PointGrid, ...]
+    clouds: dict[Text, bytes]
     sha256: dict[Text, Sha256]
     refused: tuple[Finding, ...]
 
-    @field_serializer("html", "pdf", "points_csv", "sag_csv", when_used="json")
+    @field_serializer("html", "pdf", "dxf", "points_csv", "sag_csv", when_used="json")
     def _as_text(self, content: bytes) -> str:
         return b64encode(content).decode("ascii")
+
+    @field_serializer("clouds", when_used="json")
+    def _clouds_as_text(self, clouds: dict[str, bytes]) -> dict[str, str]:
+        return {name: b64encode(content).decode("ascii") for name, content in clouds.items()}
 
     @property
     def files(self) -> dict[str, bytes]:
         """The files by name."""
-        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
-        return fixed | {grid.file: grid.content for grid in self.grids}
+        fixed = {HTML_FILE: self.html, PDF_FILE: self.pdf, DXF_FILE: self.dxf}
+        fixed |= {POINTS_FILE: self.points_csv, SAG_FILE: self.sag_csv}
+        return fixed | {grid.file: grid.content for grid in self.grids} | self.clouds
 
     def save(self, folder: Path | str) -> None:
         """Write the files into ``folder``.

@@ -23,6 +23,7 @@ _MOST_STEP_DEG = 6.0  # the ring or two that the interpolation needs below the r
 class Polar:
     """Rings ``step_deg`` apart (polar angle), the first the apex, each of even azimuths; [ring, azimuth, (R, Z)] in mm.
 
+    ``normals``: unit vectors from the material into the air at the same nodes, as x, y, z.
     ``rim``: number of the ring at the lowest point of the rim; rings beyond it are run-out.
     """
 
@@ -31,6 +32,7 @@ class Polar:
     rim: int
     azimuths_deg: Float[np.ndarray, " m"]
     values: Float[np.ndarray, "n m 2"]
+    normals: Float[np.ndarray, "n m 3"]
 
     @property
     def rows(self) -> Float[np.ndarray, "k 4"]:
@@ -39,6 +41,16 @@ class Polar:
         polar, azimuth = np.meshgrid(self.step_deg * np.arange(rings), self.azimuths_deg, indexing="ij")
         rows = np.concatenate([np.stack([polar, azimuth], axis=-1), self.values], axis=-1).reshape(-1, 4)
         return np.concatenate([rows[:1], rows[turns:]])
+
+    @property
+    def cloud(self) -> Float[np.ndarray, "k 6"]:
+        """x, y, z (mm) and unit normal of each node without the run-out, the apex once."""
+        turn, on_face = np.radians(self.azimuths_deg), self.values[: self.rim + 1]
+        r, z = on_face[..., 0], on_face[..., 1]
+        rows = np.concatenate(
+            [np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1), self.normals[: self.rim + 1]], -1
+        )
+        return np.concatenate([rows[0, :1], rows[1:].reshape(-1, 6)])
 
     @property
     def spacing_mm(self) -> float:
@@ -110,11 +122,12 @@ def make_polar(face: OffsetFace, end_deg: float, spacing_mm: float, scheme: Inte
     step, azimuths = end_deg / rim, 360.0 / turns * np.arange(turns)
     rings = step * np.arange(1, rim + 1 + BEYOND[scheme])
     angles = np.stack(np.meshgrid(rings, azimuths, indexing="ij"), axis=-1).reshape(-1, 2)
-    centres = face.found(_on_chart(angles), to_chart)[0]
+    centres, normals = face.found(_on_chart(angles), to_chart)
     ring_values = np.stack([np.linalg.norm(centres[:, :2], axis=1), centres[:, 2]], axis=-1)
-    (apex,), _ = face.found(np.zeros((1, 2)), to_chart)
+    (apex,), upright = face.found(np.zeros((1, 2)), to_chart)
     values = np.concatenate([np.tile([0.0, apex[2]], (1, turns, 1)), ring_values.reshape(len(rings), turns, 2)])
-    return Polar(face, step, rim, azimuths, values)
+    vectors = np.concatenate([np.tile(upright, (1, turns, 1)), normals.reshape(len(rings), turns, 3)])
+    return Polar(face, step, rim, azimuths, values, vectors)
 
 
 _RIM_AND_APEX = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])

@@ -25,9 +25,13 @@ class ToleranceRow:
 
 @dataclass(frozen=True)
 class ToleranceTable:
-    """Tolerances of the ``lens``, which its maker keeps, and of the ``assembly``: LED, and the lens on its board."""
+    """Tolerances of the ``lens``, which its maker keeps, and of the ``assembly``: LED, and the lens on its board.
+
+    ``passing``: share of the parts that pass with them, "" where that has not been computed.
+    """
 
     sentence: str
+    passing: str
     lens: tuple[ToleranceRow, ...]
     assembly: tuple[ToleranceRow, ...]
 
@@ -60,7 +64,8 @@ def tolerance_table(lens: Lens, found: Yield | None) -> ToleranceTable:
     rows = {factor.name: _row(lens, factor, budget.get(factor.name)) for factor in factors}
     assembly = tuple(row for name, row in rows.items() if name.startswith(_OF_ASSEMBLY))
     own = tuple(row for name, row in rows.items() if not name.startswith(_OF_ASSEMBLY))
-    return ToleranceTable(_sentence(found) if rows else "The specification sets no tolerances.", own, assembly)
+    sentence = _sentence(found) if rows else "The specification sets no tolerances."
+    return ToleranceTable(sentence, "" if found is None else _passing(found), own, assembly)
 
 
 def _row(lens: Lens, factor: Factor, budget: BudgetRow | None) -> ToleranceRow:
@@ -86,8 +91,12 @@ def _sentence(found: Yield | None) -> str:
             "Amounts of the specification and of its preset. How many parts pass with them has not been computed; "
             "`lensforge yield` does."
         )
-    passing = f"{percent(found.pass_rate.value)} of {found.parts} parts drawn from these amounts pass"
+    passing = _passing(found)
     if found.budget is None:
         return f"{passing}."
     wanted = percent(found.budget.pass_rate, 0)
     return f"{passing}. At most: the amount at which {wanted} of them pass, the other tolerances as they are."
+
+
+def _passing(found: Yield) -> str:
+    return f"{percent(found.pass_rate.value)} of {found.parts} parts drawn from these amounts pass"

@@ -1,6 +1,7 @@
 """The specification of a design, read from TOML: validated once, immutable, every length in mm."""
 
 from lensforge.spec.design import Spec, load_spec, parse_spec
+from lensforge.spec.drawing import DrawingSection
 from lensforge.spec.lens import LensSection
 from lensforge.spec.part import BaseSection, ManufactureSection, Tool
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
@@ -16,6 +17,7 @@ __all__ = [
     "BaseSection",
     "ConstraintsSection",
     "CrossTarget",
+    "DrawingSection",
     "EvaluateSection",
     "FlatTopTarget",
     "ImageTarget",

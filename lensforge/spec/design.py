@@ -14,6 +14,7 @@ from lensforge.errors import InputError
 from lensforge.files import replacing
 from lensforge.records.validation import its_type
 from lensforge.spec.derived import with_derived
+from lensforge.spec.drawing import DrawingSection
 from lensforge.spec.feasible import require_feasible
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
@@ -62,6 +63,8 @@ class Spec(Section):
     """The clamping base, which holds the lens below z = 0."""
     manufacture: ManufactureSection = Field(default_factory=ManufactureSection)
     """Equipment of the shop, and names for its files."""
+    drawing: DrawingSection = Field(default_factory=DrawingSection)
+    """Title block and notes of the drawing for the shop."""
     tolerances: TolerancesSection = Field(default_factory=TolerancesSection)
     """Errors of part, mounting and LED, for ``lensforge yield`` and for a robust search."""
     photometry: PhotometrySection = Field(default_factory=PhotometrySection)

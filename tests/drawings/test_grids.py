@@ -1,5 +1,6 @@
 """Dense tables of points, read back from their files: nodes, offset, stated interpolation error, refusals."""
 
+import io
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from round_surfaces import Ball
 
+from lensforge.drawings.cloud import cloud_name, cloud_text
 from lensforge.drawings.grid_text import file_name, grid_text
 from lensforge.drawings.grids import GridRequest, make_grids
 from lensforge.drawings.offset_face import OffsetFace
@@ -277,3 +279,28 @@ def test_no_node_of_a_raster_is_steeper_than_asked(slope):
     steepest = np.degrees(np.arccos(face.surface.normal(u)[:, 2])).max()
     assert raster.extent.steep and raster.slope_deg == pytest.approx(steepest, abs=1e-6)
     assert slope - 3.0 < raster.slope_deg <= slope
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3])
+def test_a_cloud_is_the_whole_face_with_its_normals_as_plain_numbers(offset):
+    """Read as any program does; normals of a sphere about the origin in closed form, of a rough face by its own."""
+    rough_lens = lens_of(rough(3.0, 1), rough(6.0, 2))
+    round_lens = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0))
+    request = GridRequest(spacing_mm=0.3, offset_inner_mm=offset, offset_outer_mm=offset)
+    for lens in (rough_lens, round_lens):
+        rings = [measured.grid for measured in make_grids(lens, check_of(), request) if hasattr(measured.grid, "rim")]
+        assert [cloud_name(polar) for polar in rings] == ["cloud_inner.xyz", "cloud_outer.xyz"]
+        for polar in rings:
+            rows = np.loadtxt(io.StringIO(cloud_text(polar)))
+            surface, air = polar.face.surface, polar.face.air
+            assert rows.shape == (1 + polar.rim * len(polar.azimuths_deg), 6)
+            points, normals = rows[:, :3], rows[:, 3:]
+            feet = points - offset * normals
+            radius = np.linalg.norm(feet, axis=1)
+            assert np.abs(surface.radius(feet / radius[:, None]) - radius).max() < 1e-8
+            assert np.abs(air * surface.normal(feet / radius[:, None]) - normals).max() < 1e-6
+            if lens is round_lens:
+                assert np.abs(air * points / np.linalg.norm(points, axis=1)[:, None] - normals).max() < 1e-8
+            turns = len(polar.azimuths_deg)
+            lowest = feet[-turns:, 2]
+            assert lowest.min() <= 1e-9 if offset else np.abs(lowest).max() < 1e-8, "down to the rim"

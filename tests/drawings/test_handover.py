@@ -8,54 +8,20 @@ from html import unescape
 import numpy as np
 import pytest
 from round_surfaces import Ball
+from shop_lenses import small_lens
 
 from lensforge.criteria import Criterion
 from lensforge.drawings.build import make_handover
 from lensforge.drawings.dimensions import dimensions, highest_point_mm
-from lensforge.drawings.facts import datum_text
 from lensforge.drawings.grids import GridRequest
-from lensforge.drawings.section import dimensioned_section
 from lensforge.errors import InputError, MissingResult
 from lensforge.geometry.export import build_part
-from lensforge.lens import Lens
 from lensforge.manufacturing.check import check_part
 from lensforge.manufacturing.result import Finding
 from lensforge.results import Results
-from lensforge.spec import parse_spec
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
-
-BASE = {"diameter_mm": 16.0, "relief_step_mm": 0.4, "flange_diameter_mm": 20.0, "pocket_diameter_mm": 7.0}
-
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 COARSE = GridRequest(spacing_mm=0.4)
-
-
-def small_lens(base=BASE, manufacture=None):
-    basis = SrbfBasis((9, 25), 1.75)
-    inner, outer = (
-        SrbfSurface(basis, h * 0.01 * np.random.default_rng(int(h)).normal(size=basis.size), h) for h in (3.0, 6.0)
-    )
-    content = {
-        "name": "shop",
-        "source": {"kind": "square", "side_mm": 0.5},
-        "lens": {
-            "levels": [9, 25],
-            "inner_offset_mm": 3.0,
-            "outer_offset_mm": 6.0,
-            "refractive_index": 1.49,
-            "material": "<PMMA> & co",
-        },
-        "constraints": {
-            "cavity_height_mm": 0.5,
-            "cavity_radius_mm": 0.5,
-            "min_thickness_mm": 0.1,
-            "max_radius_mm": 8.0,
-        },
-        "target": {"kind": "flat_top", "distance_mm": 100.0, "receiver_mm": 100.0, "half_width_mm": 30.0},
-        "base": base,
-        "manufacture": manufacture or {},
-    }
-    return Lens(inner, outer, parse_spec(content, "test"), 0, "draft")
 
 
 @pytest.fixture(scope="module")
@@ -109,17 +75,22 @@ def test_page_and_pdf_say_what_the_shop_must_know(results, handed):
     assert "http" not in re.sub(r"http://www\.w3\.org/[^\"]*", "", page), "one page, nothing fetched"
     for verdict in results.check.verdicts:
         assert f"{verdict.name}, {verdict.surface}" in page
-    content = {
-        "lens.step": results.part.step,
-        "lens.stl": results.part.stl,
-        "lens.3mf": results.part.threemf,
-        "points.csv": handed.points_csv,
-        "sag.csv": handed.sag_csv,
-    } | {grid.file: grid.content for grid in handed.grids}
+    content = (
+        {
+            "lens.step": results.part.step,
+            "lens.stl": results.part.stl,
+            "lens.3mf": results.part.threemf,
+            "points.csv": handed.points_csv,
+            "sag.csv": handed.sag_csv,
+            "drawing.dxf": handed.dxf,
+        }
+        | {grid.file: grid.content for grid in handed.grids}
+        | handed.clouds
+    )
     assert handed.sha256 == {name: hashlib.sha256(each).hexdigest() for name, each in content.items()}
     for digest in handed.sha256.values():
         assert digest in page
-    for value in ("16.0000 mm", "0.4000 mm", "20.0000 mm", "7.0000 mm"):
+    for value in ("16.000 mm", "0.400 mm", "20.000 mm", "7.000 mm"):
         assert value in page
     assert handed.pdf.startswith(b"%PDF")
 
@@ -131,12 +102,18 @@ def test_the_same_results_give_the_same_bytes(results, handed):
 def test_what_is_saved_is_what_the_record_holds(handed, tmp_path):
     handed.save(tmp_path / "to_the_shop")
     written = {path.name: path.read_bytes() for path in (tmp_path / "to_the_shop").iterdir()}
-    assert written == {
-        "manufacturing.html": handed.html,
-        "manufacturing.pdf": handed.pdf,
-        "points.csv": handed.points_csv,
-        "sag.csv": handed.sag_csv,
-    } | {grid.file: grid.content for grid in handed.grids}
+    assert (
+        written
+        == {
+            "manufacturing.html": handed.html,
+            "manufacturing.pdf": handed.pdf,
+            "drawing.dxf": handed.dxf,
+            "points.csv": handed.points_csv,
+            "sag.csv": handed.sag_csv,
+        }
+        | {grid.file: grid.content for grid in handed.grids}
+        | handed.clouds
+    )
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
         handed.save(tmp_path / "file" / "folder")
@@ -183,34 +160,6 @@ def test_without_part_or_check_one_line_says_what_to_run(results, absent, comman
     assert "\n" not in str(caught.value)
 
 
-def test_the_drawing_states_every_size_of_the_base():
-    lens = small_lens()
-    base = lens.spec.base.model_copy(update={"relief_setback_mm": 0.25})
-    lens = replace(lens, spec=lens.spec.model_copy(update={"base": base}))
-    axes = dimensioned_section(lens).axes[0]
-    stated = {text.get_text() for text in axes.texts}
-    ring = next(d.value_mm for d in dimensions(lens) if "step's wall" in d.name)
-    assert {"A", "B", "16.000", "2.000", "0.400", "20.000", "0.500", "7.000", "1.000", f"{ring:.3f}"} <= stated
-    for surface in (lens.inner, lens.outer):
-        assert f"{surface.radius(np.array([[0.0, 0.0, 1.0]]))[0]:.3f}" in stated
-        assert f"{surface.radius(np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).sum():.3f}" in stated
-
-
-@pytest.mark.parametrize(
-    ("base", "words"),
-    [
-        ({"diameter_mm": 16.0, "flat_mm": 7.5}, "a clocking flat lies across +x"),
-        ({"diameter_mm": 16.0}, "nothing on the part marks the azimuth"),
-        ({"kind": "square"}, "nothing tells +x from the other three"),
-        ({"kind": "none"}, "nothing on the part marks the azimuth"),
-    ],
-)
-def test_the_datum_names_a_clocking_flat_only_where_there_is_one(base, words):
-    text = datum_text(small_lens(base))
-    assert words in text
-    assert ("clocking flat" in text) == ("flat_mm" in base)
-
-
 def test_the_highest_point_is_found_off_the_apex_and_between_the_samples():
     """A sphere whose centre lies off the axis is highest above its centre; that of a batwing is on a ring."""
     ball = Ball((0.7, -0.4, 0.3), 5.0)
@@ -222,7 +171,7 @@ def test_the_highest_point_is_found_off_the_apex_and_between_the_samples():
     apex = lens.outer.radius(np.array([[0.0, 0.0, 1.0]]))[0]
     stated = {d.name: d.value_mm for d in dimensions(lens)}
     dense = fibonacci_hemisphere(400_000)
-    assert stated["highest point above A"] >= max(apex, (lens.outer.radius(dense) * dense[:, 2]).max())
+    assert stated["highest point above z = 0"] >= max(apex, (lens.outer.radius(dense) * dense[:, 2]).max())
 
 
 def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
