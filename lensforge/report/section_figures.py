@@ -25,6 +25,7 @@ def lens_section(
     figure, axes = new_figure(WIDE, 3.3)
     draw_section(axes, lens, azimuth_deg, outline_mm, reach)
     figure.legend(loc="outside upper center", ncols=5, handlelength=1.3, columnspacing=1.0)
+    figure.draw_without_rendering()  # the layout's first pass has other ticks, and cuts the label below a high base
     return figure
 
 

@@ -1,5 +1,6 @@
 """Labels of every figure of the page: none is cut off at the edge, and no two stand on each other."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import pytest
@@ -11,6 +12,7 @@ from undrawn import without_views
 
 from lensforge.report.figure_style import to_svg
 from lensforge.report.lens_page import render_report
+from lensforge.report.section_figures import lens_section
 
 TOUCH = 1.0  # pixel: boxes of texts have a margin
 
@@ -76,3 +78,10 @@ def test_labels_are_whole_and_stand_alone(wanted, monkeypatch):
         render_report(whole_results(lens=small_lens(**wanted)))
     assert len(figures) > 30
     assert {name: found for name, found in figures.items() if found} == {}
+
+
+@pytest.mark.parametrize("height_mm", [2.0, 2.5, 3.0, 5.0])
+def test_the_label_below_a_base_of_any_height_is_whole(height_mm):
+    lens = small_lens()
+    lens = replace(lens, spec=lens.spec.replace(base={"height_mm": height_mm}))
+    assert faults(lens_section(lens, 0.0, None)) == []
