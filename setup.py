@@ -10,6 +10,6 @@ setup(
     package_dir={"lensforge.shipped": "examples"},
     package_data={
         "lensforge": ["report/templates/*", "drawings/templates/*", "py.typed"],
-        "lensforge.shipped": ["*.toml", "*.png", "*.step", "*.ies", "*.tm25ray"],
+        "lensforge.shipped": ["*.toml", "published/*.toml", "*.png", "*.step", "*.ies", "*.tm25ray"],
     },
 )

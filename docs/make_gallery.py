@@ -34,7 +34,7 @@ HEAD = """# Gallery
 Every shipped spec and its light. The pictures are of drafts, {rays:,} rays, made in a minute each by
 `python docs/make_gallery.py`; the figures of the finished lenses are in [Results](results.md) and
 [Against what is published](published.md). `lensforge examples NAME` copies a spec, with the files that it names, into
-the folder that you are in; those of published papers are in `examples/published`.
+the folder that you are in.
 
 Beside the specs there are a script, `examples/design_to_step.py`, and three notebooks:
 [A first lens and its light](notebooks/first_light.ipynb),

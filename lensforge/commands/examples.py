@@ -1,5 +1,6 @@
 """``examples``: the shipped specs, listed, or copied into the current folder with the files that they name."""
 
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,8 @@ from lensforge.errors import InputError
 from lensforge.files import replacing
 
 _PACKAGE = Path(lensforge.__file__).parent
+# The end of a sentence, not of "UN Regulation No. 7", nor of a journal's short name.
+_END = re.compile(r"(?<!\bNo)(?<!\bJ)(?<!\bOpt)(?<!\bUniv)(?<!\bSci)\. ")
 _PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installed package, and of a checkout
 
 
@@ -19,10 +22,11 @@ _PLACES = (_PACKAGE / "shipped", _PACKAGE.parent / "examples")  # of an installe
 def examples(name: str | None) -> None:
     """List the shipped specs, or copy the one called NAME here, with the files that it names."""
     folder = shipped_folder()
-    specs = {path.stem: path for path in sorted(folder.glob("*.toml"))}
+    paths = sorted(folder.rglob("*.toml"), key=lambda path: (path.parent, path.name))
+    specs = {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
     if name is None:
-        for stem, path in specs.items():
-            click.echo(f"{stem}\t{_first_comment(path)}")
+        for known, path in specs.items():
+            click.echo(f"{known}\t{_first_comment(path)}")
         return
     stem = name.removesuffix(".toml")
     if stem not in specs:
@@ -34,7 +38,7 @@ def examples(name: str | None) -> None:
     for path in wanted:
         with replacing(Path(path.name)) as temporary:
             temporary.write_bytes(path.read_bytes())
-    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {stem}.toml")
+    click.echo(f"{', '.join(path.name for path in wanted)}\tlensforge design {wanted[0].name}")
 
 
 def shipped_folder() -> Path:
@@ -49,7 +53,7 @@ def _first_comment(path: Path) -> str:
     """The first sentence of the comment at the head of a spec."""
     lines = path.read_text(encoding="utf-8").split('name = "')[0].splitlines()
     words = " ".join(line.lstrip("# ") for line in lines)
-    return words.split(". ")[0].rstrip(".")
+    return _END.split(words)[0].rstrip(".")
 
 
 def _named_files(spec: Path) -> list[Path]:

@@ -14,7 +14,8 @@ from lensforge.errors import InputError
 from lensforge.spec import load_spec
 
 ROOT = Path(__file__).parents[2]
-SPECS = {path.stem for path in (ROOT / "examples").glob("*.toml")}
+EXAMPLES = ROOT / "examples"
+SPECS = {path.relative_to(EXAMPLES).with_suffix("").as_posix() for path in EXAMPLES.rglob("*.toml")}
 
 
 def ran(*arguments: str) -> Result:
@@ -25,20 +26,23 @@ def test_the_list_names_every_shipped_spec_and_its_content() -> None:
     rows = dict(line.split("\t") for line in ran().output.splitlines())
     assert set(rows) == SPECS and all(len(words) > 20 for words in rows.values())
     assert rows["quickstart"].startswith("The first thing to run: a cross")
+    assert "Regulation No. 7" in rows["signal"] and rows["published/circle"].startswith("J. Zhejiang Univ. Sci. C 13")
 
 
 @pytest.mark.parametrize(
-    ("name", "files"), [("pi", []), ("image", ["arrow.png"]), ("from_ies.toml", ["street_light.ies"])]
+    ("name", "files"),
+    [("pi", []), ("image", ["arrow.png"]), ("from_ies.toml", ["street_light.ies"]), ("published/circle", [])],
 )
 def test_a_copy_has_the_files_that_it_names(
     name: str, files: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert ran(name).exit_code == 0
-    stem = name.removesuffix(".toml")
+    source = (EXAMPLES / name.removesuffix(".toml")).with_suffix(".toml")
+    stem = source.stem
     assert {path.name for path in tmp_path.iterdir()} == {f"{stem}.toml", *files}
     for each in (f"{stem}.toml", *files):
-        assert (tmp_path / each).read_bytes() == (ROOT / "examples" / each).read_bytes()
+        assert (tmp_path / each).read_bytes() == (source.parent / each).read_bytes()
     assert load_spec(f"{stem}.toml").name == stem
 
 
