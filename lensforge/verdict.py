@@ -111,15 +111,15 @@ def _limits(light: Light) -> Iterator[_Reason]:
 
 def _on_receiver(light: ReceiverLight, transmittance: float, where: str) -> Iterator[_Reason]:
     """Reasons against the light on one receiver; ``where``: which, where there are several."""
-    nmse, share = light.nmse.value, light.share_in_target.value
-    words = f"{nmse:.3g}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
-    yield from _above_bound(f"NMSE{where}", nmse - LARGEST_NMSE, light.nmse.standard_error, words)
+    nmse, share = light.nmse, light.share_in_target  # shown with their errors, which decide beside a bound
+    words = f"{nmse}, at most {LARGEST_NMSE:g}: a larger lens, a smaller source or a coarser pattern"
+    yield from _above_bound(f"NMSE{where}", nmse.value - LARGEST_NMSE, nmse.standard_error, words)
     possible, what = possible_share(light, transmittance)
     words = (
-        f"{share:.3g}, at least {LEAST_SHARE:g} of the {possible:.3g} that {what}: a larger lens, a smaller source or "
+        f"{share}, at least {LEAST_SHARE:g} of the {possible:.3g} that {what}: a larger lens, a smaller source or "
         "a wider target"
     )
-    missing, error = LEAST_SHARE * possible - share, light.share_in_target.standard_error
+    missing, error = LEAST_SHARE * possible - share.value, share.standard_error
     yield from _above_bound(f"share of the light in the target{where}", missing, error, words)
 
 

@@ -116,7 +116,11 @@ def test_the_verdict_names_the_receiver(several) -> None:
     assert found.light == "fail"
     assert [words.split(" = ")[0] for words in found.reasons.light] == ["NMSE on cylinder"]
     alone = light.model_copy(update={"receivers": light.receivers[2:3]})
-    assert verdict_on(lens, None, alone, None, None, None).reasons.light[0].startswith("NMSE = 0.5, at most 0.1: ")
+    assert (
+        verdict_on(lens, None, alone, None, None, None)
+        .reasons.light[0]
+        .startswith("NMSE = 0.50000 ± 0.00010, at most 0.1: ")
+    )
 
 
 LIMITS = [

@@ -41,7 +41,7 @@ def test_a_verdict_that_is_no_pass_comes_with_its_reason():
     verdicts = (finding("cutter", "inner", False, reason),)
     text = text_of(make_results(evaluate=worse, check={"verdicts": verdicts}))
     assert "✗ Light: fail" in text
-    assert "Light: NMSE = 0.3, at most 0.1" in text
+    assert "Light: NMSE = 0.3000 ± 0.0010, at most 0.1" in text
     assert "✗ Cutting: fail" in text
     assert f"Cutting: {reason}" in text
     assert "All 9 criteria are met." in text, "they are another matter"
