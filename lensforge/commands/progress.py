@@ -22,12 +22,12 @@ class DesignProgress:
         self._level_began = 0, 0.0  # step and seconds
 
     def on_step(self, step: Step) -> None:
-        """Show a gradient step; where there is no terminal, write a line for each level."""
+        """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""
         self._clock.show(f"level {step.level + 1}{self._of_levels}, NMSE {step.nmse:.4f}", self._left(step))
         last = step.steps_done == step.steps_total
-        new_level = self._of_steps and self._last is not None and self._last.level != step.level
+        new_level = self._last is not None and self._last.level != step.level
         shown = step if last else self._last
-        if not self._clock.live and (new_level or last) and shown is not None:
+        if self._of_steps and not self._clock.live and (new_level or last) and shown is not None:
             self._clock.note(self._words(shown))
         self._last = step
         for observer in self._observers:
@@ -44,9 +44,8 @@ class DesignProgress:
         return f"{duration(pace * (step.steps_total - step.steps_done))} left"
 
     def _words(self, step: Step) -> str:
-        of_steps = f"/{step.steps_total}" if self._of_steps else ""
         return (
-            f"level {step.level + 1}{self._of_levels}  step {step.steps_done}{of_steps}  "
+            f"level {step.level + 1}{self._of_levels}  step {step.steps_done}/{step.steps_total}  "
             f"NMSE {step.nmse:.4f}  efficiency {step.efficiency:.3f}"
         )
 

@@ -1,7 +1,7 @@
 """Progress on stderr: a line for each stage with its time; on a terminal the running stage has a clock.
 
 The clock is drawn by a thread of its own, and by a process where a library keeps all threads waiting. Elsewhere, as in
-a pipe, each stage is written once it has ended; a study writes how far it is every two seconds, too.
+a pipe, each stage is written once it has ended; how far it is every minute, too, and every two seconds in a study.
 """
 
 import os
@@ -21,18 +21,19 @@ from lensforge.commands import stage_line
 from lensforge.commands.printing import printable, warning_line
 
 _FRAMES_PER_SECOND = 4
-_SILENT_SECONDS = 2.0  # of a study that writes into a pipe
+_SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 60.0, 2.0  # at most, where a pipe is written
 
 
 class StageClock:
     """Lines of the stages of one command, of which the first is ``name``.
 
-    ``quiet``: nothing but warnings. ``study``: where there is no terminal, write a line every two seconds.
+    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every minute at least; ``study``:
+    every two seconds.
     """
 
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
-        self._quiet, self._study = quiet, study
+        self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
         self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
         self._live: Live | None = None
         self._drawer: subprocess.Popen[bytes] | None = None
@@ -57,7 +58,7 @@ class StageClock:
             self._live.start()
             self._drawer = _drawer()
             self._report()
-        elif self._study and not self._quiet:
+        elif not self._quiet:
             threading.Thread(target=self._write_until_ended, daemon=True).start()
         return self
 
@@ -127,7 +128,7 @@ class StageClock:
             self._console.print(self._line(), markup=False, **cut)
 
     def _write_until_ended(self) -> None:
-        while not self._ended.wait(_SILENT_SECONDS):
+        while not self._ended.wait(self._silent_seconds):
             self._write()
 
 
