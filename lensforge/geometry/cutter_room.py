@@ -4,6 +4,7 @@ Near a rim, a ball that touches the face extends below z = 0, where the base is.
 ball's centre: its distance from the axis and its height above z = 0.
 """
 
+from functools import lru_cache
 from math import ceil
 
 import numpy as np
@@ -54,6 +55,7 @@ def ball_centres_mm(
     return np.hypot(centres[:, 0], centres[:, 1]), centres[:, 2]
 
 
+@lru_cache(maxsize=4)  # export, check, sections and drawing ask for it
 def base_with_room(lens: Lens) -> BaseSection:
     """The base of ``lens``; lengths that its spec leaves out give the cutter room at the faces designed for it.
 

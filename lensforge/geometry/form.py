@@ -6,6 +6,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ def chart_samples(count: int = SAMPLES, seed: int = 0) -> Float[np.ndarray, "n 2
     return np.concatenate([inner, rim_directions(FULL_TURN * (np.arange(rim) + turn) / rim)[:, :2]])
 
 
+@lru_cache(maxsize=4)  # of one lens in several stages: a second each
 def fit_faces(lens: Lens, inner_nodes: int | None = None, outer_nodes: int | None = None) -> tuple[Patch, Patch]:
     """The inner and the outer face of ``lens`` as they are exported; the same node counts give the same bits."""
     with ThreadPoolExecutor() as pool:

@@ -29,9 +29,9 @@ class DrawingSection(Section):
     """Size of the sheet; left out, A4 unless A3 shows the part at a larger scale."""
     general_tolerances: Label = ""
     """Tolerances of dimensions without one of their own, such as "ISO 2768-m"."""
-    edge_break_mm: Annotated[float, Field(gt=0.0, le=10.0)] | None = None
+    edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None
     """Largest break of the edges outside the optical faces."""
-    roughness_nm: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
+    roughness_nm: Annotated[float, Field(ge=1e-3, le=1e5)] | None = None
     """Largest roughness of the optical faces, rms of height (Rq)."""
     imperfections: Label = ""
     """Imperfections allowed on the optical faces, such as "5 x 0.16": number and grade."""

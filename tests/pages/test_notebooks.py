@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_text import ROOT
+from page_sources import ROOT
 from test_page_blocks import library_names
 
 import lensforge as lf

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from page_text import ROOT, Block, blocks
+from page_sources import ROOT, Block, blocks
 
 import lensforge as lf
 from lensforge.errors import LensforgeError

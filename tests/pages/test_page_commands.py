@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 import pytest
-from page_text import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
+from page_sources import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
 
 from lensforge.cli import cli
 

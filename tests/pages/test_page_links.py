@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from page_text import PAGES, ROOT, anchors, links, name_of
+from page_sources import PAGES, ROOT, anchors, links, name_of
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

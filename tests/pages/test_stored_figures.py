@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from page_sources import ROOT
 from page_tables import tables
-from page_text import ROOT
 from result_tables import TABLES, filled
 
 sys.path.append(str(ROOT / "docs"))
