@@ -35,6 +35,7 @@ class StageClock:
         self._console = Console(stderr=True, highlight=False)
         self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
         self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
+        self._written = self._began
         self._live: Live | None = None
         self._drawer: subprocess.Popen[bytes] | None = None
         self._ended = threading.Event()
@@ -123,13 +124,15 @@ class StageClock:
 
     def _write(self) -> None:
         """Write the line of the stage; on a terminal cut at its width, elsewhere in full."""
+        self._written = time.monotonic()
         if self._name and not self._quiet:
             cut: dict[str, Any] = {"no_wrap": True, "overflow": "ellipsis"} if self.live else {"soft_wrap": True}
             self._console.print(self._line(), markup=False, **cut)
 
     def _write_until_ended(self) -> None:
-        while not self._ended.wait(self._silent_seconds):
-            self._write()
+        while not self._ended.wait(max(0.01, self._written + self._silent_seconds - time.monotonic())):
+            if time.monotonic() >= self._written + self._silent_seconds:
+                self._write()
 
 
 def _drawer() -> "subprocess.Popen[bytes] | None":
