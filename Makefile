@@ -5,7 +5,7 @@ BIN := .venv/bin
 .PHONY: demo test nightly lowest wheel docs notebooks lint bench setup clean
 
 demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
-	$(BIN)/lensforge design examples/quickstart.toml
+	@$(BIN)/lensforge design examples/quickstart.toml
 
 test: setup  ## the whole test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder

@@ -1,7 +1,7 @@
 """Progress on stderr: a line for each stage with its time; on a terminal the running stage has a clock.
 
 The clock is drawn by a thread of its own, and by a process where a library keeps all threads waiting. Elsewhere, as in
-a pipe, each stage is written once it has ended; how far it is every minute, too, and every two seconds in a study.
+a pipe, each stage is written once it has ended; how far it is every two minutes, too, and every two seconds in a study.
 """
 
 import os
@@ -21,13 +21,13 @@ from lensforge.commands import stage_line
 from lensforge.commands.printing import printable, warning_line
 
 _FRAMES_PER_SECOND = 4
-_SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 60.0, 2.0  # at most, where a pipe is written
+_SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 120.0, 2.0  # at most, where a pipe is written
 
 
 class StageClock:
     """Lines of the stages of one command, of which the first is ``name``.
 
-    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every minute at least; ``study``:
+    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least; ``study``:
     every two seconds.
     """
 
