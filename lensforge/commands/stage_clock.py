@@ -27,8 +27,8 @@ _SILENT_SECONDS, _SILENT_SECONDS_OF_STUDY = 120.0, 2.0  # at most, where a pipe 
 class StageClock:
     """Lines of the stages of one command, of which the first is ``name``.
 
-    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least; ``study``:
-    every two seconds.
+    ``quiet``: nothing but warnings. Where there is no terminal, a line is written every two minutes at least;
+    ``study``: every two seconds.
     """
 
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
