@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lensforge.criteria import Criterion
+from lensforge.evaluation.light import Light
+from lensforge.far_field.photometry import Photometry
+from lensforge.geometry.part import Part
+from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design
 from lensforge.records import State
 from lensforge.report.criterion_words import criterion_words
@@ -21,6 +25,10 @@ _VERBS: dict[State, tuple[str, str]] = {
     "undecided": ("is undecided", "are undecided"),
     "pass": ("passes", "pass"),
 }
+_TIMED: tuple[tuple[type[Design | Light | Part | Check | Proof | Photometry], str], ...] = (
+    (Design, "search"), (Light, "simulated light"), (Part, "CAD and files"), (Check, "check for the shop"),
+    (Proof, "verification"), (Photometry, "photometry"),
+)  # fmt: skip
 _STEMS = {
     "stray": "stray light",
     "compare": "photograph",
@@ -190,3 +198,10 @@ def search_end(results: Results) -> str | None:
     """Reason why a search that chose its levels ended; None where they were given, and where there is no record."""
     design = results.find(Design)
     return None if design is None else design.ended
+
+
+def times(results: Results) -> str | None:
+    """Sentence on the seconds that each stage took, on the machine that ran it; None where none has run."""
+    taken = [(words, results.find(kind)) for kind, words in _TIMED]
+    parts = [f"{words} {result.seconds:.1f} s" for words, result in taken if result is not None]
+    return f"Time: {', '.join(parts)}." if parts else None

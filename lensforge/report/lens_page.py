@@ -72,6 +72,7 @@ def _context(results: Results, folder: Path | None, beside: bool) -> dict[str, o
         "missed": headline.missed_rows(results),
         "remarks": headline.missing(results),
         "search_end": headline.search_end(results),
+        "times": headline.times(results),
         "check": results.find(Check),
         "proof": results.find(Proof),
         "step_facts": proof.step_facts(results),

@@ -125,3 +125,9 @@ def test_a_record_of_an_earlier_version_is_named_without_the_path_of_its_folder(
     text = text_of(load_results(tmp_path), tmp_path)
     assert 'evaluate.json does not count: schema = "lensforge-evaluate-2"' in text
     assert str(tmp_path) not in text
+
+
+def test_the_page_says_where_the_time_went():
+    assert "Time: search 2.5 s, simulated light 1.2 s." in text_of(
+        make_results(("design", "evaluate"), design={"seconds": 2.46}, evaluate={"seconds": 1.23})
+    )
