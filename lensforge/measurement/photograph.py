@@ -19,9 +19,9 @@ _ORDER = "top left, top right, bottom right, bottom left of the simulated pictur
 _CLEARLY = 0.5  # another orientation is reported only if its NMSE is at most half
 # Order of the corners of an upright picture for each orientation.
 _ORIENTATIONS = {
-    "rotated by 90 deg": (1, 2, 3, 0),
+    "rotated by 90 deg anticlockwise": (1, 2, 3, 0),
     "rotated by 180 deg": (2, 3, 0, 1),
-    "rotated by 270 deg": (3, 0, 1, 2),
+    "rotated by 90 deg clockwise": (3, 0, 1, 2),
     "mirrored, left for right": (1, 0, 3, 2),
     "mirrored, top for bottom": (3, 2, 1, 0),
     "mirrored about a diagonal": (0, 3, 2, 1),

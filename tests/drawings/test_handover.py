@@ -13,6 +13,7 @@ from shop_lenses import small_lens
 from lensforge.criteria import Criterion
 from lensforge.drawings.build import make_handover
 from lensforge.drawings.dimensions import dimensions, highest_point_mm
+from lensforge.drawings.facts import face_facts
 from lensforge.drawings.grids import GridRequest
 from lensforge.errors import InputError, MissingResult
 from lensforge.geometry.export import build_part
@@ -59,6 +60,17 @@ def test_points_lie_on_the_exact_faces_with_their_normals_out_of_the_material(re
         chord = np.roll(points[ring], -1, axis=0) - np.roll(points[ring], 1, axis=0)
         chord /= np.linalg.norm(chord, axis=1, keepdims=True)
         assert np.abs(np.sum(chord * normals[ring], axis=1)).max() < 0.02
+
+
+def test_the_page_states_each_face_in_the_units_it_names(results):
+    face = results.check.outer
+    said = {name: float(words.split()[0].rstrip("°")) for name, words in face_facts(face).items() if words != "any"}
+    sphere = face.best_fit_sphere
+    assert said["Best-fit sphere, radius"] == pytest.approx(sphere.radius_mm, abs=5.1e-5)
+    assert said["Departure from it, peak to valley"] == pytest.approx(1e3 * sphere.pv_mm, abs=5.1e-3)
+    assert said["Departure, rms"] == pytest.approx(1e3 * sphere.rms_mm, abs=5.1e-3)
+    assert said["Largest tilt"] == pytest.approx(face.largest_tilt_deg, abs=5.1e-3)
+    assert said["Least draft"] == pytest.approx(face.draft_deg.min, abs=5.1e-3)
 
 
 def test_the_sag_table_is_the_departure_from_the_sphere_of_the_check(results, handed):

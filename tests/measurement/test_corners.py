@@ -142,3 +142,13 @@ def test_a_mirrored_picture_is_said_to_be_one(shot, tmp_path):
     assert np.linalg.norm(corners - right, axis=1).max() < 0.5
     again = Shot(tmp_path / "on.png", tmp_path / "off.png", corners)
     assert compare_photo(again, **given).ssim > 0.9
+
+
+@pytest.mark.parametrize(
+    ("way", "quarters"),
+    [("rotated by 90 deg anticlockwise", 1), ("rotated by 180 deg", 2), ("rotated by 90 deg clockwise", 3)],
+)
+def test_a_turn_is_called_what_a_reader_of_the_picture_calls_it(way, quarters):
+    """numpy turns anticlockwise a picture whose first row is its top; here the first row is its bottom."""
+    picture = np.random.default_rng(2).random((3, 5))
+    np.testing.assert_array_equal(_turned(picture[::-1], _ORIENTATIONS[way])[::-1], np.rot90(picture, quarters))

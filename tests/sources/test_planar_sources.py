@@ -7,9 +7,11 @@ from scipy.integrate import dblquad, quad
 
 from lensforge.errors import InputError
 from lensforge.sources.areas import Disc, Rectangles
+from lensforge.sources.build import build_source
 from lensforge.sources.intensity import CosinePower, TabulatedIntensity
 from lensforge.sources.luminance import LuminanceImage
 from lensforge.sources.qmc import sobol
+from lensforge.spec.source import SquareSource
 
 POINTS = sobol(2**16, 2, 7)
 
@@ -160,3 +162,12 @@ def test_light_between_two_angles_stays_between_them():
 def test_symmetry_of_tables(planes, name):
     values = np.outer(planes, [1.0, 0.5, 0.0])
     assert TabulatedIntensity(np.linspace(0.0, 360.0, 5), np.array([0.0, 30.0, 60.0]), values).symmetry == name
+
+
+@pytest.mark.parametrize("side_mm", [0.5, 2.0])
+def test_the_outline_of_a_square_is_where_its_rays_start(side_mm):
+    source = build_source(SquareSource(side_mm=side_mm))
+    outline, origins = source.outline(), source.sample(2**12, 1).origins
+    np.testing.assert_allclose(np.abs(outline[:, :2]), side_mm / 2.0)
+    np.testing.assert_allclose(np.abs(origins[:, :2]).max(axis=0), side_mm / 2.0, rtol=2e-3)
+    assert (np.abs(origins[:, :2]) <= side_mm / 2.0).all()
