@@ -1,14 +1,15 @@
-"""Adjoint of ``trace``, ray by ray, without a second search.
-
-Differentiating ``|p| = rho`` at the hit gives Eq. (9) of the paper; the change of the normal with the hit needs the
-Hessian of ``|p| - rho``, contracted with one vector. Both are exact for the table.
-"""
+"""Adjoint of ``trace``: a packet of rays again, forward without a search, and backward. See ``kernels.packets``."""
 
 from math import exp, sqrt
 
+import numpy as np
+from jaxtyping import Float
+
 from lensforge.kernels.fates import Fate
+from lensforge.kernels.hit_adjoint import hit_adjoint
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.placement import place, tilted, tilted_adjoint, turn, turn_back
+from lensforge.kernels.packets import COEFFICIENTS, SIZE, WIDTH, fetch_table, fields, jet_at, mark_cell
+from lensforge.kernels.placement import place, rough_normal, rough_normal_adjoint, turn, turn_back
 from lensforge.kernels.refraction import (
     coated_transmittance,
     outward_normal,
@@ -16,161 +17,227 @@ from lensforge.kernels.refraction import (
     refract_adjoint,
     transmittance,
 )
-from lensforge.kernels.spline import scatter, slope_and_curvature
+from lensforge.kernels.spline import scatter
+
+# A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
+# point, the direction, the flux and the squared sine; whether it left the lens; flux, index ratios and absorption.
+(
+    RAY, PX, PY, PZ, AX, AY, AZ, T1, T2, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_SIN2, LEFT,
+    EMITTED, INTO, OUT_OF, ABSORPTION,
+) = fields(COEFFICIENTS, 22)  # fmt: skip
+# At the inner face: the table's five derivatives, the cosine before it, its transmittance, the slope of that, and the
+# sensitivity to the cosine.
+JET, _, _, _, _, COSINE, THROUGH, THROUGH_SLOPE, BY_COSINE = fields(COEFFICIENTS + 22, 9)
+# In the outer face's frame: the hit there, and the direction before it; whether the ray has a derivative at all.
+SX, SY, SZ, VX, VY, VZ, SMOOTH = fields(COEFFICIENTS + 31, 7)
+# The table's cells at both hits, the sensitivities to its value and slopes there.
+INNER_CELL, OUTER_CELL = fields(COEFFICIENTS + 38, 8)[::4]
+BY_INNER, BY_OUTER = fields(COEFFICIENTS + 46, 6)[::3]
+ADJOINT_NUMBERS = (COEFFICIENTS + 52) * SIZE
+
+
+def empty_adjoint() -> Float[np.ndarray, " k"]:
+    """Memory of a packet for the adjoint, for one thread."""
+    return np.zeros(ADJOINT_NUMBERS)
 
 
 @inline
-def derivatives(x, y, z, table, origin, inverse_step):
-    """First and second derivatives of the table in the direction of a point: X, Y, XX, XY, YY."""
-    shift = sqrt(x * x + y * y + z * z) + z
-    return slope_and_curvature(table, origin, inverse_step, x / shift, y / shift)
-
-
-@inline
-def hessian_times(x, y, z, vx, vy, vz, jet):
-    """Hessian of ``|p| - rho`` times v, and the sensitivities of ``v . normal`` to the slopes of the table."""
-    rho_x, rho_y, xx, xy, yy = jet
-    r = sqrt(x * x + y * y + z * z)
-    ux, uy, uz = x / r, y / r, z / r
-    shift = r + z
-    X, Y = x / shift, y / shift
-    gx, gy, gz = ux, uy, uz + 1.0  # gradient of shift
-    ax, ay, az = (1.0 - X * gx) / shift, -X * gy / shift, -X * gz / shift  # gradient of X
-    bx, by, bz = -Y * gx / shift, (1.0 - Y * gy) / shift, -Y * gz / shift  # gradient of Y
-    radial = ux * vx + uy * vy + uz * vz
-    hx, hy, hz = (vx - ux * radial) / r, (vy - uy * radial) / r, (vz - uz * radial) / r  # Hessian of |p| times v
-    av = ax * vx + ay * vy + az * vz
-    bv = bx * vx + by * vy + bz * vz
-    gv = gx * vx + gy * vy + gz * vz
-    # Hessian of X times v = -(av g + X h + gv a) / shift, and likewise for Y.
-    to_a = -(xx * av + xy * bv) + rho_x * gv / shift
-    to_b = -(xy * av + yy * bv) + rho_y * gv / shift
-    to_g = (rho_x * av + rho_y * bv) / shift
-    to_h = 1.0 + (rho_x * X + rho_y * Y) / shift
-    return (
-        to_h * hx + to_a * ax + to_b * bx + to_g * gx,
-        to_h * hy + to_a * ay + to_b * by + to_g * gy,
-        to_h * hz + to_a * az + to_b * bz + to_g * gz,
-        -av,
-        -bv,
-    )
-
-
-@inline
-def hit_adjoint(
-    x, y, z, dx, dy, dz, nx, ny, nz, ex, ey, ez, mx, my, mz, jet, gradient, origin, inverse_step
+def load(
+    origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
+    by_points, by_directions, by_flux, by_sin2, first, last, rays,
 ):  # fmt: skip
-    """Adjoint of a hit p and its normal: from sensitivities to p (e) and to the normal (m) to those to the ray's start.
-
-    Adds the sensitivities to the table's coefficients to ``gradient``. Returns that to the start point; that to the
-    direction is the path length times it.
-    """
-    hx, hy, hz, by_slope_x, by_slope_y = hessian_times(x, y, z, mx, my, mz, jet)
-    ex, ey, ez = ex + hx, ey + hy, ez + hz
-    by_radius = (ex * dx + ey * dy + ez * dz) / (nx * dx + ny * dy + nz * dz)
-    r = sqrt(x * x + y * y + z * z)
-    scatter(gradient, origin, inverse_step, x / (r + z), y / (r + z), by_radius, by_slope_x, by_slope_y)
-    return ex - by_radius * nx, ey - by_radius * ny, ez - by_radius * nz
-
-
-@kernel
-def trace_adjoint(
-    origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
-    placed, rough, lengths, fates,
-    by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient,
-):  # fmt: skip
-    """Add every ray's contribution to the gradients with respect to the tables' coefficients.
-
-    Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
-    surface reflected totally: by sin^2. Without Fresnel losses both coatings are None.
-    """
-    fresnel, cavity_index, outside_index, table_origin, inverse_step = scene
-    for k in range(len(emitted)):
-        index = indices[min(k, len(indices) - 1)]
-        into, out_of = cavity_index / index, index / outside_index
+    """Put those of the rays ``first`` to ``last`` into a packet that matter to anything. Returns their number."""
+    _, cavity_index, outside_index, _, _ = scene
+    count = 0
+    for k in range(first, last):
         left = fates[k] == Fate.LEFT_LENS
         if not left and not (fates[k] == Fate.TOTAL_REFLECTION and lengths[k, 1] > 0.0):
             continue
-        ex, ey, ez, fx, fy, fz, gw, gs = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, by_sin2[k]
-        if left:
-            ex, ey, ez, gw = by_points[k, 0], by_points[k, 1], by_points[k, 2], by_flux[k]
-            fx, fy, fz = by_directions[k, 0], by_directions[k, 1], by_directions[k, 2]
-        lands = ex != 0.0 or ey != 0.0 or ez != 0.0 or fx != 0.0 or fy != 0.0 or fz != 0.0
-        if not lands and gw == 0.0 and gs == 0.0:
+        matters = by_sin2[k] != 0.0 or (left and by_flux[k] != 0.0)
+        for axis in range(3):
+            ex, fx = (by_points[k, axis], by_directions[k, axis]) if left else (0.0, 0.0)
+            rays[EX + axis * SIZE + count], rays[FX + axis * SIZE + count] = ex, fx
+            matters = matters or ex != 0.0 or fx != 0.0
+        if not matters:
             continue
-        # the ray again, forward
-        ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
+        ax, ay, az = directions[k, 0], directions[k, 1], directions[k, 2]
         if placed is not None:
             px, py, pz = place(placed[0][0], placed[1], px, py, pz)
             ax, ay, az = turn(placed[0][0], ax, ay, az)
-        t1, t2 = lengths[k, 0], lengths[k, 1]
-        px, py, pz = px + t1 * ax, py + t1 * ay, pz + t1 * az
-        jet1 = derivatives(px, py, pz, inner, table_origin, inverse_step)
-        nx, ny, nz = outward_normal(px, py, pz, jet1[0], jet1[1])
-        gx, gy, gz = nx, ny, nz
-        if rough is not None:
-            gx, gy, gz = tilted(nx, ny, nz, rough[0][k, 0], rough[0][k, 1], rough[0][k, 2], rough[1])
-        bx, by, bz, c1, q1_squared = refract(ax, ay, az, gx, gy, gz, into)
-        if inner_coating is None:
-            through1, slope1 = transmittance(c1, sqrt(q1_squared), into) if fresnel else (1.0, 0.0)
-        else:
-            row = rows[min(k, len(rows) - 1)]
-            through1, slope1 = coated_transmittance(c1, sqrt(q1_squared), into, inner_coating, row)
-        sx, sy, sz, vx, vy, vz = px, py, pz, bx, by, bz
-        if placed is not None:
-            sx, sy, sz = place(placed[0][1], 1.0, px, py, pz)
-            vx, vy, vz = turn(placed[0][1], bx, by, bz)
-        sx, sy, sz = sx + t2 * vx, sy + t2 * vy, sz + t2 * vz
-        jet2 = derivatives(sx, sy, sz, outer, table_origin, inverse_step)
-        mx, my, mz = outward_normal(sx, sy, sz, jet2[0], jet2[1])
-        ux, uy, uz = mx, my, mz
-        if rough is not None:
-            ux, uy, uz = tilted(mx, my, mz, rough[0][k, 3], rough[0][k, 4], rough[0][k, 5], rough[2])
-        cx, cy, cz, c2, q2_squared = refract(vx, vy, vz, ux, uy, uz, out_of)
-        if c1 <= 0.0 or c2 <= 0.0 or (left and q2_squared <= 0.0):
-            continue  # tangent, or at the critical angle, to the last bit: there is no derivative
-        # and backward: behind the lens, outer surface, inner surface
-        by_c2 = -2.0 * out_of * out_of * c2 * gs
-        through2, slope2 = 1.0, 0.0
-        if left and fresnel:
-            if outer_coating is None:
-                through2, slope2 = transmittance(c2, sqrt(q2_squared), out_of)
-            else:
-                row = rows[min(k, len(rows) - 1)]
-                through2, slope2 = coated_transmittance(c2, sqrt(q2_squared), out_of, outer_coating, row)
-        arrived, by_t2 = emitted[k], 0.0  # the flux but for both surfaces; its sensitivity to the path in the body
+        index = indices[min(k, len(indices) - 1)]
+        rays[RAY + count], rays[LEFT + count], rays[EMITTED + count] = float(k), 1.0 if left else 0.0, emitted[k]
+        rays[PX + count], rays[PY + count], rays[PZ + count] = px, py, pz
+        rays[AX + count], rays[AY + count], rays[AZ + count] = ax, ay, az
+        rays[T1 + count], rays[T2 + count] = lengths[k, 0], lengths[k, 1]
+        rays[BY_FLUX + count], rays[BY_SIN2 + count] = by_flux[k] if left else 0.0, by_sin2[k]
+        rays[INTO + count], rays[OUT_OF + count] = cavity_index / index, index / outside_index
         if len(absorptions) > 0:
-            absorption = absorptions[min(k, len(absorptions) - 1)]
-            arrived *= exp(-absorption * t2)
-            by_t2 = -absorption * gw * arrived * through1 * through2
-        by_c2 += gw * arrived * through1 * slope2
+            rays[ABSORPTION + count] = absorptions[min(k, len(absorptions) - 1)]
+        count += 1
+    return count
+
+
+@inline
+def put(rays, place, three):
+    """Write three numbers into as many fields."""
+    rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = three
+
+
+@inline
+def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
+    """The table's cell at a hit."""
+    per_shift = 1.0 / (sqrt(x * x + y * y + z * z) + z)
+    mark_cell(rays, cell + k, x * per_shift, y * per_shift, side, origin, inverse_step)
+
+
+@inline
+def to_inner(rays, count, side, scene):
+    """Move the points of all rays to the inner face."""
+    _, _, _, origin, inverse_step = scene
+    for k in range(count):
+        t = rays[T1 + k]
+        x, y, z = rays[PX + k] + t * rays[AX + k], rays[PY + k] + t * rays[AY + k], rays[PZ + k] + t * rays[AZ + k]
+        rays[PX + k], rays[PY + k], rays[PZ + k] = x, y, z
+        mark_hit(rays, k, x, y, z, INNER_CELL, side, origin, inverse_step)
+
+
+@inline
+def jet_in(rays, k, cell, inverse_step):
+    """The table's derivatives in the cell of a ray, whose coefficients have been fetched."""
+    return jet_at(rays, k, rays[cell + 2 * SIZE + k], rays[cell + 3 * SIZE + k], inverse_step)
+
+
+@inline
+def through(c, q_squared, ratio, fresnel, coating, rows, k):
+    """Transmittance of a face, coated or not, and its derivative by the cosine before it."""
+    if not fresnel:
+        return 1.0, 0.0
+    if coating is None:
+        return transmittance(c, sqrt(q_squared), ratio)
+    return coated_transmittance(c, sqrt(q_squared), ratio, coating, rows[min(k, len(rows) - 1)])
+
+
+@inline
+def to_outer(rays, count, side, scene, coating, rows, placed, rough):
+    """Refract all rays at the inner face, and follow them to the outer one."""
+    fresnel, _, _, origin, inverse_step = scene
+    for k in range(count):
+        number, ratio = int(rays[RAY + k]), rays[INTO + k]
+        jet = jet_in(rays, k, INNER_CELL, inverse_step)
+        put(rays, JET + k, jet[:3])
+        put(rays, JET + 2 * SIZE + k, jet[2:])
+        px, py, pz = rays[PX + k], rays[PY + k], rays[PZ + k]
+        nx, ny, nz = outward_normal(px, py, pz, jet[0], jet[1])
+        nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0)
+        vx, vy, vz, c, q_squared = refract(rays[AX + k], rays[AY + k], rays[AZ + k], nx, ny, nz, ratio)
+        put(rays, COSINE + k, (c, *through(c, q_squared, ratio, fresnel, coating, rows, number)))
+        if placed is not None:
+            px, py, pz = place(placed[0][1], 1.0, px, py, pz)
+            vx, vy, vz = turn(placed[0][1], vx, vy, vz)
+        t = rays[T2 + k]
+        px, py, pz = px + t * vx, py + t * vy, pz + t * vz
+        put(rays, SX + k, (px, py, pz))
+        put(rays, VX + k, (vx, vy, vz))
+        mark_hit(rays, k, px, py, pz, OUTER_CELL, side, origin, inverse_step)
+
+
+@inline
+def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rough):
+    """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
+    fresnel, inverse_step = scene[0], scene[4]
+    for k in range(count):
+        number, left, ratio, t = int(rays[RAY + k]), rays[LEFT + k] == 1.0, rays[OUT_OF + k], rays[T2 + k]
+        x, y, z = rays[SX + k], rays[SY + k], rays[SZ + k]
+        vx, vy, vz = rays[VX + k], rays[VY + k], rays[VZ + k]
+        jet = jet_in(rays, k, OUTER_CELL, inverse_step)
+        mx, my, mz = outward_normal(x, y, z, jet[0], jet[1])
+        ux, uy, uz = rough_normal(mx, my, mz, rough, number, 1)
+        cx, cy, cz, c, q_squared = refract(vx, vy, vz, ux, uy, uz, ratio)
+        share, slope = through(c, q_squared, ratio, fresnel, coating, rows, number)
+        share, slope = share if left else 1.0, slope if left else 0.0
+        # tangent, or at the critical angle, to the last bit: there is no derivative
+        smooth = rays[COSINE + k] > 0.0 and c > 0.0 and (q_squared > 0.0 or not left)
+        rays[SMOOTH + k] = 1.0 if smooth else 0.0
+        gw, arrived, by_t = rays[BY_FLUX + k], rays[EMITTED + k], 0.0  # flux but for both faces; by the path length
+        if absorbing:
+            arrived *= exp(-rays[ABSORPTION + k] * t)
+            by_t = -rays[ABSORPTION + k] * gw * arrived * rays[THROUGH + k] * share
+        rays[BY_COSINE + k] = gw * arrived * share * rays[THROUGH_SLOPE + k]
+        by_cosine = gw * arrived * rays[THROUGH + k] * slope - 2.0 * ratio * ratio * c * rays[BY_SIN2 + k]
+        ex, ey, ez, fx, fy, fz = rays[EX + k], rays[EY + k], rays[EZ + k], rays[FX + k], rays[FY + k], rays[FZ + k]
         if placed is not None:
             ex, ey, ez = turn_back(placed[0][2], placed[2] * ex, placed[2] * ey, placed[2] * ez)
             fx, fy, fz = turn_back(placed[0][2], fx, fy, fz)
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         along = ex * cx + ey * cy + ez * cz
         ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
-        by_c1 = gw * arrived * through2 * slope1
-        fx, fy, fz, hx, hy, hz = refract_adjoint(vx, vy, vz, ux, uy, uz, out_of, fx, fy, fz, by_c2)
-        if rough is not None:
-            noise = rough[0][k, 3], rough[0][k, 4], rough[0][k, 5]
-            hx, hy, hz = tilted_adjoint(mx, my, mz, noise, rough[2], hx, hy, hz)
-        ex, ey, ez = ex + by_t2 * vx, ey + by_t2 * vy, ez + by_t2 * vz
-        ex, ey, ez = hit_adjoint(
-            sx, sy, sz, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz,
-            jet2, outer_gradient, table_origin, inverse_step,
-        )  # fmt: skip
-        fx, fy, fz = fx + t2 * ex, fy + t2 * ey, fz + t2 * ez
-        ex, ey, ez = ex - by_t2 * vx, ey - by_t2 * vy, ez - by_t2 * vz  # the path begins at the inner surface
+        fx, fy, fz, hx, hy, hz = refract_adjoint(vx, vy, vz, ux, uy, uz, ratio, fx, fy, fz, by_cosine)
+        hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, hx, hy, hz)
+        ex, ey, ez = ex + by_t * vx, ey + by_t * vy, ez + by_t * vz
+        (ex, ey, ez), by_table = hit_adjoint(x, y, z, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz, jet)
+        put(rays, BY_OUTER + k, by_table if smooth else (0.0, 0.0, 0.0))
+        fx, fy, fz = fx + t * ex, fy + t * ey, fz + t * ez
+        ex, ey, ez = ex - by_t * vx, ey - by_t * vy, ez - by_t * vz  # the path begins at the inner face
         if placed is not None:
             ex, ey, ez = turn_back(placed[0][1], ex, ey, ez)
             fx, fy, fz = turn_back(placed[0][1], fx, fy, fz)
-        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, gx, gy, gz, into, fx, fy, fz, by_c1)
-        if rough is not None:
-            noise = rough[0][k, 0], rough[0][k, 1], rough[0][k, 2]
-            hx, hy, hz = tilted_adjoint(nx, ny, nz, noise, rough[1], hx, hy, hz)
-        hit_adjoint(
-            px, py, pz, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz,
-            jet1, inner_gradient, table_origin, inverse_step,
+        put(rays, EX + k, (ex, ey, ez))
+        put(rays, FX + k, (fx, fy, fz))
+
+
+@inline
+def back_through_inner(rays, count, rough):
+    """Sensitivities at the inner face."""
+    for k in range(count):
+        number, x, y, z = int(rays[RAY + k]), rays[PX + k], rays[PY + k], rays[PZ + k]
+        ax, ay, az = rays[AX + k], rays[AY + k], rays[AZ + k]
+        jet = (rays[JET + k], rays[JET + SIZE + k], rays[JET + 2 * SIZE + k], rays[JET + 3 * SIZE + k],
+               rays[JET + 4 * SIZE + k])  # fmt: skip
+        nx, ny, nz = outward_normal(x, y, z, jet[0], jet[1])
+        gx, gy, gz = rough_normal(nx, ny, nz, rough, number, 0)
+        fx, fy, fz, by_cosine = rays[FX + k], rays[FY + k], rays[FZ + k], rays[BY_COSINE + k]
+        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, gx, gy, gz, rays[INTO + k], fx, fy, fz, by_cosine)
+        hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, hx, hy, hz)
+        ex, ey, ez = rays[EX + k], rays[EY + k], rays[EZ + k]
+        _, by_table = hit_adjoint(x, y, z, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, jet)
+        put(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
+
+
+@inline
+def add(rays, count, cell, by, inverse_step, gradient):
+    """Add the sensitivities of all rays to those of the coefficients that acted."""
+    for k in range(count):
+        i, j = int(rays[cell + k]), int(rays[cell + SIZE + k])
+        scatter(
+            gradient, i, j, rays[cell + 2 * SIZE + k], rays[cell + 3 * SIZE + k], inverse_step,
+            rays[by + k], rays[by + SIZE + k], rays[by + 2 * SIZE + k],
         )  # fmt: skip
+
+
+@kernel
+def trace_adjoint(
+    origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
+    placed, rough, lengths, fates,
+    by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient, rays,
+):  # fmt: skip
+    """Add every ray's contribution to the gradients with respect to the tables' coefficients.
+
+    Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
+    surface reflected totally: by sin^2. Without Fresnel losses both coatings are None. ``rays``: memory of a packet.
+    """
+    side, inverse_step, absorbing = float(len(inner)), scene[4], len(absorptions) > 0
+    for first in range(0, len(emitted), SIZE):
+        count = load(
+            origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
+            by_points, by_directions, by_flux, by_sin2, first, min(first + SIZE, len(emitted)), rays,
+        )  # fmt: skip
+        whole = (count + WIDTH - 1) // WIDTH * WIDTH
+        to_inner(rays, whole, side, scene)
+        fetch_table(rays, count, inner, INNER_CELL)
+        to_outer(rays, whole, side, scene, inner_coating, rows, placed, rough)
+        fetch_table(rays, count, outer, OUTER_CELL)
+        back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough)
+        back_through_inner(rays, whole, rough)
+        add(rays, count, INNER_CELL, BY_INNER, inverse_step, inner_gradient)
+        add(rays, count, OUTER_CELL, BY_OUTER, inverse_step, outer_gradient)

@@ -1,42 +1,88 @@
-"""First crossing of a ray with a star-shaped surface, proven and fast.
+"""First crossings of a packet of rays with a star-shaped surface, proven and fast.
 
 The search walks from the inside along ``F(t) = rho(u(t)) - |p(t)|`` with steps that cannot jump over a root: where
 ``|F''| <= C`` along the ray ahead, the parabola ``F + F' s - C s^2/2`` bounds F from below, and its root is a safe
 step. C comes from the bounds on the surface near the ray (``kernels.bounds``), and a step never leaves their reach.
 Once Kantorovich's condition ``C F <= F'^2 / 2`` holds the next root is unique, and bracketed Newton steps find it.
+
+All rays of a packet go in step; one that has found its crossing leaves its place to the last. See ``kernels.packets``.
 """
 
 from math import inf, sqrt
 
 from lensforge.kernels.jit import inline
-from lensforge.kernels.spline import value_and_slope
+from lensforge.kernels.packets import (
+    ALONG_Z,
+    BEFORE,
+    CELL,
+    CLOSING,
+    F_BEFORE,
+    HIGH,
+    INVERSE_BEFORE,
+    LENGTH,
+    LOW,
+    MOST_HESSIAN,
+    MOST_SLOPE,
+    NEARBY,
+    NUMBER,
+    OUTWARD,
+    OWN,
+    PX,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    SLOPE,
+    SLOPE_X,
+    SLOPE_Y,
+    STATE,
+    STATUS,
+    WIDTH,
+    X0,
+    Z0,
+    F,
+    R,
+    T,
+    evaluate,
+    fetch_bounds,
+    fetch_table,
+    locate,
+)
 
-FOUND = 0
-BELOW = 1  # passed the plane z = 0 first
-LOST = 2  # no convergence
+FOUND = 0.0
+BELOW = 1.0  # passed the plane z = 0 first
+LOST = 2.0  # no convergence
+GOING = 3.0
 
 MAX_STEPS = 200
 MAX_CLOSING = 60
 TOLERANCE = 1e-12  # of the distance from the origin: the next error is its square
 ROUNDING = 2e-15  # F below this share of the distance is noise; near tangency it would keep the root moving
 LEAP_SHARE = 0.9  # of the least radius nearby: up to there a step to that radius costs less than an evaluation
+_LEAPS = 2  # of all rays before the first evaluation: to the ball in which no surface is, and to the radius nearby
 
 
 @inline
-def gap_and_slope(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step):
-    """F, F' and the table's slopes at a point of a ray: chart X, Y and 1/(r + z), cosine to the radius, distance r."""
-    rho, rho_x, rho_y = value_and_slope(table, origin, inverse_step, X, Y)
-    ahead = cos_radial + dz
-    return rho - r, (rho_x * (dx - X * ahead) + rho_y * (dy - Y * ahead)) * per_shift - cos_radial, rho_x, rho_y
+def leap_of(r, outward, least, nearby, tan_reach):
+    """Path (mm) to where the next evaluation is worth its time; 0 where it is at once.
+
+    F > 0 in the ball of the ``least`` radius: to its far side, a last bit further; and up to the least radius
+    ``nearby``, within reach of the bounds.
+    """
+    ball = (sqrt(outward * outward + least * least - r * r) - outward) * (1.0 + 1e-15) + 1e-15 * least
+    cos_radial = outward / r
+    turning = sqrt(max(1.0 - cos_radial * cos_radial, 0.0)) - tan_reach * cos_radial
+    room = r * tan_reach
+    leap = sqrt(outward * outward + nearby * nearby - r * r) - outward
+    leap = leap if leap * turning <= room else room / turning
+    leap = leap if r < LEAP_SHARE * nearby else 0.0
+    return ball if r * r < least * least else leap
 
 
 @inline
-def tile_of(X, Y, origin, bounds):
-    """Bounds near a direction; indices stay within the table even where X or Y is NaN."""
-    last = len(bounds.tiles) - 1
-    i = max(min(int((X - origin) * bounds.per_unit), last), 0)
-    j = max(min(int((Y - origin) * bounds.per_unit), last), 0)
-    return bounds.tiles[i, j, 0], bounds.tiles[i, j, 1], bounds.tiles[i, j, 2]
+def leap(rays, count, least, tan_reach):
+    """Move every ray on its leap."""
+    for k in range(count):
+        rays[T + k] += leap_of(rays[R + k], rays[OUTWARD + k], least, rays[NEARBY + k], tan_reach)
 
 
 @inline
@@ -45,92 +91,136 @@ def bound_ahead(outward, r, sine, cos_radial, slope, hessian, least):
 
     With theta between ray and radius, ``|F''| <= sin^2 (1/r + H/r^2) + G |sin 2 theta|/r^2``; theta falls along a ray.
     """
-    if cos_radial >= 0.0:
-        per_r = 1.0 / r
-        twist = 2.0 * sine * cos_radial if sine < cos_radial else 1.0
-        return (sine * sine * (1.0 + hessian * per_r) + slope * twist * per_r) * per_r, inf
-    nearest, path = r * sine, inf
-    if nearest < least:  # up to the start of the ball in which F > 0
-        nearest = least
-        path = -outward - sqrt(outward * outward - r * r + least * least) + 1e-12 * r
-    return (1.0 + (hessian + slope) / nearest) / nearest, path
+    per_r = 1.0 / r
+    twist = 2.0 * sine * cos_radial if sine < cos_radial else 1.0
+    bend_out = (sine * sine * (1.0 + hessian * per_r) + slope * twist * per_r) * per_r
+    nearest = max(r * sine, least)
+    bend_in = (1.0 + (hessian + slope) / nearest) / nearest
+    # inwards, up to the start of the ball in which F > 0
+    path = -outward - sqrt(outward * outward - r * r + least * least) + 1e-12 * r
+    path = path if r * sine < least else inf
+    return (bend_out, inf) if cos_radial >= 0.0 else (bend_in, path)
 
 
 @inline
-def close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step):
-    """The one root in ``[t, t - 2 F/slope]``: a Newton step, then inverse Hermite interpolation in the bracket.
+def walk(rays, count, least, tan_reach):
+    """One safe step of every ray that has no bracket yet, or its bracket: ``[t, t - 2 F/slope]`` has one root.
 
     The bracket ends at the plane z = 0, a little below which the table ends: there it is a polynomial without bounds.
     """
-    plane = -pz / dz if dz < 0.0 else inf
-    low, high = t, min(t - 2.0 * F / slope, plane)
-    before, F_before, inverse_before = t, F, 1.0 / slope
-    t = min(t - F * inverse_before, high)
-    for _ in range(MAX_CLOSING):
-        x, y, z = px + t * dx, py + t * dy, pz + t * dz
-        r = sqrt(x * x + y * y + z * z)
-        per_shift, cos_radial = 1.0 / (r + z), (x * dx + y * dy + z * dz) / r
-        F, slope, rho_x, rho_y = gap_and_slope(
-            x * per_shift, y * per_shift, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step
-        )
-        inverse = 1.0 / slope
-        newton = -F * inverse
-        if abs(newton) <= TOLERANCE * r or abs(F) <= ROUNDING * r:
-            return t + newton, FOUND, rho_x, rho_y
-        if F > 0.0:
-            if t >= plane:
-                return t, BELOW, 0.0, 0.0
-            low = t
-        else:
-            high = t
-        # divided differences of t as a function of F, each point counted twice
-        per_F = 1.0 / (F - F_before)
-        secant = (t - before) * per_F
-        second = (inverse - secant) * per_F
-        third = (inverse_before - 2.0 * secant + inverse) * per_F * per_F
-        before, F_before, inverse_before = t, F, inverse
-        t += newton + F * F * (second - third * F_before)
-        t = t if low <= t <= high else min(before + newton, plane)
-        t = t if low <= t <= high else 0.5 * (low + high)
-    return t, LOST, 0.0, 0.0
+    for k in range(count):
+        t, r, outward, gap, slope = rays[T + k], rays[R + k], rays[OUTWARD + k], rays[F + k], rays[SLOPE + k]
+        pz, dz = rays[Z0 + k], rays[ALONG_Z + k]
+        plane = -pz / dz if dz < 0.0 else inf
+        cos_radial = outward / r
+        sine = sqrt(max(1.0 - cos_radial * cos_radial, 0.0))
+        # after a path s the ray has turned by atan(s sine / (r + s cos_radial)): s turning <= room stays in reach
+        turning, room = sine - tan_reach * cos_radial, r * tan_reach
+        bend, path = bound_ahead(outward, r, sine, cos_radial, rays[MOST_SLOPE + k], rays[MOST_HESSIAN + k], least)
+        leap = leap_of(r, outward, least, rays[NEARBY + k], tan_reach)
+        farthest = -2.0 * gap / slope
+        closes = slope < 0.0 and 2.0 * bend * gap <= slope * slope and farthest * turning <= room and farthest <= path
+        root = sqrt(slope * slope + 2.0 * bend * gap)
+        move = min(2.0 * gap / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
+        move = move if move * turning <= room else room / turning
+        at_root, below = gap <= ROUNDING * r, pz + t * dz < 0.0 and dz <= 0.0
+        high = min(t + farthest, plane)
+        closed, moved = min(t + 0.5 * farthest, high), t + move
+        state = FOUND if move <= 1e-13 * r and not closes else GOING
+        state = (FOUND if -1e-12 * r < gap and t > 0.0 else LOST) if at_root else state
+        state = GOING if leap > 0.0 else state
+        state = BELOW if below else state
+        t_after = closed if closes else moved
+        t_after = t if at_root else t_after
+        t_after = t + leap if leap > 0.0 else t_after
+        closes = closes and not at_root and not leap > 0.0
+        if rays[CLOSING + k] == 0.0:
+            rays[T + k], rays[STATE + k] = t if below else t_after, state
+            rays[CLOSING + k] = 1.0 if closes else 0.0
+            rays[LOW + k], rays[HIGH + k] = t, high
+            rays[BEFORE + k], rays[F_BEFORE + k], rays[INVERSE_BEFORE + k] = t, gap, 1.0 / slope
 
 
 @inline
-def first_hit(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
-    """Path length to the first crossing from a point with ``|p| <= rho`` and z >= 0, a status, the table's slopes."""
-    least = bounds.least
-    t = 0.0
-    for _ in range(MAX_STEPS):
-        x, y, z = px + t * dx, py + t * dy, pz + t * dz
-        if z < 0.0 and dz <= 0.0:
-            return t, BELOW, 0.0, 0.0
-        r_squared = x * x + y * y + z * z
-        outward = x * dx + y * dy + z * dz
-        if r_squared < least * least:  # F > 0 in the whole ball: go to its far side
-            t += (sqrt(outward * outward + least * least - r_squared) - outward) * (1.0 + 1e-15) + 1e-15 * least
+def close_in(rays, count):
+    """A step of every ray with a bracket: inverse Hermite interpolation, or Newton's, or half of the bracket."""
+    for k in range(count):
+        t, r, gap, slope = rays[T + k], rays[R + k], rays[F + k], rays[SLOPE + k]
+        pz, dz = rays[Z0 + k], rays[ALONG_Z + k]
+        plane = -pz / dz if dz < 0.0 else inf
+        before, gap_before, inverse_before = rays[BEFORE + k], rays[F_BEFORE + k], rays[INVERSE_BEFORE + k]
+        inverse = 1.0 / slope
+        newton = -gap * inverse
+        arrived = abs(newton) <= TOLERANCE * r or abs(gap) <= ROUNDING * r
+        below = gap > 0.0 and t >= plane
+        low, high = (t, rays[HIGH + k]) if gap > 0.0 else (rays[LOW + k], t)
+        # divided differences of t as a function of F, each point counted twice
+        per_gap = 1.0 / (gap - gap_before)
+        secant = (t - before) * per_gap
+        second = (inverse - secant) * per_gap
+        third = (inverse_before - 2.0 * secant + inverse) * per_gap * per_gap
+        guess = t + newton + gap * gap * (second - third * gap_before)
+        guess = guess if low <= guess and guess <= high else min(t + newton, plane)
+        guess = guess if low <= guess and guess <= high else 0.5 * (low + high)
+        closing = rays[CLOSING + k] == 1.0
+        state = FOUND if arrived else (BELOW if below else GOING)
+        after = t + newton if arrived else (t if below else guess)
+        if closing:
+            rays[T + k], rays[STATE + k] = after, state
+            rays[LOW + k], rays[HIGH + k] = low, high
+            rays[BEFORE + k], rays[F_BEFORE + k], rays[INVERSE_BEFORE + k] = t, gap, inverse
+
+
+@inline
+def settle(rays, count):
+    """Write down what was found; the last ray on its way takes the place.
+
+    Returns the number of those that go on, and of those among them that have a bracket.
+    """
+    k, closing = 0, 0.0
+    while k < count:
+        if rays[STATE + k] == GOING:
+            closing += rays[CLOSING + k]
+            k += 1
             continue
-        r = sqrt(r_squared)
-        per_shift, cos_radial = 1.0 / (r + z), outward / r
-        X, Y = x * per_shift, y * per_shift
-        low, max_slope, max_hessian = tile_of(X, Y, origin, bounds)
-        sine = sqrt(max(1.0 - cos_radial * cos_radial, 0.0))
-        # after a path s the ray has turned by atan(s sine / (r + s cos_radial)): s turning <= room stays in reach
-        turning, room = sine - bounds.tan_reach * cos_radial, r * bounds.tan_reach
-        if r < LEAP_SHARE * low:
-            leap = sqrt(outward * outward + low * low - r_squared) - outward
-            t += leap if leap * turning <= room else room / turning
+        number = int(rays[NUMBER + k])
+        rays[LENGTH + number], rays[STATUS + number] = rays[T + k], rays[STATE + k]
+        rays[RHO_X + number], rays[RHO_Y + number] = rays[SLOPE_X + k], rays[SLOPE_Y + k]
+        count -= 1
+        for field in range(OWN):
+            rays[NUMBER + field * SIZE + k] = rays[NUMBER + field * SIZE + count]
+    return count, int(closing)
+
+
+@inline
+def first_hits(rays, count, table, origin, inverse_step, bounds):
+    """First crossings of the first ``count`` rays of a packet, from points with ``|p| <= rho`` and z >= 0.
+
+    Fills their path lengths, statuses and, where one was found, the table's slopes there.
+    """
+    side, tiles = float(len(table)), float(len(bounds.tiles))
+    for k in range(count):
+        rays[NUMBER + k], rays[T + k], rays[CLOSING + k] = float(k), 0.0, 0.0
+    for field in range(6):
+        for k in range(count):
+            rays[X0 + field * SIZE + k] = rays[PX + field * SIZE + k]
+    closing = 0
+    for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
+        whole = (count + WIDTH - 1) // WIDTH * WIDTH
+        locate(rays, whole, side, origin, inverse_step, tiles, bounds.per_unit)
+        if closing < count:
+            fetch_bounds(rays, count, bounds.tiles)
+        if step < _LEAPS:
+            leap(rays, whole, bounds.least, bounds.tan_reach)
             continue
-        F, slope, rho_x, rho_y = gap_and_slope(X, Y, per_shift, cos_radial, r, dx, dy, dz, table, origin, inverse_step)
-        if ROUNDING * r >= F:  # at the root to rounding, or started on or beyond it
-            return t, FOUND if -1e-12 * r < F and t > 0.0 else LOST, rho_x, rho_y
-        bend, path = bound_ahead(outward, r, sine, cos_radial, max_slope, max_hessian, least)
-        farthest = -2.0 * F / slope
-        if slope < 0.0 and 2.0 * bend * F <= slope * slope and farthest * turning <= room and farthest <= path:
-            return close_in(px, py, pz, dx, dy, dz, t, F, slope, table, origin, inverse_step)
-        root = sqrt(slope * slope + 2.0 * bend * F)
-        move = min(2.0 * F / (root - slope) if slope < 0.0 else (slope + root) / bend, path)
-        move = move if move * turning <= room else room / turning
-        t += move
-        if move <= 1e-13 * r:
-            return t, FOUND, rho_x, rho_y
-    return t, LOST, 0.0, 0.0
+        fetch_table(rays, count, table, CELL)
+        evaluate(rays, whole, inverse_step)
+        if closing > 0:
+            close_in(rays, whole)
+        if closing < count:
+            walk(rays, whole, bounds.least, bounds.tan_reach)
+        count, closing = settle(rays, count)
+        if count == 0:
+            return
+    for k in range(count):
+        rays[STATUS + int(rays[NUMBER + k])] = LOST

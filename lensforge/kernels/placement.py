@@ -53,6 +53,24 @@ def tilted(nx, ny, nz, a, b, c, slope):
 @inline
 def tilted_adjoint(nx, ny, nz, noise, slope, hx, hy, hz):
     """Sensitivity to n from that to the tilted normal (h)."""
-    a, b, c = noise
-    along = slope * (a * hx + b * hy + c * hz) / sqrt(nx * nx + ny * ny + nz * nz)
+    along = slope * (noise[0] * hx + noise[1] * hy + noise[2] * hz) / sqrt(nx * nx + ny * ny + nz * nz)
     return hx + along * nx, hy + along * ny, hz + along * nz
+
+
+@inline
+def rough_normal(nx, ny, nz, rough, k, face):
+    """Normal of a rough face (0: inner, 1: outer) where it meets ray k; n itself where ``rough`` is None."""
+    if rough is None:
+        return nx, ny, nz
+    noise = rough[0][k, 3 * face : 3 * face + 3]
+    return tilted(nx, ny, nz, noise[0], noise[1], noise[2], rough[1] if face == 0 else rough[2])
+
+
+@inline
+def rough_normal_adjoint(nx, ny, nz, rough, k, face, hx, hy, hz):
+    """Adjoint of :func:`rough_normal`: sensitivity to n from that to the normal (h)."""
+    if rough is None:
+        return hx, hy, hz
+    return tilted_adjoint(
+        nx, ny, nz, rough[0][k, 3 * face : 3 * face + 3], rough[1] if face == 0 else rough[2], hx, hy, hz
+    )

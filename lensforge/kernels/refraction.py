@@ -6,7 +6,7 @@
 from math import sqrt
 
 from lensforge.kernels.jit import inline
-from lensforge.kernels.spline import cubic_splines
+from lensforge.kernels.spline import cubic_splines, index_at
 
 
 @inline
@@ -40,7 +40,7 @@ def coated_transmittance(c, q, ratio, table, row):
     cells = table.shape[-1] - 3
     cosine = c if ratio < 1.0 else q
     position = cosine * cells
-    i = min(int(position), cells - 1)
+    i = int(index_at(position, cells - 1.0))  # a ray that is reflected totally has no cosine behind the face
     w, d, _ = cubic_splines(position - i)
     value, slope = 0.0, 0.0
     if table.ndim == 1:  # known to the compiler: it leaves out the other case

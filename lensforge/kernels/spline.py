@@ -5,6 +5,8 @@ A table is square, first index X; ``origin`` and ``inverse_step`` place coeffici
 
 from typing import Any
 
+import numpy as np
+
 from lensforge.kernels.jit import inline
 
 _SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
@@ -32,29 +34,30 @@ cubic_splines = inline(uniform_cubic)
 
 
 @inline
-def cell_of(position, side):
-    """First of the four coefficients that act at ``position`` (in steps), kept inside the table."""
-    cell = int(position)
-    return max(min(cell, side - 3), 1)
+def index_at(position, most):
+    """The whole number up to ``position``, from 0 to ``most``, also where that is NaN; still a float."""
+    position = position if position < most else most
+    return float(np.int32(position if position > 0.0 else 0.0))
 
 
 @inline
 def value_and_slope(table, origin, inverse_step, X, Y):
     """``rho``, d rho/dX, d rho/dY."""
-    side = table.shape[0]
+    most = table.shape[0] - 4.0
     px = (X - origin) * inverse_step
     py = (Y - origin) * inverse_step
-    i = cell_of(px, side)
-    j = cell_of(py, side)
-    wx, dx, _ = cubic_splines(px - i)
-    wy, dy, _ = cubic_splines(py - j)
+    i, j = index_at(px - 1.0, most), index_at(py - 1.0, most)
+    wx, dx, _ = cubic_splines(px - (i + 1.0))
+    wy, dy, _ = cubic_splines(py - (j + 1.0))
+    row, column = int(i), int(j)
     value = 0.0
     slope_x = 0.0
     slope_y = 0.0
     for a in range(4):
-        row = table[i - 1 + a]
-        along = wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2]
-        across = dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2]
+        along = wy[0] * table[row + a, column] + wy[1] * table[row + a, column + 1]
+        along += wy[2] * table[row + a, column + 2] + wy[3] * table[row + a, column + 3]
+        across = dy[0] * table[row + a, column] + dy[1] * table[row + a, column + 1]
+        across += dy[2] * table[row + a, column + 2] + dy[3] * table[row + a, column + 3]
         value += wx[a] * along
         slope_x += dx[a] * along
         slope_y += wx[a] * across
@@ -62,44 +65,18 @@ def value_and_slope(table, origin, inverse_step, X, Y):
 
 
 @inline
-def slope_and_curvature(table, origin, inverse_step, X, Y):
-    """First and second derivatives of ``rho`` on the chart: X, Y, XX, XY, YY."""
-    side = table.shape[0]
-    px = (X - origin) * inverse_step
-    py = (Y - origin) * inverse_step
-    i = cell_of(px, side)
-    j = cell_of(py, side)
-    wx, dx, cx = cubic_splines(px - i)
-    wy, dy, cy = cubic_splines(py - j)
-    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(4):
-        row = table[i - 1 + a]
-        along = wy[0] * row[j - 1] + wy[1] * row[j] + wy[2] * row[j + 1] + wy[3] * row[j + 2]
-        across = dy[0] * row[j - 1] + dy[1] * row[j] + dy[2] * row[j + 1] + dy[3] * row[j + 2]
-        x += dx[a] * along
-        y += wx[a] * across
-        xx += cx[a] * along
-        xy += dx[a] * across
-        yy += wx[a] * (cy[0] * row[j - 1] + cy[1] * row[j] + cy[2] * row[j + 1] + cy[3] * row[j + 2])
-    square = inverse_step * inverse_step
-    return x * inverse_step, y * inverse_step, xx * square, xy * square, yy * square
+def scatter(gradient, i, j, share_x, share_y, inverse_step, by_value, by_slope_x, by_slope_y):
+    """Adjoint of :func:`value_and_slope`: add the sensitivities to the sixteen coefficients that acted.
 
-
-@inline
-def scatter(gradient, origin, inverse_step, X, Y, by_value, by_slope_x, by_slope_y):
-    """Adjoint of :func:`value_and_slope`: add the sensitivities to the sixteen coefficients that acted."""
-    side = gradient.shape[0]
-    px = (X - origin) * inverse_step
-    py = (Y - origin) * inverse_step
-    i = cell_of(px, side)
-    j = cell_of(py, side)
-    wx, dx, _ = cubic_splines(px - i)
-    wy, dy, _ = cubic_splines(py - j)
+    ``i``, ``j``: the first row and column of them; the shares are those of a step behind the second.
+    """
+    wx, dx, _ = cubic_splines(share_x)
+    wy, dy, _ = cubic_splines(share_y)
     sx = by_slope_x * inverse_step
     sy = by_slope_y * inverse_step
     for a in range(4):
-        row = gradient[i - 1 + a]
+        row = gradient[i + a]
         along = by_value * wx[a] + sx * dx[a]
         across = sy * wx[a]
         for b in range(4):
-            row[j - 1 + b] += along * wy[b] + across * dy[b]
+            row[j + b] += along * wy[b] + across * dy[b]

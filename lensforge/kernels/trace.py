@@ -1,4 +1,4 @@
-"""Tracing: rays through both surfaces and out of the lens, one loop over rays.
+"""Tracing: rays through both surfaces and out of the lens, packet by packet; see ``kernels.packets``.
 
 ``scene`` is ``(Fresnel losses?, index in the cavity, index outside, table origin, 1/table step)``; ``indices`` has the
 body's refractive index for each ray, or one for all; ``absorptions`` its absorption (1/mm) likewise, or nothing where
@@ -11,11 +11,39 @@ The path lengths that were found are kept, so that the adjoint need not search a
 from math import exp, sqrt
 
 from lensforge.kernels.fates import Fate
-from lensforge.kernels.first_hit import BELOW, FOUND, first_hit, tile_of
+from lensforge.kernels.first_hit import BELOW, FOUND, first_hits
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.placement import place, tilted, turn
+from lensforge.kernels.packets import (
+    BEHIND,
+    COSINE,
+    DX,
+    DY,
+    DZ,
+    LENGTH,
+    PX,
+    PY,
+    PZ,
+    RATIO,
+    RAY,
+    RHO_X,
+    RHO_Y,
+    SIZE,
+    STATUS,
+    THROUGH,
+    WIDTH,
+    tile_of,
+)
+from lensforge.kernels.placement import place, rough_normal, turn
 from lensforge.kernels.refraction import coated_transmittance, outward_normal, refract, transmittance
 from lensforge.kernels.spline import value_and_slope
+
+
+@inline
+def through_face(c, q, ratio, coating, rows, k):
+    """Transmittance of a face for ray k, coated or not."""
+    if coating is None:
+        return transmittance(c, q, ratio)[0]
+    return coated_transmittance(c, q, ratio, coating, rows[min(k, len(rows) - 1)])[0]
 
 
 @inline
@@ -39,98 +67,153 @@ def entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds):
     return Fate.LEFT_LENS, start
 
 
-@kernel
-def trace(
-    origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
-    inner_coating, outer_coating, rows, placed, rough,
-    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
-):  # fmt: skip
-    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
+@inline
+def put(rays, lane, number, px, py, pz, dx, dy, dz, ratio):
+    """Put a ray into a packet; ``ratio``: of the indices before and behind the face to which it goes."""
+    rays[RAY + lane], rays[RATIO + lane] = float(number), ratio
+    rays[PX + lane], rays[PY + lane], rays[PZ + lane] = px, py, pz
+    rays[DX + lane], rays[DY + lane], rays[DZ + lane] = dx, dy, dz
 
-    Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and stay so where a ray does not leave
-    the lens, or does not reach the outer surface.
+
+@inline
+def refract_packet(rays, count, fresnel, coating, rows, rough, face):
+    """Move all rays of a packet to the face that they have found, and refract them there; ``face``: 0 or 1.
+
+    Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance.
     """
-    fresnel, cavity_index, outside_index, table_origin, inverse_step = scene
-    for k in range(len(emitted)):
-        index = indices[min(k, len(indices) - 1)]
-        into, out_of = cavity_index / index, index / outside_index
+    for k in range(count):
+        t, dx, dy, dz = rays[LENGTH + k], rays[DX + k], rays[DY + k], rays[DZ + k]
+        px, py, pz = rays[PX + k] + t * dx, rays[PY + k] + t * dy, rays[PZ + k] + t * dz
+        rays[PX + k], rays[PY + k], rays[PZ + k] = px, py, pz
+        nx, ny, nz = outward_normal(px, py, pz, rays[RHO_X + k], rays[RHO_Y + k])
+        nx, ny, nz = rough_normal(nx, ny, nz, rough, int(rays[RAY + k]), face)
+        ratio = rays[RATIO + k]
+        ax, ay, az, c, q_squared = refract(dx, dy, dz, nx, ny, nz, ratio)
+        met = rays[STATUS + k] == FOUND and pz >= 0.0
+        rays[DX + k], rays[DY + k], rays[DZ + k] = ax if met else dx, ay if met else dy, az if met else dz
+        rays[COSINE + k], rays[BEHIND + k] = c, q_squared
+        if fresnel:
+            rays[THROUGH + k] = through_face(c, sqrt(q_squared), ratio, coating, rows, int(rays[RAY + k]))
+
+
+@inline
+def enter(origins, directions, indices, first, last, table, scene, bounds, placed, lengths, fates, rays):
+    """Put the rays ``first`` to ``last`` that enter the cavity into a packet. Returns their number."""
+    entered = 0
+    for k in range(first, last):
         px, py, pz = origins[k, 0], origins[k, 1], origins[k, 2]
         dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
         if placed is not None:
             px, py, pz = place(placed[0][0], placed[1], px, py, pz)
             dx, dy, dz = turn(placed[0][0], dx, dy, dz)
-        lengths[k, 0] = 0.0
-        lengths[k, 1] = 0.0
-        sin2_exit[k] = 0.0
-        flux[k] = emitted[k]
-        fate, start = entry(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
-        fates[k] = fate
-        if fate != Fate.LEFT_LENS:
-            continue
-        px, py, pz = px + start * dx, py + start * dy, max(pz, 0.0)
-        # the inner surface
-        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, inner, table_origin, inverse_step, inner_bounds)
-        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
-        lengths[k, 0] = start + t
-        if status != FOUND or pz < 0.0:
+        fates[k], start = entry(px, py, pz, dx, dy, dz, table, scene[3], scene[4], bounds)
+        if fates[k] == Fate.LEFT_LENS:
+            lengths[k, 0] = start
+            into = scene[1] / indices[min(k, len(indices) - 1)]
+            put(rays, entered, k, px + start * dx, py + start * dy, max(pz, 0.0), dx, dy, dz, into)
+            entered += 1
+    return entered
+
+
+@inline
+def into_body(
+    rays, count, indices, scene, table, bounds, coating, rows, placed, rough, lengths, flux, fates
+):  # fmt: skip
+    """Refract the rays of a packet at the inner surface. Returns the number of those on their way to the outer one."""
+    fresnel, _, outside_index, origin, inverse_step = scene
+    whole = (count + WIDTH - 1) // WIDTH * WIDTH
+    refract_packet(rays, whole, fresnel, coating, rows, rough, 0)
+    going = 0
+    for lane in range(count):
+        k, start = int(rays[RAY + lane]), 0.0
+        px, py, pz = rays[PX + lane], rays[PY + lane], rays[PZ + lane]
+        dx, dy, dz = rays[DX + lane], rays[DY + lane], rays[DZ + lane]
+        lengths[k, 0] += rays[LENGTH + lane]
+        if rays[STATUS + lane] != FOUND or pz < 0.0:
             out = Fate.BACKWARD if dz <= 0.0 else Fate.BASE  # a ray that rises: at the rim, by rounding
-            fates[k] = out if status == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
+            fates[k] = out if rays[STATUS + lane] == BELOW or pz < 0.0 else Fate.NOT_CONVERGED
             continue
-        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
-        if rough is not None:
-            nx, ny, nz = tilted(nx, ny, nz, rough[0][k, 0], rough[0][k, 1], rough[0][k, 2], rough[1])
-        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, into)
-        if q_squared <= 0.0 or c <= 0.0:
+        if rays[BEHIND + lane] <= 0.0 or rays[COSINE + lane] <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            if inner_coating is None:
-                flux[k] *= transmittance(c, sqrt(q_squared), into)[0]
-            else:
-                row = rows[min(k, len(rows) - 1)]
-                flux[k] *= coated_transmittance(c, sqrt(q_squared), into, inner_coating, row)[0]
-        # the outer surface
-        start = 0.0
+            flux[k] *= rays[THROUGH + lane]
         if placed is not None:
             px, py, pz = place(placed[0][1], 1.0, px, py, pz)
             dx, dy, dz = turn(placed[0][1], dx, dy, dz)
             if pz < 0.0:  # at the rim, below the plane in which a lowered or tilted outer face ends
-                fate, start = entry(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
+                fate, start = entry(px, py, pz, dx, dy, dz, table, origin, inverse_step, bounds)
                 if fate != Fate.LEFT_LENS:
                     fates[k] = Fate.BASE
                     continue
                 px, py, pz = px + start * dx, py + start * dy, 0.0
-        t, status, rho_x, rho_y = first_hit(px, py, pz, dx, dy, dz, outer, table_origin, inverse_step, outer_bounds)
-        px, py, pz = px + t * dx, py + t * dy, pz + t * dz
-        t += start
+        lengths[k, 1] = start
+        put(rays, going, k, px, py, pz, dx, dy, dz, indices[min(k, len(indices) - 1)] / outside_index)
+        going += 1
+    return going
+
+
+@inline
+def out_of_body(
+    rays, count, absorptions, scene, coating, rows, placed, rough,
+    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
+):  # fmt: skip
+    """Refract the rays of a packet at the outer surface."""
+    fresnel = scene[0]
+    whole = (count + WIDTH - 1) // WIDTH * WIDTH
+    refract_packet(rays, whole, fresnel, coating, rows, rough, 1)
+    for lane in range(count):
+        k, t = int(rays[RAY + lane]), rays[LENGTH + lane]
+        px, py, pz = rays[PX + lane], rays[PY + lane], rays[PZ + lane]
+        dx, dy, dz = rays[DX + lane], rays[DY + lane], rays[DZ + lane]
+        t += lengths[k, 1]
         lengths[k, 1] = t
-        if status != FOUND or pz < 0.0:
-            fates[k] = (
-                Fate.BASE
-                if status == BELOW or pz < 0.0
-                else (Fate.SURFACES_INTERSECT if t == 0.0 else Fate.NOT_CONVERGED)
-            )
+        if rays[STATUS + lane] != FOUND or pz < 0.0:
+            lost = Fate.SURFACES_INTERSECT if t == 0.0 else Fate.NOT_CONVERGED
+            fates[k] = Fate.BASE if rays[STATUS + lane] == BELOW or pz < 0.0 else lost
             continue
         if len(absorptions) > 0:
             arrived = flux[k] * exp(-absorptions[min(k, len(absorptions) - 1)] * t)
             absorbed[k] = flux[k] - arrived
             flux[k] = arrived
-        nx, ny, nz = outward_normal(px, py, pz, rho_x, rho_y)
-        if rough is not None:
-            nx, ny, nz = tilted(nx, ny, nz, rough[0][k, 3], rough[0][k, 4], rough[0][k, 5], rough[2])
-        dx, dy, dz, c, q_squared = refract(dx, dy, dz, nx, ny, nz, out_of)
-        sin2_exit[k] = 1.0 - q_squared
-        if q_squared <= 0.0 or c <= 0.0:
+        sin2_exit[k] = 1.0 - rays[BEHIND + lane]
+        if rays[BEHIND + lane] <= 0.0 or rays[COSINE + lane] <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
             continue
         if fresnel:
-            if outer_coating is None:
-                flux[k] *= transmittance(c, sqrt(q_squared), out_of)[0]
-            else:
-                row = rows[min(k, len(rows) - 1)]
-                flux[k] *= coated_transmittance(c, sqrt(q_squared), out_of, outer_coating, row)[0]
+            flux[k] *= rays[THROUGH + lane]
         if placed is not None:
             px, py, pz = place(placed[0][2], placed[2], px, py, pz)
             dx, dy, dz = turn(placed[0][2], dx, dy, dz)
         exit_points[k, 0], exit_points[k, 1], exit_points[k, 2] = px, py, pz
         exit_directions[k, 0], exit_directions[k, 1], exit_directions[k, 2] = dx, dy, dz
+
+
+@kernel
+def trace(
+    origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
+    inner_coating, outer_coating, rows, placed, rough,
+    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates, rays,
+):  # fmt: skip
+    """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
+
+    Points, directions and, where the body absorbs, ``absorbed`` come as zeros, and stay so where a ray does not leave
+    the lens, or does not reach the outer surface. ``rays``: memory of a packet.
+    """
+    _, _, _, origin, inverse_step = scene
+    for first in range(0, len(emitted), SIZE):
+        last = min(first + SIZE, len(emitted))
+        for k in range(first, last):
+            flux[k], sin2_exit[k], lengths[k, 0], lengths[k, 1] = emitted[k], 0.0, 0.0, 0.0
+        count = enter(
+            origins, directions, indices, first, last, inner, scene, inner_bounds, placed, lengths, fates, rays
+        )
+        first_hits(rays, count, inner, origin, inverse_step, inner_bounds)
+        count = into_body(
+            rays, count, indices, scene, outer, outer_bounds, inner_coating, rows, placed, rough, lengths, flux, fates
+        )
+        first_hits(rays, count, outer, origin, inverse_step, outer_bounds)
+        out_of_body(
+            rays, count, absorptions, scene, outer_coating, rows, placed, rough,
+            lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
+        )  # fmt: skip

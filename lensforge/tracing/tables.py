@@ -7,9 +7,10 @@ import torch
 from jaxtyping import Float
 
 from lensforge.errors import InputError
-from lensforge.kernels.adjoint import trace_adjoint
+from lensforge.kernels.adjoint import empty_adjoint, trace_adjoint
 from lensforge.kernels.bounds import SurfaceBounds, surface_bounds
 from lensforge.kernels.jit import CHUNKS, in_chunks
+from lensforge.kernels.packets import empty_packet
 from lensforge.kernels.trace import trace
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
@@ -95,6 +96,7 @@ class TracedBundle:
                 _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
                 *faces, coatings.part(part), placed, rough_part(rough, part),
                 lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
+                empty_packet(),
             )  # fmt: skip
 
         in_chunks(work, count)
@@ -123,7 +125,7 @@ class TracedBundle:
                 self.inner, self.outer, self.scene.packed(), *faces, coatings.part(part),
                 self.placed, rough_part(self.rough, part), self.lengths[part], fates[part],
                 by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
-                *totals[:, chunk],
+                *totals[:, chunk], empty_adjoint(),
             )  # fmt: skip
 
         in_chunks(work, len(rays))

@@ -3,18 +3,29 @@
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from lensforge.kernels.first_hit import first_hit
+from lensforge.kernels.first_hit import first_hits
 from lensforge.kernels.jit import kernel
+from lensforge.kernels.packets import DX, LENGTH, PX, SIZE, STATUS, empty_packet
 from lensforge.surfaces.spline import TableGrid
 
 
 @kernel
+def _hits(origins, directions, table, origin, inverse_step, bounds, lengths, states, rays):
+    """Fill path lengths and states packet by packet."""
+    for first in range(0, len(lengths), SIZE):
+        count = min(SIZE, len(lengths) - first)
+        for k in range(count):
+            for axis in range(3):
+                rays[PX + axis * SIZE + k] = origins[first + k, axis]
+                rays[DX + axis * SIZE + k] = directions[first + k, axis]
+        first_hits(rays, count, table, origin, inverse_step, bounds)
+        for k in range(count):
+            lengths[first + k], states[first + k] = rays[LENGTH + k], rays[STATUS + k]
+
+
 def all_hits(origins, directions, table, origin, inverse_step, bounds, lengths, states):
     """Fill path lengths and states by the kernel."""
-    for k in range(len(lengths)):
-        o, d = origins[k], directions[k]
-        t, state, _, _ = first_hit(o[0], o[1], o[2], d[0], d[1], d[2], table, origin, inverse_step, bounds)
-        lengths[k], states[k] = t, state
+    _hits(origins, directions, table, origin, inverse_step, bounds, lengths, states, empty_packet())
 
 
 def gap(points: np.ndarray, table: np.ndarray, grid: TableGrid) -> np.ndarray:

@@ -52,11 +52,13 @@ def _both(device: str, tables: list[torch.Tensor], rays: RayBundle, scene: Scene
 
 
 def _agree(kernels: Landed, found: Landed) -> None:
+    """The same to rounding, which the way to the receiver multiplies: some rays land 50 m aside."""
     assert torch.equal(found.fates, kernels.fates)
     assert torch.allclose(found.carried, kernels.carried, rtol=1e-10, atol=0.0)
     assert torch.allclose(found.sin2_exit, kernels.sin2_exit, rtol=0.0, atol=1e-11)
     gentle = kernels.sin2_exit < 0.99  # nearer to the critical angle, rounding grows on the way to the receiver
-    assert torch.allclose(found.hits[gentle], kernels.hits[gentle], rtol=1e-10, atol=1e-9)
+    apart, far = (found.hits - kernels.hits).norm(dim=1), kernels.hits.norm(dim=1)
+    assert (apart <= 1e-9 + 5e-10 * far)[gentle].all()
     assert torch.allclose(found.hits, kernels.hits, rtol=1e-7, atol=1e-7)
 
 
