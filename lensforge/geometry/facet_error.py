@@ -85,7 +85,8 @@ def _corner_angles(
     used[triangles] = True
     normals = np.full(vertices.shape, np.nan)
     normals[used] = patch.normals(to_chart(vertices[used]))
-    return _angles_to(normals[triangles], vertices[triangles]).max(axis=1)
+    largest: Float[np.ndarray, " t"] = _angles_to(normals[triangles], vertices[triangles]).max(axis=1)
+    return largest
 
 
 def _largest(

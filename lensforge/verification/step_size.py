@@ -53,7 +53,9 @@ def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float
     sides = np.array(box.Get())  # x0, y0, z0, x1, y1, z1
     for face in faces:
         around = Bnd_Box()
-        BRepBndLib.Add_s(face, around, False)  # that of a spline's control points, in a thousandth of the exact one's time
+        BRepBndLib.Add_s(
+            face, around, False
+        )  # that of a spline's control points, in a thousandth of the exact one's time
         around.SetGap(0.0)
         beyond = np.array(around.Get()) - sides
         for side in np.nonzero(np.r_[-beyond[:3], beyond[3:]] > _TOLERANCE_MM)[0]:
