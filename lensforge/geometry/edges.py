@@ -32,8 +32,9 @@ def geom_surface(patch: Patch) -> Any:
     from OCP.TColgp import TColgp_Array2OfPnt
 
     poles = TColgp_Array2OfPnt(1, len(patch.control), 1, len(patch.control))
-    for (row, column), _ in np.ndenumerate(patch.control[..., 0]):
-        poles.SetValue(row + 1, column + 1, gp_Pnt(*patch.control[row, column].tolist()))
+    for row, points in enumerate(patch.control.tolist(), start=1):
+        for column, (x, y, z) in enumerate(points, start=1):
+            poles.SetValue(row, column, gp_Pnt(x, y, z))
     knots, multiplicities = _knots(patch.knots)
     return Geom_BSplineSurface(poles, knots, knots, multiplicities, multiplicities, DEGREE, DEGREE)
 

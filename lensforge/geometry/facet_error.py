@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.geometry.patch import Patch
 from lensforge.surfaces.chart import to_chart
@@ -19,6 +19,7 @@ _LATTICE, _ROUNDS = 6, 4
 CORNERS = np.eye(3)
 MIDDLES = (CORNERS + np.roll(CORNERS, -1, axis=0)) / 2.0  # of the edges, each from a corner to the next
 CENTRE = np.full((1, 3), 1.0 / 3.0)
+INSIDE = np.concatenate([MIDDLES, CENTRE])  # where a facet is far from its surface
 
 Measure = Callable[[Patch, Float[np.ndarray, "t 3 3"], Float[np.ndarray, "t m 3"]], Float[np.ndarray, "t m"]]
 
@@ -31,10 +32,17 @@ class FacetError:
     normal_rad: float
 
 
-def facet_error(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> FacetError:
-    """Largest errors of facets with ``corners`` (mm) against ``patch``, anywhere on the facets."""
-    inside = np.concatenate([MIDDLES, CENTRE])
-    return FacetError(_largest(patch, corners, distances, inside), _largest(patch, corners, angles, CORNERS))
+def facet_error(patch: Patch, vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]) -> FacetError:
+    """Largest errors of facets with corners among ``vertices`` (mm) against ``patch``, anywhere on the facets."""
+    corners = vertices[triangles]
+    away = distances(patch, corners, np.broadcast_to(INSIDE, (len(corners), *INSIDE.shape)))
+    normal = _largest(patch, corners, angles, _corner_angles(patch, vertices, triangles))
+    return FacetError(largest_distance(patch, corners, away), normal)
+
+
+def largest_distance(patch: Patch, corners: Float[np.ndarray, "t 3 3"], away: Float[np.ndarray, "t 4"]) -> float:
+    """Largest distance (mm) of any facet; ``away``: those at the points ``INSIDE`` of each."""
+    return _largest(patch, corners, distances, away.max(axis=1))
 
 
 def distances(
@@ -50,9 +58,14 @@ def angles(
     patch: Patch, corners: Float[np.ndarray, "t 3 3"], barycentric: Float[np.ndarray, "t m 3"]
 ) -> Float[np.ndarray, "t m"]:
     """Angle (rad) between the facet's normal and that of the surface above points of the facet."""
+    return _angles_to(patch.normals(to_chart(barycentric @ corners)), corners)
+
+
+def _angles_to(normals: Float[np.ndarray, "t m 3"], corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t m"]:
+    """Angle (rad) between the normal of each facet and some of the surface's."""
     facet = facet_normals(corners)
     facet *= np.sign(np.sum(facet * corners[:, 0], axis=1, keepdims=True))  # away from the origin, as the patch's
-    chord = np.linalg.norm(patch.normals(to_chart(barycentric @ corners)) - facet[:, None], axis=-1)
+    chord = np.linalg.norm(normals - facet[:, None], axis=-1)
     angle: Float[np.ndarray, "t m"] = 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
     return angle
 
@@ -64,12 +77,23 @@ def facet_normals(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3
     return normals
 
 
+def _corner_angles(
+    patch: Patch, vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]
+) -> Float[np.ndarray, " t"]:
+    """Largest angle (rad) at the corners of each facet; six facets share a vertex, whose normal is taken once."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[triangles] = True
+    normals = np.full(vertices.shape, np.nan)
+    normals[used] = patch.normals(to_chart(vertices[used]))
+    largest: Float[np.ndarray, " t"] = _angles_to(normals[triangles], vertices[triangles]).max(axis=1)
+    return largest
+
+
 def _largest(
-    patch: Patch, corners: Float[np.ndarray, "t 3 3"], measure: Measure, tried: Float[np.ndarray, "n 3"]
+    patch: Patch, corners: Float[np.ndarray, "t 3 3"], measure: Measure, known: Float[np.ndarray, " t"]
 ) -> float:
-    """Largest ``measure`` of any facet: the facets that are worst at the points ``tried`` are searched."""
-    first = np.broadcast_to(tried, (len(corners), *tried.shape))
-    worst = corners[np.argsort(-measure(patch, corners, first).max(axis=1))[:_WORST]]
+    """Largest ``measure`` of any facet: the facets whose values ``known`` are largest are searched."""
+    worst = corners[np.argsort(-known)[:_WORST]]
     steps = np.arange(_LATTICE + 1) / _LATTICE
     lattice = np.array([(a, b, 1.0 - a - b) for a in steps for b in steps if a + b < 1.0 + 1e-9])
     best, reach, largest = np.repeat(CENTRE, len(worst), axis=0), 1.0, 0.0

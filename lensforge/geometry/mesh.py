@@ -80,7 +80,7 @@ def build_mesh(plan: Plan[Patch], rings: int, chord_mm: float | None = None) -> 
 
 def mesh_error(mesh: BodyMesh, plan: Plan[Patch]) -> FacetError:
     """Largest errors of the facets of both optical surfaces."""
-    errors = [facet_error(patch, mesh.vertices[mesh.part(name)]) for name, patch in _faces(plan)]
+    errors = [facet_error(patch, mesh.vertices, mesh.part(name)) for name, patch in _faces(plan)]
     return FacetError(max(error.chord_mm for error in errors), max(error.normal_rad for error in errors))
 
 

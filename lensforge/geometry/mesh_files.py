@@ -7,11 +7,9 @@ Bytes that come from a file are read within bounds, 3MF in a child process, sinc
 process made are read at once.
 """
 
-import ctypes
 import hashlib
 import uuid
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,6 +17,7 @@ from jaxtyping import Float, Int
 from lensforge.errors import InputError
 from lensforge.files import file_bytes, read_json, temporary_file, temporary_folder, write_json
 from lensforge.geometry.mesh import BodyMesh
+from lensforge.geometry.threemf_arrays import geometry_of, set_geometry
 from lensforge.untrusted.archives import require_small_3mf
 from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.own_content import made_here, remembered
@@ -59,10 +58,7 @@ def threemf_bytes(mesh: BodyMesh, product: str) -> bytes:
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
     body = model.AddMeshObject()
     body.SetName(product)
-    body.SetGeometry(
-        _as_structs(mesh.vertices.astype(np.float32), lib3mf.Position),
-        _as_structs(mesh.triangles.astype(np.uint32), lib3mf.Triangle),
-    )
+    set_geometry(body, mesh.vertices, mesh.triangles)
     for index, name in enumerate(mesh.names):
         members = np.flatnonzero(mesh.face == index).astype(np.uint32)
         body.AddTriangleSet(f"face-{index}", name).SetTriangleList(members.tolist())
@@ -115,8 +111,7 @@ def _read_3mf(path: Path, origin: str) -> tuple[Float[np.ndarray, "v 3"], Int[np
     body = objects.GetCurrentMeshObject()
     if not 0 < body.GetTriangleCount() <= MOST_TRIANGLES:
         raise InputError(f"{origin}: {body.GetTriangleCount()} triangles, 1 to {MOST_TRIANGLES} are read; {_AGAIN}")
-    vertices = np.array([vertex.Coordinates[:] for vertex in body.GetVertices()], dtype=np.float64)
-    triangles = np.array([triangle.Indices[:] for triangle in body.GetTriangleIndices()], dtype=np.int64)
+    vertices, triangles = geometry_of(body)
     if not float(np.abs(vertices).max()) <= MOST_MM:
         raise InputError(f"{origin}: a vertex lies beyond {MOST_MM:g} mm; {_AGAIN}")
     return vertices, triangles
@@ -127,10 +122,6 @@ def _write_arrays(folder: Path) -> None:
     vertices, triangles = _read_3mf(folder / _THREEMF, read_json(folder / _JOB)["origin"])
     np.save(folder / "vertices.npy", vertices)
     np.save(folder / "triangles.npy", triangles)
-
-
-def _as_structs(rows: np.ndarray, struct: type[ctypes.Structure]) -> Any:
-    return (struct * len(rows)).from_buffer_copy(np.ascontiguousarray(rows).tobytes())
 
 
 if __name__ == "__main__":

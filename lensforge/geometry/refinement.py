@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
-from lensforge.geometry.facet_error import CENTRE, MIDDLES, distances, facet_error
+from lensforge.geometry.facet_error import INSIDE, distances, largest_distance
 from lensforge.geometry.outline import FULL_TURN
 from lensforge.geometry.patch import Patch
 from lensforge.geometry.plan import rim_directions
@@ -24,7 +24,6 @@ CHORD_MM = 1e-3
 MOST_TRIANGLES = 1_400_000  # of one face: files of up to 3 million are read; the shipped designs take up to 0.4 million
 _AIM = 0.9  # of the tolerance, at the points that are looked at; the largest distance of a facet may be between them
 _ROUNDS = 16
-_POINTS = np.concatenate([MIDDLES, CENTRE])
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def refined_dome(
     for _ in range(_ROUNDS):
         far = facets.away > aim * chord_mm
         if not far.any():
-            if facet_error(patch, facets.vertices[facets.triangles]).chord_mm <= chord_mm:
+            if largest_distance(patch, facets.vertices[facets.triangles], facets.away) <= chord_mm:
                 return facets.vertices, facets.triangles
             aim *= _AIM  # the largest distance lies between the points that are looked at
             continue
@@ -90,7 +89,7 @@ def _not_within(chord_mm: float, why: str) -> InputError:
 
 
 def _away(patch: Patch, corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 4"]:
-    return distances(patch, corners, np.broadcast_to(_POINTS, (len(corners), 4, 3)))
+    return distances(patch, corners, np.broadcast_to(INSIDE, (len(corners), *INSIDE.shape)))
 
 
 def _split(patch: Patch, facets: Facets, far: Bool[np.ndarray, "t 4"]) -> Facets:

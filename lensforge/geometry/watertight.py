@@ -37,9 +37,10 @@ def _fault(vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]
     """Midpoint (mm) of the first edge that is not traversed once in each direction; None if all are."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     forth, back = edges @ [len(vertices), 1], edges @ [1, len(vertices)]
+    ordered = np.sort(forth)
+    if (np.diff(ordered) > 0).all() and np.array_equal(ordered, np.sort(back)):
+        return None
     _, first, times = np.unique(forth, return_index=True, return_counts=True)
     wrong = np.concatenate([first[times > 1], np.flatnonzero(~np.isin(back, forth))])
-    if not len(wrong):
-        return None
     x, y, z = vertices[edges[wrong.min()]].mean(axis=0).tolist()
     return x, y, z

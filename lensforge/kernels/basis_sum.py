@@ -1,73 +1,137 @@
 """Sum of spherical radial basis functions and its slope: each function only where it is not negligible.
 
-The angle comes from the chord, ``g = 2 asin(|u - c|/2)``: arccos of a dot product loses half of the digits near the
-centre. A symmetric sum is the mean over the mirror images of each direction.
+The angle comes from the chord, ``|u - c|``: arccos of a dot product loses half of the digits near the centre. A
+symmetric sum is the mean over the mirror images of each direction.
+
+Directions are taken in blocks. A function that reaches none of a block is left out at once; the others are added to all
+directions of it together, in vector instructions, in the same order whatever the block is. Neighbouring directions
+should therefore follow one another.
 """
 
-from math import asin, exp, sqrt
+from math import sqrt
 
+from lensforge.kernels.gaussian import NEAR, angle_per_sine, angle_squared, decay, half_angle
 from lensforge.kernels.jit import inline, kernel
 
-_SMOOTH = 1e-8  # half chord below which angle over sine is 1 to the last bit
+BLOCK = 32  # directions: some vectors, and a small part of the sphere
+VALUE_ROWS, SLOPE_ROWS = 4, 6  # of workspace for a block: turned directions, and their sums
+_MARGIN = 1.0 + 1e-9  # a block is taken by its rounded mean, each direction of it by its own distance
+_ANTIPODE = 1e-8  # cosine of half the angle below which a slope, which has no direction there, takes no ratio
 
 
 @inline
-def chord_squared(ux, uy, uz, centre):
-    """Squared distance of a unit direction from a centre; at most 4."""
-    dx, dy, dz = ux - centre[0], uy - centre[1], uz - centre[2]
-    return min(dx * dx + dy * dy + dz * dz, 4.0)
+def _turn(directions, image, x, y, z):
+    """Fill ``x``, ``y``, ``z`` with directions (row vectors) times a 3 x 3 matrix; their mean, and the reach of it."""
+    mx, my, mz = 0.0, 0.0, 0.0
+    for k in range(len(directions)):
+        u, v, w = directions[k, 0], directions[k, 1], directions[k, 2]
+        x[k] = u * image[0, 0] + v * image[1, 0] + w * image[2, 0]
+        y[k] = u * image[0, 1] + v * image[1, 1] + w * image[2, 1]
+        z[k] = u * image[0, 2] + v * image[1, 2] + w * image[2, 2]
+        mx, my, mz = mx + x[k], my + y[k], mz + z[k]
+    mx, my, mz = mx / len(directions), my / len(directions), mz / len(directions)
+    farthest = 0.0
+    for k in range(len(directions)):
+        farthest = max(farthest, (x[k] - mx) ** 2 + (y[k] - my) ** 2 + (z[k] - mz) ** 2)
+    return mx, my, mz, sqrt(farthest)
 
 
 @inline
-def turned(direction, image):
-    """A direction (row vector) times a 3 x 3 matrix."""
-    x, y, z = direction[0], direction[1], direction[2]
-    return (
-        x * image[0, 0] + y * image[1, 0] + z * image[2, 0],
-        x * image[0, 1] + y * image[1, 1] + z * image[2, 1],
-        x * image[0, 2] + y * image[1, 2] + z * image[2, 2],
-    )
+def _reached(mean, centre, reach):
+    """True where a function may reach a block: ``reach``, its squared chord, from the ``mean`` and over the block."""
+    mx, my, mz, around = mean
+    away = (mx - centre[0]) ** 2 + (my - centre[1]) ** 2 + (mz - centre[2]) ** 2
+    return not away > _MARGIN * (sqrt(reach) + around) ** 2  # nor where one of the block is not a number
 
 
 @kernel
-def sum_values(directions, images, centres, sigmas, reaches, weights, total):
-    """Fill ``total`` (n,) at unit directions (n, 3); ``reaches`` (m,): squared chords beyond which to leave out."""
-    for k in range(len(directions)):
-        value = 0.0
+def _add_values(x, y, z, centre, sigma, reach, weight, total):
+    """Add one function to a block; ``reach``: squared chord beyond which it is left out."""
+    cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
+    if reach <= NEAR:
+        for k in range(len(x)):
+            squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
+            value = weight * decay(angle_squared(min(squared, reach)) * inverse)
+            total[k] += value if squared <= reach else 0.0
+    else:
+        for k in range(len(x)):
+            squared = min((x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2, 4.0)
+            quarter = half_angle(half_angle(squared))
+            value = weight * decay(16.0 * angle_squared(quarter) * inverse)
+            total[k] += value if squared <= reach else 0.0
+
+
+@kernel
+def _add_slopes(x, y, z, centre, sigma, reach, weight, sx, sy, sz):
+    """Add one function's slope towards its centre, before its component along the direction is removed."""
+    cx, cy, cz, inverse = centre[0], centre[1], centre[2], 1.0 / (sigma * sigma)
+    if reach <= NEAR:
+        for k in range(len(x)):
+            squared = (x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2
+            own = min(squared, reach)
+            slope = weight * decay(angle_squared(own) * inverse) * angle_per_sine(own) * (2.0 * inverse)
+            slope = slope if squared <= reach else 0.0
+            sx[k] += slope * cx
+            sy[k] += slope * cy
+            sz[k] += slope * cz
+    else:
+        for k in range(len(x)):
+            squared = min((x[k] - cx) ** 2 + (y[k] - cy) ** 2 + (z[k] - cz) ** 2, 4.0)
+            half = half_angle(squared)
+            quarter = half_angle(half)
+            # sin g = 4 sin(g/4) cos(g/4) cos(g/2)
+            cosine = (1.0 - 0.5 * half) * (1.0 - 0.5 * quarter)
+            ratio = angle_per_sine(quarter) / cosine if cosine > _ANTIPODE else 1.0
+            slope = weight * decay(16.0 * angle_squared(quarter) * inverse) * ratio * (2.0 * inverse)
+            slope = slope if squared <= reach else 0.0
+            sx[k] += slope * cx
+            sy[k] += slope * cy
+            sz[k] += slope * cz
+
+
+@kernel
+def sum_values(directions, images, centres, sigmas, reaches, weights, rows, total):
+    """Fill ``total`` (n,) at unit directions (n, 3); ``reaches`` (m,): squared chords beyond which to leave out.
+
+    ``rows`` (VALUE_ROWS, BLOCK): workspace.
+    """
+    for start in range(0, len(directions), BLOCK):
+        some = directions[start : start + BLOCK]
+        count = len(some)
+        x, y, z, values = rows[0, :count], rows[1, :count], rows[2, :count], rows[3, :count]
+        values[:] = 0.0
         for image in range(len(images)):
-            ux, uy, uz = turned(directions[k], images[image])
+            mean = _turn(some, images[image], x, y, z)
             for j in range(len(weights)):
-                squared = chord_squared(ux, uy, uz, centres[j])
-                if squared <= reaches[j]:
-                    scaled = 2.0 * asin(0.5 * sqrt(squared)) / sigmas[j]
-                    value += weights[j] * exp(-scaled * scaled)
-        total[k] = value / len(images)
+                if _reached(mean, centres[j], reaches[j]):
+                    _add_values(x, y, z, centres[j], sigmas[j], reaches[j], weights[j], values)
+        for k in range(count):
+            total[start + k] = values[k] / len(images)
 
 
 @kernel
-def sum_slopes(directions, images, centres, sigmas, reaches, weights, total):
-    """Fill ``total`` (n, 3) with the tangential gradient (per rad) of the sum at unit directions (n, 3)."""
-    for k in range(len(directions)):
-        gx, gy, gz = 0.0, 0.0, 0.0
+def sum_slopes(directions, images, centres, sigmas, reaches, weights, rows, total):
+    """Fill ``total`` (n, 3) with the tangential gradient (per rad) of the sum at unit directions (n, 3).
+
+    ``rows`` (SLOPE_ROWS, BLOCK): workspace.
+    """
+    for start in range(0, len(directions), BLOCK):
+        some = directions[start : start + BLOCK]
+        count = len(some)
+        x, y, z = rows[0, :count], rows[1, :count], rows[2, :count]
+        sx, sy, sz = rows[3, :count], rows[4, :count], rows[5, :count]
+        total[start : start + count] = 0.0
         for image in range(len(images)):
             turn = images[image]
-            ux, uy, uz = turned(directions[k], turn)
-            sx, sy, sz, along = 0.0, 0.0, 0.0, 0.0
+            mean = _turn(some, turn, x, y, z)
+            sx[:], sy[:], sz[:] = 0.0, 0.0, 0.0
             for j in range(len(weights)):
-                squared = chord_squared(ux, uy, uz, centres[j])
-                if squared <= reaches[j]:
-                    half = 0.5 * sqrt(squared)
-                    angle, sine = 2.0 * asin(half), 2.0 * half * sqrt(1.0 - half * half)
-                    scaled = angle / sigmas[j]
-                    ratio = angle / sine if sine > _SMOOTH else 1.0
-                    slope = 2.0 * weights[j] * exp(-scaled * scaled) * ratio / (sigmas[j] * sigmas[j])
-                    sx += slope * centres[j, 0]
-                    sy += slope * centres[j, 1]
-                    sz += slope * centres[j, 2]
-                    along += slope * (1.0 - 0.5 * squared)
-            # d g / d u points away from the centre; its component along u is removed
-            sx, sy, sz = sx - along * ux, sy - along * uy, sz - along * uz
-            gx += sx * turn[0, 0] + sy * turn[0, 1] + sz * turn[0, 2]
-            gy += sx * turn[1, 0] + sy * turn[1, 1] + sz * turn[1, 2]
-            gz += sx * turn[2, 0] + sy * turn[2, 1] + sz * turn[2, 2]
-        total[k, 0], total[k, 1], total[k, 2] = gx / len(images), gy / len(images), gz / len(images)
+                if _reached(mean, centres[j], reaches[j]):
+                    _add_slopes(x, y, z, centres[j], sigmas[j], reaches[j], weights[j], sx, sy, sz)
+            for k in range(count):
+                # towards the centres; the component along the direction is removed
+                along = sx[k] * x[k] + sy[k] * y[k] + sz[k] * z[k]
+                tx, ty, tz = sx[k] - along * x[k], sy[k] - along * y[k], sz[k] - along * z[k]
+                for axis in range(3):
+                    turned_back = tx * turn[axis, 0] + ty * turn[axis, 1] + tz * turn[axis, 2]
+                    total[start + k, axis] += turned_back / len(images)

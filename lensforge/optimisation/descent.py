@@ -11,6 +11,7 @@ import torch
 from lensforge import seeds
 from lensforge.errors import Cancelled, remedy
 from lensforge.lens import Lens
+from lensforge.optimisation.adam import Adam
 from lensforge.optimisation.design import Observer, Progress
 from lensforge.optimisation.held_rays import HeldRays
 from lensforge.optimisation.judgement import Outcome
@@ -98,15 +99,13 @@ class Descent:
         weights = self.state.weights[: stage.functions].clone().requires_grad_()
         still = self.state.weights[stage.functions :]
         offsets = self.state.offsets.clone().requires_grad_()
-        optimiser = torch.optim.Adam([weights, offsets], betas=(0.9, 0.99), eps=stage.least_gradient)
+        optimiser = Adam([weights, offsets], betas=(0.9, 0.99), least_gradient=stage.least_gradient)
         if self.state.moments is not None:
             resume_adam(optimiser, self.state.steps_of_moments, self.state.moments)
         earlier, most_steps = self.state.steps_done - self.state.step, self.schedule.most_steps(self.state.outcomes)
         steps = range(self.state.step, stage.steps)
         own_seeds = (seeds.of_step(self.seed, earlier + step) for step in steps)
         for step, rays in zip(steps, rays_ahead(self.source, stage.rays, own_seeds), strict=True):
-            for group in optimiser.param_groups:
-                group["lr"] = stage.rate(step)
             with remedy("lower optimise.learning_rate, or raise lens.inner_offset_mm or lens.outer_offset_mm"):
                 uniform = step >= stage.uniformity_from
                 every = torch.cat([weights, still]) if still.any() else weights
@@ -114,7 +113,7 @@ class Descent:
                 result = problem.merit.evaluate(every, offsets, rays, problem.constraints, uniform, pair)
             optimiser.zero_grad()
             result.loss.backward()
-            optimiser.step()
+            optimiser.step(stage.rate(step))
             if step % _ROUND == _ROUND - 1:
                 problem.constraints.update(result.fields)
             following = self._after_step(stage, step, problem, optimiser, result)
@@ -124,11 +123,9 @@ class Descent:
                 raise Cancelled(f"{self.problems.spec.name}: cancelled after step {following.steps_done}")
             yield
 
-    def _after_step(
-        self, stage: Stage, step: int, problem: Problem, optimiser: torch.optim.Adam, result: Evaluated
-    ) -> SearchState:
+    def _after_step(self, stage: Stage, step: int, problem: Problem, optimiser: Adam, result: Evaluated) -> SearchState:
         """The state after a step of ``optimiser``, whose parameters are the weights that move and the offsets."""
-        weights, offsets = (each.detach() for each in optimiser.param_groups[0]["params"])
+        weights, offsets = (each.detach() for each in optimiser.parameters)
         every_weight = self.state.weights.clone()
         every_weight[: stage.functions] = weights
         return replace(

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import InputError
+from lensforge.optimisation.adam import Adam
 from lensforge.optimisation.checkpoint import CheckpointHead, load_checkpoint, made_by, save_checkpoint
 from lensforge.optimisation.design import Level
 from lensforge.optimisation.judgement import Outcome
@@ -88,27 +89,15 @@ class SearchState:
         save_checkpoint(path, head, np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts]))
 
 
-def moments_of(optimiser: torch.optim.Adam) -> Moments:
+def moments_of(optimiser: Adam) -> Moments:
     """Copies of the moments of ``optimiser``, whose parameters are the weights and the offsets."""
-    parameters = optimiser.param_groups[0]["params"]
-    states = ((each, optimiser.state.get(each, {})) for each in parameters)  # none where nothing depends on it
-    return Moments(
-        *(
-            state[name].clone() if name in state else torch.zeros_like(each, requires_grad=False)
-            for each, state in states
-            for name in ("exp_avg", "exp_avg_sq")
-        )
-    )
+    return Moments(*(moment.clone() for pair in optimiser.moments for moment in pair))
 
 
-def resume_adam(optimiser: torch.optim.Adam, step: int, moments: Moments) -> None:
+def resume_adam(optimiser: Adam, step: int, moments: Moments) -> None:
     """Put a new ``optimiser`` into the state that it had after ``step`` steps."""
     parts = (moments.weights, moments.weights_squared), (moments.offsets, moments.offsets_squared)
-    state = {
-        index: {"step": torch.tensor(float(step)), "exp_avg": mean.clone(), "exp_avg_sq": square.clone()}
-        for index, (mean, square) in enumerate(parts)
-    }
-    optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
+    optimiser.resume(step, parts)
 
 
 def restored(path: Path, key: str, schedule: Schedule, problems: Problems) -> SearchState:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
 from lensforge.surfaces.surface import Surface
@@ -142,10 +142,10 @@ class SrbfSurface(Surface):
 
     def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """``rho`` (mm) at unit ``directions``, by the exact sum in float64."""
-        from lensforge.kernels.basis_sum import sum_values
+        from lensforge.kernels.basis_sum import VALUE_ROWS, sum_values
 
         total = np.empty(len(directions))
-        self._sum(sum_values, directions, total)
+        self._sum(sum_values, VALUE_ROWS, directions, total)
         return self.offset_mm + total
 
     def radius_on_grid(self, directions: Float[np.ndarray, "n n 3"]) -> Float[np.ndarray, "n n"]:
@@ -156,20 +156,37 @@ class SrbfSurface(Surface):
 
     def gradient(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Tangential gradient of ``rho`` on the unit sphere (mm/rad), orthogonal to ``directions``."""
-        from lensforge.kernels.basis_sum import sum_slopes
+        from lensforge.kernels.basis_sum import SLOPE_ROWS, sum_slopes
 
         total = np.empty((len(directions), 3))
-        self._sum(sum_slopes, directions, total)
+        self._sum(sum_slopes, SLOPE_ROWS, directions, total)
         return total
 
-    def _sum(self, kernel: Callable[..., None], directions: Float[np.ndarray, "n 3"], total: np.ndarray) -> None:
-        """Fill ``total``, a row for each direction, by a kernel of ``kernels.basis_sum``."""
+    def _sum(
+        self, kernel: Callable[..., None], rows: int, directions: Float[np.ndarray, "n 3"], total: np.ndarray
+    ) -> None:
+        """Fill ``total``, a row for each direction, by a kernel of ``kernels.basis_sum`` with ``rows`` of workspace.
+
+        Directions go to the kernel as neighbours: it is quick where a block of them is a small part of the sphere.
+        """
+        from lensforge.kernels.basis_sum import BLOCK
         from lensforge.kernels.jit import in_chunks
 
-        basis, rows = self.basis, np.ascontiguousarray(directions)
+        basis, order = self.basis, _as_neighbours(directions, BLOCK)
+        ordered, found = np.ascontiguousarray(directions[order]), np.empty_like(total)
         images, weights = np.stack(group(basis.symmetry)), np.ascontiguousarray(self.weights_mm)
 
         def work(_: int, part: slice) -> None:
-            kernel(rows[part], images, basis.centres, basis.sigmas, basis.reaches, weights, total[part])
+            space = np.empty((rows, BLOCK))
+            kernel(ordered[part], images, basis.centres, basis.sigmas, basis.reaches, weights, space, found[part])
 
-        in_chunks(work, len(rows))
+        in_chunks(work, len(ordered))
+        total[order] = found
+
+
+def _as_neighbours(directions: Float[np.ndarray, "n 3"], together: int) -> Int[np.ndarray, " n"]:
+    """An order in which directions of one place follow one another: by the cells of a grid, ``together`` in each."""
+    across = max(1, int(np.sqrt(len(directions) / together)))
+    column, row = (np.floor((0.5 + 0.5 * directions[:, axis]) * across) for axis in (0, 1))
+    order: Int[np.ndarray, " n"] = np.argsort(column * across + row, kind="stable")
+    return order

@@ -1,8 +1,9 @@
 """The exact tracer: rays through the surfaces themselves, not through their tables; in plain torch, on any device.
 
-It shares no surface or intersection code with the compiled kernels. Crossings are bracketed by a scan, of the exact
-surface (``DenseScan``, the reference for the kernels) or of its table (``TableScan``, 50 times faster), and refined
-by bisection; the Newton step of :func:`~lensforge.tracing.sequence.trace_sequence` then ends on the exact surface.
+It shares no intersection code with the compiled kernels, and ``ExactSurface``, which is differentiable, none of their
+sums either. Crossings are bracketed by a scan, of the exact surface (``DenseScan``, the reference for the kernels) or
+of its table (``TableScan``, 50 times faster), and refined by bisection; the Newton step of
+:func:`~lensforge.tracing.sequence.trace_sequence` then ends on the exact surface.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ from lensforge.lens import Lens
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.surfaces.spline import TableGrid, evaluate_table
-from lensforge.surfaces.srbf import SrbfBasis, SrbfSurface, fibonacci_hemisphere
+from lensforge.surfaces.srbf import SrbfBasis, fibonacci_hemisphere
 from lensforge.surfaces.surface import Surface
 from lensforge.surfaces.symmetry import group
 from lensforge.tracing.as_made import AsMade
@@ -112,6 +113,8 @@ def _bracketed(
     """
     low, high, found = torch.zeros_like(reach), torch.minimum(reach, end), torch.zeros_like(reach, dtype=torch.bool)
     for step in range(1, steps + 1):
+        if bool(found.all()):
+            break
         here = torch.minimum(reach * step / steps, end)
         outside = ~inside(here)
         high = torch.where(outside & ~found, here, high)
@@ -204,14 +207,16 @@ class ExactSurface:
 
 @dataclass(frozen=True)
 class FixedSurface:
-    """A surface other than a sum of basis functions, such as an asphere: float64 on the CPU, its shape constant."""
+    """A surface whose shape is constant, by its own radius and gradient: float64 on the CPU."""
 
     surface: Surface
     scan: DenseScan | TableScan
 
     def normal(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-        """Unit normals away from the origin."""
-        return torch.from_numpy(self.surface.normal(_directions(points)))
+        """Gradient of ``|p| - rho(p/|p|)``: away from the origin, not normalised."""
+        directions, distance = _directions(points), torch.linalg.norm(points, dim=1, keepdim=True)
+        turned: Tensor = torch.from_numpy(self.surface.gradient(directions)) / distance
+        return torch.from_numpy(directions) - turned
 
     def gap(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         """``F = rho - |p|`` (mm): positive inside."""
@@ -238,15 +243,8 @@ def _directions(points: Float[Tensor, "n 3"]) -> Float[np.ndarray, "n 3"]:
 def exact_surfaces(
     lens: Lens, scans: tuple[DenseScan | TableScan, DenseScan | TableScan]
 ) -> tuple[TracedSurface, TracedSurface]:
-    """Inner and outer surface of ``lens`` in float64, their crossings found by ``scans``."""
-
-    def exact(surface: Surface, scan: DenseScan | TableScan) -> TracedSurface:
-        if not isinstance(surface, SrbfSurface):
-            return FixedSurface(surface, scan)
-        offset = torch.tensor(surface.offset_mm, dtype=torch.float64)
-        return ExactSurface(surface.basis, torch.from_numpy(surface.weights_mm), offset, scan)
-
-    return exact(lens.inner, scans[0]), exact(lens.outer, scans[1])
+    """Inner and outer surface of ``lens``, of constant shape, by compiled sums; their crossings found by ``scans``."""
+    return FixedSurface(lens.inner, scans[0]), FixedSurface(lens.outer, scans[1])
 
 
 def trace_exact(

@@ -53,7 +53,10 @@ def bounds_mm(shape: Any, faces: Sequence[Any]) -> tuple[list[float], list[float
     sides = np.array(box.Get())  # x0, y0, z0, x1, y1, z1
     for face in faces:
         around = Bnd_Box()
-        BRepBndLib.AddOptimal_s(face, around, False, False)
+        BRepBndLib.Add_s(
+            face, around, False
+        )  # that of a spline's control points, in a thousandth of the exact one's time
+        around.SetGap(0.0)
         beyond = np.array(around.Get()) - sides
         for side in np.nonzero(np.r_[-beyond[:3], beyond[3:]] > _TOLERANCE_MM)[0]:
             reach = _reach(face, int(side) % 3, 1.0 if side >= 3 else -1.0)

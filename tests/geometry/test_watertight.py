@@ -31,6 +31,11 @@ def test_a_missing_triangle_is_found():
     assert check_closed(BOX.vertices, BOX.faces).fault_mm is None
 
 
+def test_triangles_that_are_there_twice_are_a_fault():
+    twice = check_closed(BOX.vertices, np.concatenate([BOX.faces, BOX.faces]))
+    assert twice.fault_mm is not None and not twice.watertight
+
+
 def test_a_body_turned_inside_out_and_two_bodies_are_not_one_part():
     assert not check_closed(BOX.vertices, BOX.faces[:, ::-1]).watertight
     twice = np.concatenate([BOX.vertices, BOX.vertices + 5.0]), np.concatenate([BOX.faces, BOX.faces + 8])

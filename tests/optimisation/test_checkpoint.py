@@ -16,6 +16,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.optimisation import checkpoint
+from lensforge.optimisation.adam import Adam
 from lensforge.optimisation.checkpoint import (
     CHECKPOINT,
     CheckpointHead,
@@ -102,20 +103,20 @@ def test_a_state_comes_back_bit_for_bit(stage: int, step: int, tmp_path: Path) -
 
 
 def test_a_resumed_adam_takes_the_same_steps() -> None:
-    def steps(count: int, weights: torch.Tensor, offsets: torch.Tensor, optimiser: torch.optim.Adam) -> None:
+    def steps(count: int, weights: torch.Tensor, offsets: torch.Tensor, optimiser: Adam) -> None:
         for _ in range(count):
             optimiser.zero_grad()
             ((weights**3).sum() + (weights.sum() * offsets).sum()).backward()
-            optimiser.step()
+            optimiser.step(0.1)
 
     def parameters(weights: torch.Tensor, offsets: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         return weights.detach().clone().requires_grad_(), offsets.detach().clone().requires_grad_()
 
     one = parameters(numbers(5, 2), numbers(2))
-    whole = torch.optim.Adam(one, lr=0.1, betas=(0.9, 0.99))
+    whole = Adam(one, (0.9, 0.99), 1e-8)
     steps(3, *one, whole)
     two = parameters(*one)
-    resumed = torch.optim.Adam(two, lr=0.1, betas=(0.9, 0.99))
+    resumed = Adam(two, (0.9, 0.99), 1e-8)
     resume_adam(resumed, 3, moments_of(whole))
     steps(4, *one, whole)
     steps(4, *two, resumed)
@@ -125,9 +126,9 @@ def test_a_resumed_adam_takes_the_same_steps() -> None:
 
 def test_moments_of_a_parameter_without_gradient_are_zero() -> None:
     weights, offsets = numbers(4, 2).requires_grad_(), numbers(2).requires_grad_()
-    optimiser = torch.optim.Adam([weights, offsets])
+    optimiser = Adam([weights, offsets], (0.9, 0.99), 1e-8)
     (weights**2).sum().backward()
-    optimiser.step()
+    optimiser.step(0.1)
     found = moments_of(optimiser)
     assert found.weights.abs().min() > 0.0
     assert not found.offsets.any() and not found.offsets_squared.any()

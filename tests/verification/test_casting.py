@@ -9,7 +9,7 @@ from lens_meshes import Quadric, lambertian, lens_mesh, sphere
 from lensforge import verification
 from lensforge.verification import casting
 from lensforge.verification.casting import Grid, Leg
-from lensforge.verification.plain_cast import plain_distances
+from lensforge.verification.plain_cast import PlainCaster
 
 
 def soup(count):
@@ -40,7 +40,7 @@ def scattered(count, size, seed):
 def test_grid_finds_the_same_first_hits_as_plain_trimesh(name):
     mesh = MESHES[name]
     leg = scattered(300, 1.2 * mesh.bounds[1].max(), 3)
-    plain, hits = plain_distances(mesh, leg), Grid(mesh).first_hits(leg)
+    plain, hits = PlainCaster(mesh).distances(leg), Grid(mesh).first_hits(leg)
     assert np.array_equal(np.isfinite(plain), hits.found)
     assert 50 < hits.found.sum() < 300 or name == "soup"  # both kinds are there
     np.testing.assert_allclose(hits.distances[hits.found], plain[hits.found], rtol=0, atol=1e-9)

@@ -99,6 +99,8 @@ def test_open_and_folded_meshes_are_counted(tmp_path):
     assert part_mesh_of(trimesh.Trimesh(mesh.vertices, turned, process=False)).open_edges > 0
     doubled = np.concatenate([mesh.faces, mesh.faces[:1]])
     assert part_mesh_of(trimesh.Trimesh(mesh.vertices, doubled, process=False)).open_edges == 3
+    twice = np.concatenate([mesh.faces, mesh.faces])  # each edge as often forth as back
+    assert part_mesh_of(trimesh.Trimesh(mesh.vertices, twice, process=False)).open_edges == len(mesh.edges)
 
 
 @pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid nothing\n", b"\x00" * 90])
