@@ -6,8 +6,10 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
+from lensforge.sources.blocks import pairwise_total
 from lensforge.sources.rayfiles.binary import HUGE
 from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, UsableRays, no_usable_ray, usable_chunks
+from lensforge.sources.rayfiles.stored import StoredRays
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
 from lensforge.sources.spectrum import usable_wavelengths
 
@@ -56,10 +58,14 @@ class RaySums:
         return self
 
     @classmethod
-    def of_part(cls, rays: UsableRays) -> "RaySums":
-        """Gather the rays of one part, all of a file or some."""
-        sums = cls()
-        sums.add(rays)
+    def of_rays(cls, rays: UsableRays | StoredRays) -> "RaySums":
+        """Gather the usable rays of a file; their flux has the bits of the sum over all at once."""
+        sums, fluxes = cls(), []
+        for block in rays.blocks():
+            sums.add(block)
+            fluxes.append(float(block.flux.sum()))
+        sums.dropped = dict(rays.dropped)
+        sums.flux = fluxes[0] if isinstance(rays, UsableRays) else pairwise_total(len(rays), iter(fluxes))
         return sums
 
     def add(self, rays: UsableRays) -> None:

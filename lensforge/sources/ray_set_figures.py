@@ -1,0 +1,70 @@
+"""Figures of all rays of a ray set, gathered block by block: their noise and focus, and where they start and go."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+from lensforge.records import Point
+from lensforge.sources.blocks import pairwise_total
+from lensforge.sources.bundle import RayBundle, Rays
+from lensforge.sources.rayfiles.virtual_focus import FocusFit
+from lensforge.sources.source_summary import as_point
+from lensforge.sources.unread_rays import blocks_of
+
+
+@dataclass(frozen=True)
+class LightFigures:
+    """Noise and focus of rays, wherever they are: ``effective_rays`` of equal flux would have the same noise.
+
+    ``focus_mm``: their virtual focus, None where they are parallel.
+    """
+
+    effective_rays: float
+    focus_mm: Point | None
+
+    @staticmethod
+    def of(rays: Rays) -> "LightFigures":
+        """Gather them from all rays."""
+        focus, sums, squares = FocusFit(), [], 0.0
+        for block in blocks_of(rays):
+            focus.add(block.origins, block.directions, block.flux)
+            sums.append(block.flux.sum())
+            squares += block.flux @ block.flux
+        point = focus.point()
+        return LightFigures(float(_total(rays, sums) ** 2 / squares), None if point is None else as_point(point))
+
+
+@dataclass(frozen=True)
+class PlacedFigures:
+    """Where rays start and go in lens coordinates: the largest side (mm) of the box of their start points, and flux.
+
+    ``flux``: of all (W); ``backward``: towards -z; ``lost``: of that, what starts at z = 0 or below; ``below``: starts
+    below z = 0.
+    """
+
+    side_mm: float
+    flux: float
+    backward: float
+    lost: float
+    below: float
+
+    @staticmethod
+    def of(rays: Rays) -> "PlacedFigures":
+        """Gather them from all rays."""
+        low, high, sums = np.full(3, np.inf), np.full(3, -np.inf), []
+        for block in blocks_of(rays):
+            low, high = np.minimum(low, block.origins.min(axis=0)), np.maximum(high, block.origins.max(axis=0))
+            sums.append([block.flux.sum(), *(block.flux[those].sum() for those in _groups(block))])
+        flux, backward, lost, below = (float(_total(rays, column)) for column in zip(*sums, strict=True))
+        return PlacedFigures(float((high - low).max()), flux, backward, lost, below)
+
+
+def _groups(rays: RayBundle) -> Iterator[Bool[np.ndarray, " n"]]:
+    down, height = rays.directions[:, 2] < 0.0, rays.origins[:, 2]
+    yield from (down, down & (height <= 0.0), height < 0.0)
+
+
+def _total(rays: Rays, sums: Sequence[float]) -> float:
+    return sums[0] if isinstance(rays, RayBundle) else pairwise_total(len(rays), iter(sums))
