@@ -80,6 +80,7 @@ class RayBundle:
         )
 
 
+@runtime_checkable
 class Rays(Protocol):
     """Rays in their order, in memory as a :class:`RayBundle` or read from a file when they are taken."""
 

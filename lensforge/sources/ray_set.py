@@ -11,7 +11,7 @@ from lensforge.sources.bundle import RayBundle, Rays
 from lensforge.sources.placement import SourcePose
 from lensforge.sources.ray_set_outline import outline_of
 from lensforge.sources.source_summary import SourceSummary
-from lensforge.sources.unread_rays import chosen, with_flux
+from lensforge.sources.unread_rays import chosen, number_type, with_flux
 from lensforge.spec.ray_source import Placement
 
 # Proper rotations that take the named direction of the file to +z.
@@ -30,10 +30,18 @@ def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Place
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
     pose = SourcePose.of(placement)
     matrix = pose.rotation @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
-    origins = placement.scale * (rays.origins - origin_mm) @ matrix.T
+    origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
     if pose.position_mm.any():
         origins = origins + pose.position_mm
-    return replace(rays, origins=origins, directions=rays.directions @ matrix.T)
+    return replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+
+
+def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Products with ``matrix``; with the identity, that of most files, without the time of a product."""
+    if np.array_equal(matrix, np.eye(3)):
+        return vectors + 0.0  # no -0, as in a product
+    turned: Float[np.ndarray, "n 3"] = vectors @ matrix.T
+    return turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +109,7 @@ class RaySetEmitter:
         training = round(fraction * len(self))
         if not 0 < training < len(self):
             raise InputError(f"fraction = {fraction} of {len(self)} rays leaves one part empty: try 0.8")
-        order = np.random.default_rng(seed).permutation(len(self)).astype(np.min_scalar_type(len(self)))
+        order = np.random.default_rng(seed).permutation(len(self)).astype(number_type(len(self)))
         return self._only(np.sort(order[:training])), self._only(np.sort(order[training:]))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:

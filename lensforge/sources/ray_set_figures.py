@@ -27,18 +27,24 @@ class LightFigures:
     @staticmethod
     def of(rays: Rays) -> "LightFigures":
         """Gather them from all rays."""
-        focus, sums, squares = FocusFit(), [], 0.0
-        for block in blocks_of(rays):
-            focus.add(block.origins, block.directions, block.flux)
-            sums.append(block.flux.sum())
-            squares += block.flux @ block.flux
+        focus = FocusFit()
+        if isinstance(rays, RayBundle):
+            focus.add_all(rays.origins, rays.directions, rays.flux)
+            total, squares = rays.flux.sum(), rays.flux @ rays.flux
+        else:
+            sums, squares = [], 0.0
+            for block in blocks_of(rays):
+                focus.add(block.origins, block.directions, block.flux)
+                sums.append(block.flux.sum())
+                squares += np.square(block.flux).sum()
+            total = _total(rays, sums)
         point = focus.point()
-        return LightFigures(float(_total(rays, sums) ** 2 / squares), None if point is None else as_point(point))
+        return LightFigures(float(total**2 / squares), None if point is None else as_point(point))
 
 
 @dataclass(frozen=True)
 class PlacedFigures:
-    """Where rays start and go in lens coordinates: the largest side (mm) of the box of their start points, and flux.
+    """Start points and directions in lens coordinates: the largest side (mm) of the box of the first, and flux.
 
     ``flux``: of all (W); ``backward``: towards -z; ``lost``: of that, what starts at z = 0 or below; ``below``: starts
     below z = 0.
@@ -55,7 +61,9 @@ class PlacedFigures:
         """Gather them from all rays."""
         low, high, sums = np.full(3, np.inf), np.full(3, -np.inf), []
         for block in blocks_of(rays):
-            low, high = np.minimum(low, block.origins.min(axis=0)), np.maximum(high, block.origins.max(axis=0))
+            for axis in range(3):
+                low[axis] = min(low[axis], block.origins[:, axis].min())
+                high[axis] = max(high[axis], block.origins[:, axis].max())
             sums.append([block.flux.sum(), *(block.flux[those].sum() for those in _groups(block))])
         flux, backward, lost, below = (float(_total(rays, column)) for column in zip(*sums, strict=True))
         return PlacedFigures(float((high - low).max()), flux, backward, lost, below)

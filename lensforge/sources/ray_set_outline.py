@@ -43,7 +43,7 @@ def _rises(rays: RayBundle, pose: SourcePose | None) -> np.ndarray:
 
 
 def _crossings(rays: RayBundle, pose: SourcePose | None, forward: bool) -> _Crossings:
-    """Where the lines of the rays that go ``forward``, or of the others, meet the plane of the source.
+    """Points where the lines of the rays that go ``forward``, or of the others, meet the plane of the source.
 
     Rays along that plane stay where they start.
     """
@@ -84,13 +84,29 @@ def _around_unread(rays: Rays, pose: SourcePose | None, forward: bool) -> Float[
     some = np.sort(np.random.default_rng(0).choice(len(rays), min(_SAMPLE, len(rays)), replace=False))
     sample = _crossings(rays.take(some), pose, forward)
     middle = np.array(_limits(blocks, sample, [lambda points: points[:, 0], lambda points: points[:, 1]], 0.5))
-    (radius,) = _limits(blocks, sample, [lambda points: np.linalg.norm(points - middle, axis=1)], _SHARE)
-    hulls = []
+    (radius,) = _limits(blocks, sample, [lambda points: _distance(points, middle)], _SHARE)
+    corners, covered = np.zeros((0, 2)), -1.0
     for points, _ in blocks():
-        inside = points[np.linalg.norm(points - middle, axis=1) <= radius]
-        if len(inside):
-            hulls.append(convex_hull(inside))
-    return convex_hull(np.concatenate(hulls))
+        distance = _distance(points, middle)
+        outer = points[(distance <= radius) & (distance > covered)]
+        if len(outer):
+            corners = convex_hull(np.concatenate([corners, outer]))
+            covered = _inner_radius(corners, middle)
+    return corners
+
+
+def _distance(points: Float[np.ndarray, "n 2"], middle: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " n"]:
+    away: Float[np.ndarray, " n"] = np.sqrt((points[:, 0] - middle[0]) ** 2 + (points[:, 1] - middle[1]) ** 2)
+    return away
+
+
+def _inner_radius(corners: Float[np.ndarray, "k 2"], middle: Float[np.ndarray, " 2"]) -> float:
+    """Radius (mm) of a disc about ``middle`` inside a convex polygon; below 0 where that is outside, or degenerate."""
+    if len(corners) < 3:
+        return -1.0
+    edges, own = np.roll(corners, -1, axis=0) - corners, middle - corners
+    left = (edges[:, 0] * own[:, 1] - edges[:, 1] * own[:, 0]) / np.maximum(np.hypot(*edges.T), np.finfo(float).tiny)
+    return float(left.min()) * (1.0 - 1e-9)
 
 
 def _limits(
@@ -123,7 +139,7 @@ class _Near:
 
     @staticmethod
     def to_limit(key: _Key, sample: _Crossings, share: float, margin: float) -> "_Near":
-        """None yet; by ``sample`` those with ``share`` of the flux below them lie well between both ends."""
+        """Set both ends by ``sample``, so that the value with ``share`` of the flux below it is well between them."""
         values, flux = key(sample[0]), sample[1]
         total = flux.sum()
         low = _reached(values, flux, (share - margin) * total) if share > margin else None

@@ -71,7 +71,7 @@ class Spectrum:
 
 @dataclass(eq=False)
 class WavelengthDraw:
-    """What :meth:`Spectrum.draw` draws, part by part; ``order``: of the shares of the power."""
+    """Wavelengths that :meth:`Spectrum.draw` draws, part by part; ``order``: of the shares of the power."""
 
     spectrum: Spectrum
     order: Int[np.ndarray, " n"]

@@ -28,7 +28,7 @@ class ChangedRays:
 
 @dataclass(frozen=True, eq=False)
 class ChosenRays:
-    """Those of ``rays`` that have the ``numbers``, in that order."""
+    """Rays with the ``numbers`` among ``rays``, in that order."""
 
     rays: Rays
     numbers: Int[np.ndarray, " n"]
@@ -64,6 +64,11 @@ class JoinedRays:
         return RayBundle.joined(found).take(np.argsort(np.concatenate(places)))
 
 
+def number_type(count: int) -> type[np.int32] | type[np.int64]:
+    """Type of the numbers of ``count`` rays: half the memory where that is enough."""
+    return np.int32 if count < 2**31 else np.int64
+
+
 def changed(rays: Rays, change: Callable[[RayBundle], RayBundle]) -> Rays:
     """Change rays, each by itself: at once where they are in memory."""
     return change(rays) if isinstance(rays, RayBundle) else ChangedRays(rays, change)
@@ -73,7 +78,7 @@ def chosen(rays: Rays, numbers: Int[np.ndarray, " n"]) -> Rays:
     """Choose rays by their numbers: at once where they are in memory."""
     if isinstance(rays, RayBundle):
         return rays.take(numbers)
-    return ChosenRays(rays, numbers.astype(np.min_scalar_type(len(rays))))  # half the memory, of millions
+    return ChosenRays(rays, numbers.astype(number_type(len(rays))))
 
 
 def joined(parts: Sequence[Rays]) -> Rays:

@@ -42,7 +42,7 @@ def with_wavelengths(
 
 
 def _each(rays: UsableRays | StoredRays, following: _NextWavelengths) -> Float[np.ndarray, " n"]:
-    """In memory where the rays are; those of a large file go to a temporary one, or stay in it if they are its own."""
+    """Gather them where the rays are: in memory, or in a file, a temporary one unless they are that file's own."""
     if isinstance(rays, UsableRays):
         return following(rays)
     if following is _own and len(rays.skipped) == 0:
