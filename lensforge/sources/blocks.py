@@ -1,6 +1,6 @@
 """Blocks of a long series, and sums over them that do not depend on how it is read."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 BLOCK_RAYS = 2**18  # rays handled at a time: bounds the memory whatever their number
 
@@ -15,13 +15,20 @@ def block_slices(count: int, start: int = 0) -> Iterator[slice]:
     yield from block_slices(count - first, start + first)
 
 
-def pairwise_total(count: int, sums: Iterator[float]) -> float:
-    """Add up the sums of the :func:`block_slices` of ``count`` numbers: what ``np.sum`` has for all at once."""
+def total_of(count: int, sums: Sequence[float]) -> float:
+    """Add up the sums over the :func:`block_slices` of ``count`` numbers: what ``np.sum`` has for all at once.
+
+    One sum alone is that of all.
+    """
+    return sums[0] if len(sums) == 1 else _pairwise(count, iter(sums))
+
+
+def _pairwise(count: int, sums: Iterator[float]) -> float:
     if count <= BLOCK_RAYS:
         return next(sums)
     first = _first_half(count)
-    total = pairwise_total(first, sums)
-    return total + pairwise_total(count - first, sums)
+    total = _pairwise(first, sums)
+    return total + _pairwise(count - first, sums)
 
 
 def _first_half(count: int) -> int:

@@ -1,13 +1,13 @@
 """Figures of all rays of a ray set, gathered block by block: their noise and focus, and where they start and go."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool
 
 from lensforge.records import Point
-from lensforge.sources.blocks import pairwise_total
+from lensforge.sources.blocks import total_of
 from lensforge.sources.bundle import RayBundle, Rays
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
 from lensforge.sources.source_summary import as_point
@@ -37,7 +37,7 @@ class LightFigures:
                 focus.add(block.origins, block.directions, block.flux)
                 sums.append(block.flux.sum())
                 squares += np.square(block.flux).sum()
-            total = _total(rays, sums)
+            total = total_of(len(rays), sums)
         point = focus.point()
         return LightFigures(float(total**2 / squares), None if point is None else as_point(point))
 
@@ -65,14 +65,10 @@ class PlacedFigures:
                 low[axis] = min(low[axis], block.origins[:, axis].min())
                 high[axis] = max(high[axis], block.origins[:, axis].max())
             sums.append([block.flux.sum(), *(block.flux[those].sum() for those in _groups(block))])
-        flux, backward, lost, below = (float(_total(rays, column)) for column in zip(*sums, strict=True))
+        flux, backward, lost, below = (float(total_of(len(rays), column)) for column in zip(*sums, strict=True))
         return PlacedFigures(float((high - low).max()), flux, backward, lost, below)
 
 
 def _groups(rays: RayBundle) -> Iterator[Bool[np.ndarray, " n"]]:
     down, height = rays.directions[:, 2] < 0.0, rays.origins[:, 2]
     yield from (down, down & (height <= 0.0), height < 0.0)
-
-
-def _total(rays: Rays, sums: Sequence[float]) -> float:
-    return sums[0] if isinstance(rays, RayBundle) else pairwise_total(len(rays), iter(sums))

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at, luminous_efficacy
+from lensforge.sources.blocks import total_of
 from lensforge.sources.flux import OwnFlux, SourceFlux, settled_flux, spectral_efficacy
 from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays
 from lensforge.sources.rayfiles.spectra import with_wavelengths
@@ -52,18 +53,21 @@ def _spectral(rayfile: RayFile, rays: UsableRays | StoredRays) -> float | None:
         return luminous_efficacy(tables[0].wavelengths_nm, tables[0].power_density)
     try:
         blocks = with_wavelengths(rayfile, rays)
-        return None if blocks is None else _mean_efficacy(blocks, in_watts=rayfile.flux_unit == "W")
+        return None if blocks is None else _mean_efficacy(blocks, len(rays), rayfile.flux_unit == "W")
     except InputError:  # spectral tables that cannot be used: an error where the material is dispersive, and only there
         return None
 
 
-def _mean_efficacy(blocks: Iterator[tuple[UsableRays, Float[np.ndarray, " n"]]], *, in_watts: bool) -> float | None:
-    """Mean lm/W of rays with their wavelengths; None for rays in lm of which some are invisible."""
-    flux, converted = 0.0, 0.0
-    for rays, wavelengths_nm in blocks:
+def _mean_efficacy(
+    blocks: Iterator[tuple[UsableRays, Float[np.ndarray, " n"]]], count: int, in_watts: bool
+) -> float | None:
+    """Mean lm/W of ``count`` rays with their wavelengths; None for rays in lm of which some are invisible."""
+    flux, converted = list[float](), list[float]()
+    for part, wavelengths_nm in blocks:
         efficacy = efficacy_at(wavelengths_nm)
         if not in_watts and not efficacy.all():
             return None
-        converted += float((rays.flux * (efficacy if in_watts else 1.0 / efficacy)).sum())
-        flux += float(rays.flux.sum())
-    return converted / flux if in_watts else flux / converted
+        converted.append(float((part.flux * (efficacy if in_watts else 1.0 / efficacy)).sum()))
+        flux.append(float(part.flux.sum()))
+    ratio = total_of(count, converted) / total_of(count, flux)
+    return ratio if in_watts else 1.0 / ratio

@@ -7,7 +7,7 @@ from itertools import accumulate
 import numpy as np
 from jaxtyping import Int
 
-from lensforge.sources.blocks import block_slices, pairwise_total
+from lensforge.sources.blocks import block_slices, total_of
 from lensforge.sources.bundle import RayBundle, Rays
 
 
@@ -97,9 +97,7 @@ def blocks_of(rays: Rays) -> Iterator[RayBundle]:
 
 def total_flux(rays: Rays) -> float:
     """Sum of the fluxes (W), with the bits of the sum over all at once."""
-    if isinstance(rays, RayBundle):
-        return float(rays.flux.sum())
-    return pairwise_total(len(rays), (float(block.flux.sum()) for block in blocks_of(rays)))
+    return total_of(len(rays), [float(block.flux.sum()) for block in blocks_of(rays)])
 
 
 def with_flux(rays: Rays, flux_w: float) -> Rays:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
-from lensforge.sources.blocks import pairwise_total
+from lensforge.sources.blocks import total_of
 from lensforge.sources.rayfiles.binary import HUGE
 from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, UsableRays, no_usable_ray, usable_chunks
 from lensforge.sources.rayfiles.stored import StoredRays
@@ -65,7 +65,7 @@ class RaySums:
             sums.add(block)
             fluxes.append(float(block.flux.sum()))
         sums.dropped = dict(rays.dropped)
-        sums.flux = fluxes[0] if isinstance(rays, UsableRays) else pairwise_total(len(rays), iter(fluxes))
+        sums.flux = total_of(len(rays), fluxes)
         return sums
 
     def add(self, rays: UsableRays) -> None:
