@@ -6,7 +6,7 @@ Files are read by the readers of the design; of the code that draws the design's
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.random import Generator
 
 from lensforge import seeds
@@ -14,13 +14,14 @@ from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
 from lensforge.pictures.reading import read_light
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import RayBundle, Rays, Source
 from lensforge.sources.dispersion import dispersed
 from lensforge.sources.flux import chip_fluxes
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.radiance_table import read_radiance
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.spectrum import spectrum_of
+from lensforge.sources.unread_rays import blocks_of
 from lensforge.spec import Spec
 from lensforge.spec.emission import CosineIntensity, IntensitySpec, TableIntensity
 from lensforge.spec.source import (
@@ -53,8 +54,7 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     """
     random, section = np.random.default_rng(seed), spec.source
     if isinstance(source, RaySetEmitter):
-        rays = source.rays
-        chosen = rays.take(random.choice(len(rays), count, p=rays.flux / rays.flux.sum()))
+        chosen = source.rays.take(_by_flux(source.rays, count, random))
         return replace(chosen, flux=np.full(count, source.flux_w / count))
     points, directions = _drawn(random, count, section)
     points = np.column_stack([points, np.zeros(count)])
@@ -66,6 +66,19 @@ def independent_rays(spec: Spec, source: Source, count: int, seed: int) -> RayBu
     table = spectrum_of(section.spectrum)
     waves = emission.wavelengths(random, count, table.wavelengths_nm, table.power_density)
     return dispersed(rays, waves, material, "source.spectrum")[0]
+
+
+def _by_flux(rays: Rays, count: int, random: Generator) -> Int[np.ndarray, " n"]:
+    """Numbers of rays chosen one by one in proportion to their flux, those of ``random.choice``; one number in memory
+    for each ray, where that has four."""
+    shares, start = np.empty(len(rays)), 0
+    for block in blocks_of(rays):
+        shares[start : start + len(block)] = block.flux
+        start += len(block)
+    shares /= shares.sum()
+    np.cumsum(shares, out=shares)
+    shares /= shares[-1]
+    return np.searchsorted(shares, random.random(count), side="right")
 
 
 def _drawn(

@@ -15,7 +15,7 @@ from lensforge.lens_at_temperature import LensAtTemperature
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import bin_flux, flux_in
 from lensforge.receivers.receiver import Landings, Receiver
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import RayBundle, Source, drawn
 from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
 from lensforge.tracing.exit_rays import ExitRays
@@ -158,7 +158,7 @@ def bundles(source: Source, rays: int, replicates: int, seed: int) -> Iterator[t
     """Bundles as (replicate, factor of flux, rays): a measured source divided at random, any other sampled afresh."""
     ray_count = source.ray_count
     if ray_count is not None:
-        everything = source.sample(min(rays, ray_count), seed)
+        everything = drawn(source, min(rays, ray_count), seed)
         order = np.random.default_rng(seed).permutation(len(everything))
         for replicate, rows in enumerate(np.array_split(order, replicates)):
             part = everything.take(rows)

@@ -13,7 +13,7 @@ from lensforge.far_field.angular_grid import AngularGrid, finest_grid
 from lensforge.far_field.resolution import FittedIntensity, fit
 from lensforge.far_field.sphere import exit_rays
 from lensforge.records import Metric
-from lensforge.sources.bundle import RayBundle, Source
+from lensforge.sources.bundle import RayBundle, Source, drawn
 
 PARTS = 16  # independent samples: their spread is the standard error
 _ROUNDS = 32  # at most, of these samples, so that every one has a seed of its own
@@ -142,7 +142,7 @@ def _bundles(source: Source, count: int, seed: int, number: int) -> Iterator[Ray
 
 def _distributed(source: Source, count: int, seed: int) -> Iterator[RayBundle]:
     """The rays of a measured source, distributed among the samples at random."""
-    everything = source.sample(count, seed)
+    everything = drawn(source, count, seed)
     order = np.random.default_rng(seed).permutation(len(everything))
     for rows in np.array_split(order, min(PARTS, len(order))):
         some = everything.take(rows)

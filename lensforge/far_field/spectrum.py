@@ -4,20 +4,22 @@ Their Fresnel losses differ by 0.1 % over the visible range in PMMA. A body whos
 its share of the flux of each ray at that ray's wavelength; that it changes the colour of the rest is left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.optics.photopic import efficacy_at
 from lensforge.sources.rayfiles import read_rayfile
-from lensforge.sources.rayfiles.rayfile import usable_rays
-from lensforge.sources.rayfiles.spectra import wavelengths_of
+from lensforge.sources.rayfiles.spectra import with_wavelengths
+from lensforge.sources.rayfiles.stored import loaded_or_stored
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.sources.spectrum import Spectrum, spectrum_of
 from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.source import SourceSpec
 
+_Light: TypeAlias = tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]  # wavelengths (nm), power
 _STEP_NM = 5.0  # of a table made from the wavelengths of rays: the step of the CIE's own tables
 
 
@@ -38,7 +40,10 @@ def spectrum_of_source(spec: SourceSpec, summary: SourceSummary) -> Spectrum | N
             return _mixed(known, [file.flux_w for file in summary.files]) if len(known) == len(parts) else None
         case RaySource():
             waves, flux = spec.wavelengths_nm, spec.ray_flux
-            return None if waves is None else _of_rays(waves, np.ones(len(waves)) if flux is None else flux)
+            if waves is None:
+                return None
+            light = waves, np.ones(len(waves)) if flux is None else flux
+            return _of_rays(lambda: [light])
         case _:
             return None
 
@@ -50,23 +55,32 @@ def _of_file(part: RayfilePart) -> Spectrum | None:
     tables = rayfile.spectral_tables
     if rayfile.wavelengths_nm is None and len(tables) == 1:
         return Spectrum(tables[0].wavelengths_nm, tables[0].power_density, f"{part.file}: spectral table 1")
-    rays = usable_rays(rayfile)
-    waves = wavelengths_of(rayfile, rays)
-    if waves is None:
+    rays, in_lumens = loaded_or_stored(rayfile), rayfile.flux_unit == "lm"
+    if with_wavelengths(rayfile, rays) is None:
         return None
-    if rayfile.flux_unit == "W":
-        return _of_rays(waves, rays.flux)
-    efficacy = efficacy_at(waves)  # of lumens: power is not known where the eye sees nothing
-    return _of_rays(waves, rays.flux / efficacy) if efficacy.all() else None
+
+    def blocks() -> Iterator[_Light]:
+        for block, waves in with_wavelengths(rayfile, rays) or ():
+            yield waves, block.flux / efficacy_at(waves) if in_lumens else block.flux
+
+    # of lumens: power is not known where the eye sees nothing
+    if in_lumens and not all(efficacy_at(waves).all() for _, waves in with_wavelengths(rayfile, rays) or ()):
+        return None
+    return _of_rays(blocks)
 
 
-def _of_rays(waves: Float[np.ndarray, " n"], flux: Float[np.ndarray, " n"]) -> Spectrum:
-    """Spectrum of rays with a wavelength each: a line where they share it, or a table."""
-    if np.ptp(waves) == 0.0:
-        return Spectrum(waves[:1], np.ones(1))
-    first = np.floor(waves.min() / _STEP_NM - 0.5) * _STEP_NM
-    nodes = np.arange(first, waves.max() + 1.5 * _STEP_NM, _STEP_NM)
-    power, _ = np.histogram(waves, np.append(nodes - 0.5 * _STEP_NM, nodes[-1] + 0.5 * _STEP_NM), weights=flux)
+def _of_rays(blocks: Callable[[], Iterable[_Light]]) -> Spectrum:
+    """Spectrum of rays with a wavelength each, block by block: a line where they share it, or a table."""
+    low, high = np.inf, -np.inf
+    for waves, _ in blocks():
+        low, high = np.minimum(low, waves.min()), np.maximum(high, waves.max())
+    if low == high:
+        return Spectrum(np.array([low]), np.ones(1))
+    first = np.floor(low / _STEP_NM - 0.5) * _STEP_NM
+    nodes = np.arange(first, high + 1.5 * _STEP_NM, _STEP_NM)
+    edges, power = np.append(nodes - 0.5 * _STEP_NM, nodes[-1] + 0.5 * _STEP_NM), np.zeros(len(nodes))
+    for waves, flux in blocks():
+        power += np.histogram(waves, edges, weights=flux)[0]
     return Spectrum(nodes, power / power.max())
 
 

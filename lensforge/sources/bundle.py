@@ -81,6 +81,17 @@ class RayBundle:
 
 
 @runtime_checkable
+class Rays(Protocol):
+    """Rays in their order, in memory as a :class:`RayBundle` or read from a file when they are taken."""
+
+    def __len__(self) -> int: ...
+
+    def take(self, rows: Int[np.ndarray, " k"] | slice) -> RayBundle:
+        """Some of the rays; a slice has no step."""
+        ...
+
+
+@runtime_checkable
 class Source(Protocol):
     """An emitter in lens coordinates: the lens axis is +z, the cavity opens at z = 0."""
 
@@ -106,6 +117,20 @@ class Source(Protocol):
     def outline(self) -> Float[np.ndarray, "k 3"]:
         """Closed polygon (mm) around the emitting area, for drawings to scale."""
         ...
+
+
+@runtime_checkable
+class DrawsLater(Protocol):
+    """A source that can name the rays of a large sample before it reads them."""
+
+    def drawn(self, count: int, seed: int) -> Rays:
+        """The rays of ``sample(count, seed)``, at most those that the source has."""
+        ...
+
+
+def drawn(source: Source, count: int, seed: int) -> Rays:
+    """The rays of ``source.sample(count, seed)``, at most all; those of a large file are read when they are taken."""
+    return source.drawn(count, seed) if isinstance(source, DrawsLater) else source.sample(count, seed)
 
 
 @dataclass(frozen=True, eq=False)

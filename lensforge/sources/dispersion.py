@@ -65,6 +65,50 @@ class IndexRange:
         return tuple(found)
 
 
+@dataclass
+class IndexAccount:
+    """Account of the light of rays by what is known of ``material`` at their wavelengths, part by part of the rays."""
+
+    material: Material
+    flux: float = 0.0
+    coloured: float = 0.0
+    flux_nm: float = 0.0
+    clamped: float = 0.0
+    extrapolated: float = 0.0
+    low_nm: float = np.inf
+    high_nm: float = -np.inf
+
+    def add(self, flux: Float[np.ndarray, " n"], wavelengths_nm: Float[np.ndarray, " n"]) -> None:
+        """Count some of the rays."""
+        usable = usable_wavelengths(wavelengths_nm)
+        waves, power = wavelengths_nm[usable], flux[usable]
+        outside = ~_within(wavelengths_nm, self.material.trusted_nm) | ~usable
+        self.flux += float(flux.sum())
+        self.clamped += float(flux[outside].sum())
+        self.extrapolated += float(flux[~outside & ~_within(wavelengths_nm, self.material.range_nm)].sum())
+        self.coloured += float(power.sum())
+        self.flux_nm += float((waves * power).sum())
+        self.low_nm = min(self.low_nm, float(waves.min(initial=np.inf)))
+        self.high_nm = max(self.high_nm, float(waves.max(initial=-np.inf)))
+
+    @property
+    def mean_nm(self) -> float:
+        """Mean wavelength by flux, of the rays that have a usable one."""
+        return self.flux_nm / self.coloured
+
+    def index_range(self, name: str) -> IndexRange:
+        """Ends of the wavelengths and shares of the light; ``name`` is the source in errors.
+
+        Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
+        """
+        if not self.low_nm <= self.high_nm:
+            raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
+        clamped = self.clamped / self.flux
+        _require_few(clamped, self.low_nm, self.high_nm, self.material, name)
+        extrapolated = self.extrapolated / self.flux
+        return IndexRange.of(self.low_nm, self.high_nm, self.material, extrapolated, clamped)
+
+
 def dispersed(
     rays: RayBundle, wavelengths_nm: Float[np.ndarray, " n"], material: Material, name: str
 ) -> tuple[RayBundle, IndexRange]:
@@ -72,20 +116,16 @@ def dispersed(
 
     Raises :class:`InputError` where more than 1 % of the flux is beyond the material's trusted range.
     """
-    flux, usable = rays.flux, usable_wavelengths(wavelengths_nm)
-    total = float(flux.sum())
-    if not usable.any():
-        raise InputError(f"{name}: no ray has a usable wavelength; give a spectrum, or a constant refractive index")
-    waves = np.where(usable, wavelengths_nm, np.average(wavelengths_nm[usable], weights=flux[usable]))
+    account = IndexAccount(material)
+    account.add(rays.flux, wavelengths_nm)
+    found = account.index_range(name)
+    return in_material(rays, known_or(account.mean_nm, wavelengths_nm), material), found
 
-    def share(rays: Bool[np.ndarray, " n"]) -> float:
-        return float(flux[rays].sum()) / total
 
-    outside = ~_within(waves, material.trusted_nm)
-    clamped, low, high = share(outside | ~usable), float(waves.min()), float(waves.max())
-    _require_few(clamped, low, high, material, name)
-    extrapolated = share(usable & ~outside & ~_within(waves, material.range_nm))
-    return in_material(rays, waves, material), IndexRange.of(low, high, material, extrapolated, clamped)
+def known_or(mean_nm: float, wavelengths_nm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """The wavelengths themselves, ``mean_nm`` where one is not usable."""
+    waves: Float[np.ndarray, " n"] = np.where(usable_wavelengths(wavelengths_nm), wavelengths_nm, mean_nm)
+    return waves
 
 
 def index_of_spectrum(spectrum: Spectrum, material: Material) -> IndexRange:

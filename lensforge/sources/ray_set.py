@@ -1,18 +1,19 @@
 """Ray set of files or of another program as a source: placed in lens coordinates, drawn by seed."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from lensforge.errors import InputError
-from lensforge.sources.areas import convex_hull
-from lensforge.sources.bundle import RayBundle
+from lensforge.sources.bundle import RayBundle, Rays
 from lensforge.sources.placement import SourcePose
+from lensforge.sources.ray_set_outline import outline_of
 from lensforge.sources.source_summary import SourceSummary
+from lensforge.sources.unread_rays import chosen, number_type, with_flux
 from lensforge.spec.ray_source import Placement
 
-_OUTLINE_SHARE = 0.95  # of the flux inside the drawn outline; the rest starts far out, such as at the edge of a window
 # Proper rotations that take the named direction of the file to +z.
 _TO_LENS_AXIS = {
     "+x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -29,10 +30,18 @@ def placed(rays: RayBundle, origin_mm: Float[np.ndarray, " 3"], placement: Place
     """Transform ``rays`` of a file to lens coordinates; ``origin_mm``, a point of the file, becomes the lens origin."""
     pose = SourcePose.of(placement)
     matrix = pose.rotation @ np.diag(_MIRROR[placement.mirror]) @ _TO_LENS_AXIS[placement.axis]
-    origins = placement.scale * (rays.origins - origin_mm) @ matrix.T
+    origins = _turned(placement.scale * (rays.origins - origin_mm), matrix)
     if pose.position_mm.any():
         origins = origins + pose.position_mm
-    return replace(rays, origins=origins, directions=rays.directions @ matrix.T)
+    return replace(rays, origins=origins, directions=_turned(rays.directions, matrix))
+
+
+def _turned(vectors: Float[np.ndarray, "n 3"], matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Products with ``matrix``; with the identity, that of most files, without the time of a product."""
+    if np.array_equal(matrix, np.eye(3)):
+        return vectors + 0.0  # no -0, as in a product
+    turned: Float[np.ndarray, "n 3"] = vectors @ matrix.T
+    return turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +51,10 @@ class RaySetEmitter:
     Rays that go backwards, or start below z = 0 or beyond the cavity, are kept: the tracer counts them as lost, by
     cause. Only unusable rays are dropped; ``summary`` holds their number, and what else was done to a file: None for
     rays made by a program. ``pose``: of the source in the lens, None at the origin; the outline is drawn there.
+    ``rays`` of a large file are not in memory: those of a sample are read when it is drawn.
     """
 
-    rays: RayBundle
+    rays: Rays
     flux_w: float
     summary: SourceSummary | None = None
     symmetry: str = "none"
@@ -70,12 +80,26 @@ class RaySetEmitter:
         if count < 1:
             raise InputError(f"{count} rays: at least 1")
         copies, rest = divmod(count, len(self))
-        extra = np.sort(np.random.default_rng(seed).choice(len(self), rest, replace=False))
+        if copies == 0:
+            return self._of_flux(self.rays.take(self._some(rest, seed)))
         times = np.full(len(self), copies)
-        times[extra] += 1
+        times[self._some(rest, seed)] += 1
         index = np.repeat(np.arange(len(self)), times)
-        flux = self.rays.flux[index] / times[index]
-        return replace(self.rays.take(index), flux=flux * (self.flux_w / flux.sum()))
+        found = self.rays.take(index)
+        return self._of_flux(replace(found, flux=found.flux / times[index]))
+
+    def drawn(self, count: int, seed: int) -> Rays:
+        """The rays of ``sample(count, seed)``, at most all of them; those of a large file are read when taken."""
+        if isinstance(self.rays, RayBundle) or not 1 <= count < len(self):
+            return with_flux(self.rays, self.flux_w) if count == len(self) else self.sample(count, seed)
+        return with_flux(chosen(self.rays, self._some(count, seed)), self.flux_w)
+
+    def _some(self, count: int, seed: int) -> Int[np.ndarray, " k"]:
+        """Numbers of ``count`` different rays, chosen at random, in the order of the file."""
+        return np.sort(np.random.default_rng(seed).choice(len(self), count, replace=False))
+
+    def _of_flux(self, rays: RayBundle) -> RayBundle:
+        return replace(rays, flux=rays.flux * (self.flux_w / rays.flux.sum()))
 
     def split(self, fraction: float, seed: int) -> tuple["RaySetEmitter", "RaySetEmitter"]:
         """Divide the rays between two emitters of the same flux: ``fraction`` to design with, the rest to evaluate.
@@ -85,7 +109,7 @@ class RaySetEmitter:
         training = round(fraction * len(self))
         if not 0 < training < len(self):
             raise InputError(f"fraction = {fraction} of {len(self)} rays leaves one part empty: try 0.8")
-        order = np.random.default_rng(seed).permutation(len(self))
+        order = np.random.default_rng(seed).permutation(len(self)).astype(number_type(len(self)))
         return self._only(np.sort(order[:training])), self._only(np.sort(order[training:]))
 
     def outline(self) -> Float[np.ndarray, "k 3"]:
@@ -93,35 +117,11 @@ class RaySetEmitter:
 
         It is the plane z = 0 of the source before it was turned, tilted and shifted to its place.
         """
-        start, direction = self.rays.origins, self.rays.directions
-        if self.pose is not None:
-            start, direction = self.pose.own_points(start), self.pose.own_directions(direction)
-        forward = direction[:, 2] > 0.0
-        if not forward.any():
-            forward = ~forward
-        points, flux = _crossings(start, direction)[forward], self.rays.flux[forward]
-        distance = np.linalg.norm(points - _median(points, flux), axis=1)
-        order = np.argsort(distance)
-        inside = np.searchsorted(np.cumsum(flux[order]), _OUTLINE_SHARE * flux.sum())
-        corners = convex_hull(points[order[: inside + 1]])
-        outline = np.column_stack([corners, np.zeros(len(corners))])
-        return outline if self.pose is None else self.pose.points(outline)
+        return self._outline
 
-    def _only(self, index: np.ndarray) -> "RaySetEmitter":
-        part = self.rays.take(index)
-        return replace(self, rays=replace(part, flux=part.flux * (self.flux_w / part.flux.sum())))
+    @cached_property
+    def _outline(self) -> Float[np.ndarray, "k 3"]:
+        return outline_of(self.rays, self.pose)
 
-
-def _crossings(start: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
-    """Points (mm) where the lines of the rays meet z = 0; rays along that plane stay where they start."""
-    level = np.abs(direction[:, 2]) < 1e-9
-    length = np.where(level, 0.0, -start[:, 2] / np.where(level, 1.0, direction[:, 2]))
-    crossings: Float[np.ndarray, "n 2"] = start[:, :2] + length[:, None] * direction[:, :2]
-    return crossings
-
-
-def _median(points: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 2"]:
-    """Flux-weighted median of each coordinate: a few rays far out do not move it."""
-    order = np.argsort(points, axis=0)
-    middle = [np.searchsorted(np.cumsum(flux[column]), 0.5 * flux.sum()) for column in order.T]
-    return np.array([points[order[row, axis], axis] for axis, row in enumerate(middle)])
+    def _only(self, numbers: Int[np.ndarray, " k"]) -> "RaySetEmitter":
+        return replace(self, rays=with_flux(chosen(self.rays, numbers), self.flux_w))

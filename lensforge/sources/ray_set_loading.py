@@ -10,20 +10,23 @@ from jaxtyping import Float
 from lensforge.errors import InputError, remedy
 from lensforge.materials.material import Material
 from lensforge.records import Point
-from lensforge.sources.bundle import RayBundle
+from lensforge.sources.bundle import RayBundle, Rays
 from lensforge.sources.dispersion import IndexRange, dispersed
 from lensforge.sources.flux import SourceFlux, joined_flux, spectral_efficacy, with_spectrum_compared
 from lensforge.sources.placement import SourcePose
 from lensforge.sources.ray_set import RaySetEmitter, placed
+from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
 from lensforge.sources.ray_set_flux import part_flux
-from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays, causes, no_usable_ray, usable_rays
+from lensforge.sources.rayfiles.rayfile import RayFile, UsableRays, causes, no_usable_ray
 from lensforge.sources.rayfiles.reading import read_rayfile
-from lensforge.sources.rayfiles.spectra import WAVELENGTH_SEED, wavelengths_of
+from lensforge.sources.rayfiles.spectra import drawn_wavelengths, wavelengths_of
+from lensforge.sources.rayfiles.stored import StoredRays, loaded_or_stored
 from lensforge.sources.rayfiles.sums import RaySums
-from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 from lensforge.sources.rayfiles.warnings import file_warnings, ray_set_warnings
+from lensforge.sources.rays_of_file import RaysOfFile
 from lensforge.sources.source_summary import AppliedPlacement, LoadedRayFile, RaysDropped, SourceSummary, as_point
 from lensforge.sources.spectrum import spectrum_of
+from lensforge.sources.unread_rays import changed, joined
 from lensforge.spec.emission import SpectrumSpec
 from lensforge.spec.emitter import FluxSection
 from lensforge.spec.ray_source import Placement, RayfilePart, RayfileSource, RayfilesSource, RaySetSource, RaySource
@@ -35,8 +38,9 @@ _LEAST_SHARE = 1e-9  # of the flux of several files; one with less is mistaken, 
 class _Loaded:
     """Usable rays of one file or array in its coordinates (mm), flux in W; ``count`` includes unusable ones."""
 
-    rays: RayBundle
+    rays: Rays
     flux: SourceFlux
+    figures: LightFigures
     count: int
     index_range: IndexRange | None
     warnings: tuple[str, ...]
@@ -67,42 +71,44 @@ def load_ray_set(spec: RaySetSource, material: Material | None = None) -> RaySet
 
 def _load_file(part: RayfilePart, spec: RaySetSource, material: Material | None) -> _Loaded:
     rayfile, spectrum = read_rayfile(part.file), part.spectrum or spec.spectrum
-    rays = usable_rays(rayfile)
+    rays = loaded_or_stored(rayfile)
     if len(rays) == 0:
         raise no_usable_ray(rayfile, rays.dropped)
-    sums = RaySums.of_part(rays).possible(rayfile)
-    flux = part_flux(part, spec, spectrum, rayfile, rays)
-    bundle, index_range = _bundle(rayfile, rays, flux.flux_w, spectrum, material)
+    sums = RaySums.of_rays(rays).possible(rayfile)
+    flux = part_flux(part, spec, spectrum, rayfile, rays, sums.flux)
+    bundle, index_range = _bundle(rayfile, rays, flux.flux_w / sums.flux, spectrum, material)
+    figures = LightFigures.of(bundle)
     warnings = _warnings(rayfile, sums, part, index_range, material)
     file = LoadedRayFile(
         file=Path(part.file).name,
         format=rayfile.format,
         rays=len(rayfile),
         rays_dropped=RaysDropped.model_validate(rays.dropped),
-        effective_rays=_effective_rays(bundle),
+        effective_rays=figures.effective_rays,
         file_flux=rayfile.total_flux(sums.flux),
         file_ray_sum=sums.flux,
         file_flux_unit=rayfile.flux_unit,
         flux_w=flux.flux_w,
-        virtual_focus_mm=_focus_mm(bundle),
+        virtual_focus_mm=figures.focus_mm,
         warnings=warnings,
     )
     if index_range is not None:
         file = file.model_copy(update=index_range.fields())
-    return _Loaded(bundle, flux, len(rayfile), index_range, warnings, file)
+    return _Loaded(bundle, flux, figures, len(rayfile), index_range, warnings, file)
 
 
 def _load_arrays(spec: RaySource, material: Material | None) -> _Loaded:
     count = len(spec.positions_mm)
     relative = np.ones(count) if spec.ray_flux is None else spec.ray_flux
     given = RayFile(spec.positions_mm, spec.directions, relative, "W", spec.wavelengths_nm, path="source.rays")
-    rays = usable_rays(given)
+    rays = loaded_or_stored(given)
     if len(rays) == 0:
         raise InputError(f"source: none of the {count} rays is usable ({causes(rays.dropped)}); give others")
-    flux = part_flux(spec, spec, spec.spectrum, given, rays)
-    bundle, index_range = _bundle(given, rays, flux.flux_w, spec.spectrum, material)
-    warnings = _warnings(given, RaySums.of_part(rays).possible(given), spec, index_range, material)
-    return _Loaded(bundle, flux, count, index_range, warnings)
+    sums = RaySums.of_rays(rays)
+    flux = part_flux(spec, spec, spec.spectrum, given, rays, sums.flux)
+    bundle, index_range = _bundle(given, rays, flux.flux_w / sums.flux, spec.spectrum, material)
+    warnings = _warnings(given, sums.possible(given), spec, index_range, material)
+    return _Loaded(bundle, flux, LightFigures.of(bundle), count, index_range, warnings)
 
 
 def _warnings(
@@ -115,19 +121,27 @@ def _warnings(
 
 
 def _bundle(
-    rayfile: RayFile, rays: UsableRays, flux_w: float, spectrum: SpectrumSpec | None, material: Material | None
-) -> tuple[RayBundle, IndexRange | None]:
-    """Scale the flux to ``flux_w`` and look up the index of each ray; ``spectrum`` replaces the file's wavelengths."""
-    bundle = RayBundle(rays.positions_mm, rays.directions, rays.flux * (flux_w / float(rays.flux.sum())))
-    wavelengths_nm = None
+    rayfile: RayFile,
+    rays: UsableRays | StoredRays,
+    factor: float,
+    spectrum: SpectrumSpec | None,
+    material: Material | None,
+) -> tuple[Rays, IndexRange | None]:
+    """Scale the flux by ``factor`` and look up the index of each ray; ``spectrum`` replaces the file's wavelengths."""
+    wavelengths_nm, name = None, rayfile.path if spectrum is None else "source.spectrum"
     if material is not None and spectrum is not None:
-        wavelengths_nm = spectrum_of(spectrum).draw(len(rays), WAVELENGTH_SEED)
+        wavelengths_nm = drawn_wavelengths(spectrum_of(spectrum), rays)
     elif material is not None:
         with remedy("give source.spectrum"):
             wavelengths_nm = wavelengths_of(rayfile, rays)
+    if isinstance(rays, StoredRays):
+        unread = RaysOfFile(rays, factor)
+        if material is None or wavelengths_nm is None:
+            return unread, None
+        return unread.dispersed(wavelengths_nm, material, name)
+    bundle = RayBundle(rays.positions_mm, rays.directions, rays.flux * factor)
     if material is None or wavelengths_nm is None:
         return bundle, None
-    name = rayfile.path if spectrum is None else "source.spectrum"
     return dispersed(bundle, wavelengths_nm, material, name)
 
 
@@ -155,9 +169,10 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         if part.flux.flux_w < _LEAST_SHARE * total:
             raise InputError(f"{name}: {part.flux.flux_w / total:.3g} of the flux of all: correct it, or leave it out")
     rays = parts[0].rays if len(parts) == 1 else _joined(parts, flux_w / total)
-    focus_mm = _focus_mm(rays)
-    origin_mm = _origin_mm(spec, focus_mm, ", ".join(part.name for part in parts))
-    bundle = placed(rays, origin_mm, spec)
+    figures = parts[0].figures if len(parts) == 1 else LightFigures.of(rays)
+    origin_mm = _origin_mm(spec, figures.focus_mm, ", ".join(part.name for part in parts))
+    rays = changed(rays, lambda some: placed(some, origin_mm, spec))
+    at_place = PlacedFigures.of(rays)
     index_range = _whole_range(parts)
     files = [part.file for part in parts if part.file is not None]
     summary = SourceSummary(
@@ -166,25 +181,24 @@ def _emitter(parts: Sequence[_Loaded], spec: RaySetSource) -> RaySetEmitter:
         lumens_per_watt=flux.lumens_per_watt,
         symmetry="none",
         rays=sum(part.count for part in parts),
-        effective_rays=_effective_rays(rays),
-        virtual_focus_mm=focus_mm,
+        effective_rays=figures.effective_rays,
+        virtual_focus_mm=figures.focus_mm,
         warnings=(
             *(warning for part in parts for warning in part.warnings),
             *flux.warnings,
-            *_placed_warnings(bundle, _effective_rays(rays)),
+            *_placed_warnings(at_place, figures.effective_rays),
         ),
         files=tuple(file.model_copy(update={"flux_w": file.flux_w * (flux_w / total)}) for file in files),
-        placement=_applied(bundle, flux_w, spec, origin_mm),
+        placement=_applied(at_place, flux_w, spec, origin_mm),
     )
     if index_range is not None:
         summary = summary.model_copy(update=index_range.fields())
     pose = SourcePose.of(spec)
-    return RaySetEmitter(bundle, flux_w, summary, pose=pose if pose.moves else None)
+    return RaySetEmitter(rays, flux_w, summary, pose=pose if pose.moves else None)
 
 
-def _joined(parts: Sequence[_Loaded], factor: float) -> RayBundle:
-    rays = RayBundle.joined([part.rays for part in parts])
-    return replace(rays, flux=rays.flux * factor)
+def _joined(parts: Sequence[_Loaded], factor: float) -> Rays:
+    return changed(joined([part.rays for part in parts]), lambda some: replace(some, flux=some.flux * factor))
 
 
 def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
@@ -200,13 +214,10 @@ def _whole_range(parts: Sequence[_Loaded]) -> IndexRange | None:
     return IndexRange((low, high), (at_low, at_high), extrapolated, clamped)
 
 
-def _placed_warnings(rays: RayBundle, effective_rays: float) -> tuple[str, ...]:
+def _placed_warnings(found: PlacedFigures, effective_rays: float) -> tuple[str, ...]:
     """Warnings on the rays of a whole source at their place in the lens."""
-    side_mm = float(np.ptp(rays.origins, axis=0).max())
-    down, low = rays.directions[:, 2] < 0.0, rays.origins[:, 2] <= 0.0
-    total = float(rays.flux.sum())
-    backward, lost = (float(rays.flux[those].sum()) / total for those in (down, down & low))
-    return tuple(ray_set_warnings(side_mm, backward, effective_rays, lost))
+    shares = found.backward / found.flux, effective_rays, found.lost / found.flux
+    return tuple(ray_set_warnings(found.side_mm, *shares))
 
 
 def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.ndarray, " 3"]:
@@ -220,7 +231,9 @@ def _origin_mm(spec: Placement, focus_mm: Point | None, name: str) -> Float[np.n
     return np.array(focus_mm)
 
 
-def _applied(rays: RayBundle, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]) -> AppliedPlacement:
+def _applied(
+    found: PlacedFigures, flux_w: float, spec: Placement, origin_mm: Float[np.ndarray, " 3"]
+) -> AppliedPlacement:
     return AppliedPlacement(
         origin_mm=as_point(origin_mm),
         scale=spec.scale,
@@ -229,16 +242,6 @@ def _applied(rays: RayBundle, flux_w: float, spec: Placement, origin_mm: Float[n
         rotate_z_deg=spec.rotate_z_deg,
         tilt_deg=spec.tilt_deg,
         position_mm=spec.position_mm,
-        backward_share=float(rays.flux[rays.directions[:, 2] < 0.0].sum() / flux_w),
-        below_plane_share=float(rays.flux[rays.origins[:, 2] < 0.0].sum() / flux_w),
+        backward_share=found.backward / flux_w,
+        below_plane_share=found.below / flux_w,
     )
-
-
-def _effective_rays(rays: RayBundle) -> float:
-    """Number of rays of equal flux that would have the same noise."""
-    return float(rays.flux.sum() ** 2 / (rays.flux @ rays.flux))
-
-
-def _focus_mm(rays: RayBundle) -> Point | None:
-    focus = virtual_focus(rays.origins, rays.directions, rays.flux)
-    return None if focus is None else as_point(focus)

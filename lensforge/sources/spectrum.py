@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
+from numpy.random import Generator
 
 from lensforge.errors import InputError, remedy
 from lensforge.sources.inverse_cdf import choose, linear_inverse
@@ -65,8 +66,29 @@ class Spectrum:
         So they pad the Sobol points of position and direction (Owen, Latin supercube sampling, 1998) and are
         independent of both.
         """
+        return WavelengthDraw.of(self, count, seed).take(count)
+
+
+@dataclass(eq=False)
+class WavelengthDraw:
+    """Wavelengths that :meth:`Spectrum.draw` draws, part by part; ``order``: of the shares of the power."""
+
+    spectrum: Spectrum
+    order: Int[np.ndarray, " n"]
+    random: Generator
+    taken: int = 0
+
+    @staticmethod
+    def of(spectrum: Spectrum, count: int, seed: int) -> "WavelengthDraw":
+        """Begin to draw ``count`` wavelengths."""
         random = np.random.default_rng([seed, 5])
-        return self.at((random.permutation(count) + random.random(count)) / count)
+        return WavelengthDraw(spectrum, random.permutation(count), random)
+
+    def take(self, count: int) -> Float[np.ndarray, " m"]:
+        """The next ``count`` wavelengths (nm)."""
+        shares = self.order[self.taken : self.taken + count]
+        self.taken += count
+        return self.spectrum.at((shares + self.random.random(count)) / len(self.order))
 
 
 def usable_wavelengths(wavelengths_nm: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

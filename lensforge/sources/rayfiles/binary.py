@@ -2,6 +2,7 @@
 
 import mmap
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from jaxtyping import Float, UInt8
 
 from lensforge.errors import InputError
 from lensforge.files import require_regular_file
+from lensforge.sources.rayfiles.spool import IN_MEMORY, spooled
 
 CHUNK_ROWS = 2**18  # rays handled at a time: bounds the memory whatever the size of the file
 HUGE = 1e12  # no length in mm, no flux: what is larger comes from a damaged file
@@ -97,16 +99,23 @@ def plain_text(raw: bytes, encoding: str) -> str:
 
 
 def scaled(values: Float[np.ndarray, "*n"], factor: float) -> Float[np.ndarray, "*n"]:
-    """Multiply ``values`` by ``factor`` in float64; where the factor is 1 return the view itself, still mapped."""
+    """Multiply ``values`` by ``factor`` in float64; where the factor is 1 return the view itself, still mapped.
+
+    What would fill the memory goes to a temporary file. Raises :class:`InputError` where that has no room.
+    """
     if factor == 1.0:
         return values
-    result = np.empty(values.shape)
-    with np.errstate(invalid="ignore", over="ignore"):
-        for start in range(0, len(values), CHUNK_ROWS):
-            some = slice(start, start + CHUNK_ROWS)
-            np.multiply(values[some], factor, out=result[some], dtype=np.float64)
-            release_pages(values)
-    return result
+    products = _products(values, factor)
+    if 8 * values.size > IN_MEMORY:
+        return spooled(products, "a ray file in another unit than mm or nm")
+    return np.concatenate(list(products)) if len(values) else np.zeros(values.shape)
+
+
+def _products(values: Float[np.ndarray, "*n"], factor: float) -> Iterator[Float[np.ndarray, "*n"]]:
+    for start in range(0, len(values), CHUNK_ROWS):
+        with np.errstate(invalid="ignore", over="ignore"):
+            yield np.multiply(values[start : start + CHUNK_ROWS], factor, dtype=np.float64)
+        release_pages(values)
 
 
 def float_rows(*columns: Float[np.ndarray, "n ..."] | None) -> bytes:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from lensforge.errors import InputError
 from lensforge.sources.rayfiles.binary import CHUNK_ROWS, HUGE, SMALLEST, release_pages
@@ -16,6 +16,7 @@ HeaderValue: TypeAlias = (
     str | int | float | Sequence[str] | Sequence[float | None] | Sequence[Mapping[str, Sequence[float]]] | None
 )
 HeaderRole = Literal["total", "scale", "ignored"]
+Rows: TypeAlias = Bool[np.ndarray, " n"]
 _SAME_FLUX = 1e-5  # totals of float32 numbers that agree this well are the same total
 _NO_DIRECTION = 1e-12  # |k| below which a direction counts as zero
 
@@ -90,16 +91,23 @@ class RayFile:
     def blocks(self) -> Iterator["RayFile"]:
         """Yield the rays in blocks; the pages of a mapped file are released before the next block."""
         for start in range(0, len(self), CHUNK_ROWS):
-            some = slice(start, start + CHUNK_ROWS)
-            yield replace(
-                self,
-                positions_mm=self.positions_mm[some],
-                directions=self.directions[some],
-                flux=self.flux[some],
-                wavelengths_nm=None if self.wavelengths_nm is None else self.wavelengths_nm[some],
-                spectrum_numbers=None if self.spectrum_numbers is None else self.spectrum_numbers[some],
-            )
-            release_pages(self.positions_mm, self.directions, self.flux, self.wavelengths_nm, self.spectrum_numbers)
+            yield self.rows(slice(start, start + CHUNK_ROWS))
+            self.release_pages()
+
+    def rows(self, chosen: slice | Rows | Int[np.ndarray, " k"]) -> "RayFile":
+        """Some of the rays: views where ``chosen`` is a slice, else copies of their numbers as stored."""
+        return replace(
+            self,
+            positions_mm=self.positions_mm[chosen],
+            directions=self.directions[chosen],
+            flux=self.flux[chosen],
+            wavelengths_nm=None if self.wavelengths_nm is None else self.wavelengths_nm[chosen],
+            spectrum_numbers=None if self.spectrum_numbers is None else self.spectrum_numbers[chosen],
+        )
+
+    def release_pages(self) -> None:
+        """Give back the memory of the pages of a mapped file; they are read again when used."""
+        release_pages(self.positions_mm, self.directions, self.flux, self.wavelengths_nm, self.spectrum_numbers)
 
     def ray_sum(self) -> float:
         """Sum of the fluxes of the usable rays, as stored."""
@@ -159,6 +167,14 @@ def as_float64(values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         return values.astype(np.float64)
 
 
+def column_product(one: Float[np.ndarray, "n k"], other: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
+    """Scalar products of the rows, summed from left to right; five times as fast as a sum along the short axis."""
+    products: Float[np.ndarray, " n"] = one[:, 0] * other[:, 0]
+    for axis in range(1, one.shape[1]):
+        products += one[:, axis] * other[:, axis]
+    return products
+
+
 def shared_wavelength(nanometres: float, count: int) -> Float[np.ndarray, " n"]:
     """Repeat one wavelength for ``count`` rays, as a view that takes no memory."""
     return np.broadcast_to(np.float32(nanometres), (count,))
@@ -178,6 +194,10 @@ class UsableRays:
     def __len__(self) -> int:
         return len(self.flux)
 
+    def blocks(self) -> Iterator["UsableRays"]:
+        """Yield these rays, which are in memory, at once."""
+        yield self
+
 
 def usable_rays(rayfile: RayFile) -> UsableRays:
     """Select the rays that can be traced and normalise their directions.
@@ -185,24 +205,31 @@ def usable_rays(rayfile: RayFile) -> UsableRays:
     Dropped, each ray for the first cause that applies: ``not_finite`` (a NaN or an absurd number), ``zero_direction``,
     ``no_flux`` (zero, negative, or so little that it is a damaged number).
     """
+    keep, dropped = usable_rows(rayfile)
+    return as_usable(rayfile.rows(keep), dropped)
+
+
+def usable_rows(rayfile: RayFile) -> tuple[Rows, dict[str, int]]:
+    """Mask of the rays that can be traced, and the number of the others by cause."""
     finite, directed, bright = _faultless(rayfile)
-    keep = finite & directed & bright
-    directions = as_float64(rayfile.directions[keep])
+    return finite & directed & bright, {
+        "not_finite": int(np.count_nonzero(~finite)),
+        "zero_direction": int(np.count_nonzero(finite & ~directed)),
+        "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
+    }
+
+
+def as_usable(rayfile: RayFile, dropped: dict[str, int]) -> UsableRays:
+    """Copy rays of which each can be traced as float64, their directions normalised."""
+    directions = as_float64(rayfile.directions)
     return UsableRays(
-        positions_mm=as_float64(rayfile.positions_mm[keep]),
-        directions=directions / np.linalg.norm(directions, axis=1)[:, None],
-        flux=as_float64(rayfile.flux[keep]),
-        wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm[keep]),
-        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers[keep]),
-        dropped={
-            "not_finite": int(np.count_nonzero(~finite)),
-            "zero_direction": int(np.count_nonzero(finite & ~directed)),
-            "no_flux": int(np.count_nonzero(finite & directed & ~bright)),
-        },
+        positions_mm=as_float64(rayfile.positions_mm),
+        directions=directions / np.sqrt(column_product(directions, directions))[:, None],
+        flux=as_float64(rayfile.flux),
+        wavelengths_nm=None if rayfile.wavelengths_nm is None else as_float64(rayfile.wavelengths_nm),
+        spectrum_numbers=None if rayfile.spectrum_numbers is None else as_float64(rayfile.spectrum_numbers),
+        dropped=dropped,
     )
-
-
-Rows = Bool[np.ndarray, " n"]
 
 
 def _faultless(rayfile: RayFile) -> tuple[Rows, Rows, Rows]:

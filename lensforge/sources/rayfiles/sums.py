@@ -6,8 +6,10 @@ import numpy as np
 
 from lensforge.errors import InputError
 from lensforge.optics.photopic import efficacy_at
+from lensforge.sources.blocks import total_of
 from lensforge.sources.rayfiles.binary import HUGE
 from lensforge.sources.rayfiles.rayfile import FluxUnit, RayFile, UsableRays, no_usable_ray, usable_chunks
+from lensforge.sources.rayfiles.stored import StoredRays
 from lensforge.sources.rayfiles.virtual_focus import FocusFit
 from lensforge.sources.spectrum import usable_wavelengths
 
@@ -56,10 +58,14 @@ class RaySums:
         return self
 
     @classmethod
-    def of_part(cls, rays: UsableRays) -> "RaySums":
-        """Gather the rays of one part, all of a file or some."""
-        sums = cls()
-        sums.add(rays)
+    def of_rays(cls, rays: UsableRays | StoredRays) -> "RaySums":
+        """Gather the usable rays of a file; their flux has the bits of the sum over all at once."""
+        sums, fluxes = cls(), []
+        for block in rays.blocks():
+            sums.add(block)
+            fluxes.append(float(block.flux.sum()))
+        sums.dropped = dict(rays.dropped)
+        sums.flux = total_of(len(rays), fluxes)
         return sums
 
     def add(self, rays: UsableRays) -> None:
@@ -70,11 +76,12 @@ class RaySums:
             return
         self.rays += len(rays)
         self.flux += float(rays.flux.sum())
-        self.flux_squared += float(rays.flux @ rays.flux)
+        self.flux_squared += float(np.square(rays.flux).sum())
         self.backward += float(rays.flux[rays.directions[:, 2] < 0.0].sum())
-        self.direction += rays.flux @ rays.directions
-        self.low = np.minimum(self.low, rays.positions_mm.min(axis=0))
-        self.high = np.maximum(self.high, rays.positions_mm.max(axis=0))
+        for axis in range(3):  # sums of columns: three times as fast as along the long axis of both
+            self.direction[axis] += float((rays.flux * rays.directions[:, axis]).sum())
+            self.low[axis] = min(self.low[axis], rays.positions_mm[:, axis].min())
+            self.high[axis] = max(self.high[axis], rays.positions_mm[:, axis].max())
         self.focus.add(rays.positions_mm, rays.directions, rays.flux)
         if rays.wavelengths_nm is not None:
             self._add_wavelengths(rays.wavelengths_nm, rays.flux)
@@ -86,10 +93,10 @@ class RaySums:
         waves, power = wavelengths[usable], flux[usable]
         self.wavelength_low = min(self.wavelength_low, float(waves.min()))
         self.wavelength_high = max(self.wavelength_high, float(waves.max()))
-        self.wavelength_flux += float(power @ waves)
+        self.wavelength_flux += float((power * waves).sum())
         self.coloured += float(power.sum())
         efficacy = efficacy_at(waves)
-        self.as_lumens += float(power @ efficacy)
+        self.as_lumens += float((power * efficacy).sum())
         with np.errstate(divide="ignore"):
             self.as_watts += float((power / efficacy).sum())
 

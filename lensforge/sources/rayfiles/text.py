@@ -1,15 +1,15 @@
 """Rows of numbers as text: parsed by NumPy, and written with enough digits to read back the same."""
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
-from tempfile import TemporaryFile, gettempdir
 
 import numpy as np
 from jaxtyping import Float
 
 from lensforge.sources.rayfiles.binary import FileImage, release_pages
 from lensforge.sources.rayfiles.rayfile import as_float64
+from lensforge.sources.rayfiles.spool import spooled
 
 _BLOCK = 2**24  # bytes of text parsed at a time
 _IN_MEMORY = 2**27  # bytes of text whose numbers stay in memory
@@ -36,7 +36,7 @@ def parse_rows(
     if first is None:
         raise image.refuse("holds no rays below its header; export it again")
     every = chain([first], blocks)
-    rows = np.concatenate(list(every)) if end - begin <= _IN_MEMORY else _spooled(image, every, first.shape[1])
+    rows = np.concatenate(list(every)) if end - begin <= _IN_MEMORY else spooled(every, str(image.path))
     rows.flags.writeable = False
     return rows
 
@@ -69,19 +69,6 @@ def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) ->
         problem = " ".join(str(error).split("\n")[0].split())[:160]
         raise image.refuse(f"rows from line {line} on cannot be read as numbers ({_printable(problem)})") from None
     return rows
-
-
-def _spooled(
-    image: FileImage, blocks: Iterable[Float[np.ndarray, "n columns"]], width: int
-) -> Float[np.ndarray, "n columns"]:
-    try:
-        with TemporaryFile() as spool:
-            for block in blocks:
-                spool.write(block.tobytes())
-            spool.flush()
-            return np.asarray(np.memmap(spool, dtype=np.float64, mode="r")).reshape(-1, width)
-    except OSError as error:
-        raise image.refuse(f"no room for its numbers in {gettempdir()} ({error.strerror}); set TMPDIR") from error
 
 
 def cut_warnings(image: FileImage) -> tuple[str, ...]:

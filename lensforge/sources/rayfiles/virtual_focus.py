@@ -10,7 +10,7 @@ _PARALLEL = 1e-9  # smallest over largest eigenvalue below which rays count as p
 
 @dataclass
 class FocusFit:
-    """Normal equations of ``min_p sum_i flux_i |(1 - k_i k_i^T)(p - x_i)|^2``, gathered from any number of parts."""
+    """Normal equations of ``min_p sum_i flux_i |(1 - k_i k_i^T)(p - x_i)|^2``, gathered from any number of blocks."""
 
     matrix: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.zeros((3, 3)))
     moment: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
@@ -21,7 +21,29 @@ class FocusFit:
         directions: Float[np.ndarray, "n 3"],
         flux: Float[np.ndarray, " n"],
     ) -> None:
-        """Add ``n`` rays: positions in mm, unit directions, flux above 0 in any unit."""
+        """Add ``n`` rays: positions in mm, unit directions, flux above 0 in any unit.
+
+        Sums of columns, not products of matrices: the threads of these spin from one block to the next.
+        """
+        along = sum((positions[:, axis] * directions[:, axis] for axis in range(3)), np.zeros(len(flux)))
+        for row in range(3):
+            weighted = flux * directions[:, row]
+            self.moment[row] += (flux * positions[:, row]).sum() - (weighted * along).sum()
+            for column in range(row, 3):
+                self.matrix[row, column] -= (weighted * directions[:, column]).sum()
+                self.matrix[column, row] = self.matrix[row, column]
+            self.matrix[row, row] += flux.sum()
+
+    def add_all(
+        self,
+        positions: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        flux: Float[np.ndarray, " n"],
+    ) -> None:
+        """Add the rays of a source that are in memory, all at once: the same sums, rounded otherwise.
+
+        A source may have its focus at the origin of its lens, which does not move by a rounding.
+        """
         self.matrix += flux.sum() * np.eye(3) - (flux[:, None] * directions).T @ directions
         across = positions - np.sum(positions * directions, axis=1, keepdims=True) * directions
         self.moment += flux @ across
@@ -41,5 +63,5 @@ def virtual_focus(
 ) -> Float[np.ndarray, " 3"] | None:
     """Compute the virtual focus (mm) of rays with unit directions; None where they are parallel."""
     fit = FocusFit()
-    fit.add(positions, directions, flux)
+    fit.add_all(positions, directions, flux)
     return fit.point()

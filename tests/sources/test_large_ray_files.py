@@ -1,0 +1,290 @@
+"""Ray files that stay on disk: the light, the figures and the errors of files that are loaded, in little memory."""
+
+import tracemalloc
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rayfile_samples import with_spectrum_numbers, with_tables
+
+from lensforge.emissions import independent_rays
+from lensforge.errors import InputError
+from lensforge.evaluation.simulate import bundles
+from lensforge.far_field.exit_light import _distributed
+from lensforge.far_field.spectrum import spectrum_of_source
+from lensforge.materials.catalogue import MATERIALS
+from lensforge.sources import blocks
+from lensforge.sources.blocks import block_slices, total_of
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.measured_rays import divided, smoothed
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.ray_set_loading import load_ray_set
+from lensforge.sources.ray_set_outline import outline_of
+from lensforge.sources.rayfiles import RayFile, binary, read_rayfile, stored, write_rayfile
+from lensforge.sources.square import SquareEmitter
+from lensforge.sources.unread_rays import ChosenRays
+from lensforge.spec.ray_source import RayfilePart, RayfileSource, RayfilesSource, RaySource
+
+COUNT = 5000
+
+
+@pytest.fixture
+def unread(monkeypatch):
+    """Leave every file of more than 100 rays on disk, and read it in blocks of a few."""
+
+    def _unread():
+        monkeypatch.setattr(stored, "LOADED_RAYS", 100)
+        monkeypatch.setattr(blocks, "BLOCK_RAYS", 700)
+
+    return _unread
+
+
+def led(count=COUNT, seed=3, waves=False, bad=0) -> RayFile:
+    """A square LED, a little off the axis, of unequal rays; some go down, and one in ``bad`` has no flux or place."""
+    sample, random = SquareEmitter(2.0).sample(count, seed), np.random.default_rng(seed)
+    found = RayFile(
+        (sample.origins + np.array([0.1, -0.2, 0.05])).astype(np.float32),
+        sample.directions.astype(np.float32),
+        random.uniform(0.5, 1.5, count).astype(np.float32),
+        "W",
+        random.uniform(420.0, 680.0, count).astype(np.float32) if waves else None,
+    )
+    found.directions[::97, 2] *= -1.0
+    if bad:
+        found.flux[::bad] = 0.0
+        found.positions_mm[5::bad, 1] = np.nan
+    return found
+
+
+def saved(path, rayfile, format="tm25"):
+    write_rayfile(path, rayfile, format)
+    return path
+
+
+PLACED = {"axis": "-y", "mirror": "x", "scale": 1.5, "origin": (0.5, 0.0, -1.0), "position_mm": (0.1, 0.2, 0.3)}
+LINES = {"kind": "table", "wavelength_nm": [450.0, 500.0], "weight": [1.0, 2.0]}
+
+
+def sources(folder):
+    plain = saved(folder / "plain.tm25ray", led())
+    coloured = saved(folder / "coloured.tm25ray", led(seed=4, waves=True))
+    broken = saved(folder / "broken.tm25ray", led(seed=5, waves=True, bad=50))
+    table = saved(folder / "table.tm25ray", with_tables(led(seed=6)))
+    lumens = saved(folder / "lumens.csv", replace(led(seed=7, waves=True), flux_unit="lm"), "csv")
+    numbered = folder / "numbered.tm25ray"
+    numbered.write_bytes(with_spectrum_numbers(1.0 + (np.arange(COUNT) % 3 == 0)))
+    two = [RayfilePart(file=saved(folder / "few.tm25ray", led(80))), RayfilePart(file=broken, flux_w=0.5)]
+    given = led(waves=True)
+    return {
+        "plain": RayfileSource(file=plain),
+        "placed": RayfileSource(file=plain, flux_w=2.0, **PLACED),
+        "coloured": RayfileSource(file=coloured),
+        "broken": RayfileSource(file=broken, **PLACED),
+        "table": RayfileSource(file=table),
+        "lumens": RayfileSource(file=lumens),
+        "numbered": RayfileSource(file=numbered),
+        "spectrum": RayfileSource(file=plain, spectrum=LINES),
+        "two files": RayfilesSource(files=two, flux_w=3.0),
+        "arrays": RaySource(np.column_stack([given.positions_mm, given.directions, given.flux]), flux_w=1.0),
+    }
+
+
+NAMES = [
+    "plain", "placed", "coloured", "broken", "table", "lumens", "numbered", "spectrum", "two files", "arrays",
+]  # fmt: skip
+
+
+def arrays(bundle):
+    every = bundle.origins, bundle.directions, bundle.flux, bundle.refractive_indices, bundle.wavelengths_nm
+    return [each for each in every if each is not None]
+
+
+def light(emitter, spec):
+    """All that a design takes from a source, by name: lists of arrays."""
+    found = {}
+    for count in (1, 300, 2000, len(emitter), len(emitter) + 50, 2 * len(emitter)):
+        found[f"sample of {count}"] = arrays(emitter.sample(count, count))
+    steps, held = divided(emitter, 0.8, 7)
+    first, second = divided(held, 0.5, 8)
+    found["split"] = [*arrays(steps.sample(500, 1)), *arrays(first.sample(50, 2)), *arrays(second.sample(100, 3))]
+    found["turned"] = arrays(smoothed(steps).sample(200, 3))
+    for count in (3000, len(emitter)):
+        evaluated = bundles(emitter, count, 16, 3)
+        found[f"evaluation of {count}"] = [
+            each for _, share, part in evaluated for each in [*arrays(part), np.array(share)]
+        ]
+    found["far field"] = [each for part in _distributed(emitter, 3000, 3) for each in arrays(part)]
+    found["verification"] = arrays(independent_rays(SimpleNamespace(source=spec), emitter, 1000, 9))
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_light_of_a_file_left_on_disk_is_that_of_the_loaded_one_to_the_bit(name, tmp_path, unread):
+    spec = sources(tmp_path)[name]
+    material = None if name in ("plain", "placed", "arrays", "two files") else MATERIALS["PMMA"]
+    loaded = load_ray_set(spec, material)
+    expected, spectrum = light(loaded, spec), spectrum_of_source(spec, loaded.summary)
+    unread()
+    left = load_ray_set(spec, material)
+    assert isinstance(loaded.rays, RayBundle) and not isinstance(left.rays, RayBundle)
+    found, again = light(left, spec), spectrum_of_source(spec, left.summary)
+    assert found.keys() == expected.keys()
+    for part, own in expected.items():
+        assert len(found[part]) == len(own)
+        for one, other in zip(found[part], own, strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=part)
+    assert (spectrum is None) == (again is None)
+    if spectrum is not None:
+        np.testing.assert_allclose(again.power_density, spectrum.power_density, rtol=1e-12)
+    np.testing.assert_allclose(left.outline(), loaded.outline(), atol=1e-12)
+    assert alike(left.summary.model_dump(), loaded.summary.model_dump())
+
+
+def alike(one, other):
+    """The same words and counts, and numbers but for rounding."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(alike, one, other))
+    return one == pytest.approx(other, rel=1e-11, abs=1e-14) if isinstance(one, float) else one == other
+
+
+def test_a_focus_at_the_origin_and_a_tilt_differ_by_rounding_alone(tmp_path, unread):
+    spec = RayfileSource(
+        file=saved(tmp_path / "led.tm25ray", led()), origin="virtual_focus", tilt_deg=(10.0, 5.0), rotate_z_deg=33.0
+    )
+    loaded = load_ray_set(spec)
+    unread()
+    left = load_ray_set(spec)
+    np.testing.assert_allclose(left.sample(900, 1).origins, loaded.sample(900, 1).origins, atol=1e-13)
+    np.testing.assert_allclose(left.sample(900, 1).directions, loaded.sample(900, 1).directions, atol=1e-15)
+    # 128 corners or so: which of two that differ by rounding is one does not matter
+    np.testing.assert_allclose(np.ptp(left.outline(), axis=0), np.ptp(loaded.outline(), axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 7, 700, 701, 1400, 4999, 100_003])
+def test_sums_over_blocks_have_the_bits_of_one_sum(count, unread):
+    unread()
+    values = np.random.default_rng(count).random(count)
+    slices = list(block_slices(count))
+    assert [(each.start, each.stop) for each in slices] == list(
+        zip([0, *(each.stop for each in slices[:-1])], [each.stop for each in slices], strict=True)
+    )
+    assert slices[-1].stop == count and max(each.stop - each.start for each in slices) <= 700
+    assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
+
+
+def test_rays_are_chosen_by_flux_as_numpy_chooses_them(tmp_path, unread):
+    unread()
+    emitter = load_ray_set(RayfileSource(file=saved(tmp_path / "led.tm25ray", led())))
+    everything = emitter.sample(len(emitter), 0)
+    chosen = np.random.default_rng(4).choice(COUNT, 600, p=everything.flux / everything.flux.sum())
+    own = independent_rays(SimpleNamespace(source=None), emitter, 600, 4)
+    np.testing.assert_array_equal(own.origins, everything.origins[chosen])
+
+
+def test_figures_of_a_square_led_are_those_of_its_formulas(tmp_path, unread):
+    """Lambertian, 2 mm wide: focus in its middle, n effective rays; half of the first ray in 97 goes down."""
+    sample = SquareEmitter(2.0).sample(2**14, 1)
+    even = RayFile(sample.origins, sample.directions, np.full(2**14, 1.0 / 2**14), "W")
+    unread()
+    emitter = load_ray_set(RayfileSource(file=saved(tmp_path / "led.tm25ray", even)))
+    assert emitter.summary.effective_rays == pytest.approx(2**14, rel=1e-6)
+    np.testing.assert_allclose(emitter.summary.virtual_focus_mm, 0.0, atol=2e-3)
+    corners = emitter.outline()
+    # 95 % of a square lie within r of its middle: the octagon-like rest is cut off at the corners alone
+    assert np.ptp(corners[:, :2], axis=0) == pytest.approx([2.0, 2.0], abs=0.01)
+    away = np.linalg.norm(corners, axis=1).max()
+    inside = np.linalg.norm(np.random.default_rng(0).uniform(-1.0, 1.0, (2**18, 2)), axis=1) < away
+    assert inside.mean() == pytest.approx(0.95, abs=0.003)
+
+
+@pytest.mark.parametrize("case", ["most of the flux in one ray", "all backward", "parallel to the plane"])
+def test_the_outline_of_odd_light_is_that_of_the_loaded_rays(case, unread):
+    random = np.random.default_rng(2)
+    sample = SquareEmitter(2.0).sample(4096, 5)
+    flux = random.uniform(0.5, 1.5, 4096)
+    if case == "most of the flux in one ray":
+        flux[1234] = 1e7
+    directions = sample.directions * ([1.0, 1.0, -1.0] if case == "all backward" else [1.0, 1.0, 1.0])
+    if case == "parallel to the plane":
+        directions[:] = [1.0, 0.0, 0.0]
+    loaded = RayBundle(sample.origins, directions, flux)
+    expected = outline_of(loaded, None)
+    unread()
+    found = outline_of(ChosenRays(loaded, np.arange(4096)), None)
+    np.testing.assert_allclose(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)], atol=1e-12)
+
+
+def refused(spec, material=None):
+    with pytest.raises(InputError) as error:
+        load_ray_set(spec, material)
+    return str(error.value)
+
+
+def broken_files(folder):
+    dark = led(300)
+    dark.flux[:] = 0.0
+    dark.positions_mm[7] = np.nan
+    huge = led(300)
+    huge.flux[:] = 9e11
+    numbers = folder / "numbers.tm25ray"
+    numbers.write_bytes(with_spectrum_numbers([*[1.0] * 250, 3.0, *[2.0] * 49]))
+    cut = saved(folder / "cut.tm25ray", led(300))
+    cut.write_bytes(cut.read_bytes()[:-10])
+    far = saved(folder / "far.tm25ray", replace(led(300, waves=True), wavelengths_nm=np.full(300, 5000.0, np.float32)))
+    return [
+        (saved(folder / "dark.tm25ray", dark), None, "none of its 300 rays is usable (1 not finite, 299 no flux)"),
+        (saved(folder / "huge.tm25ray", huge), None, "its rays add up to 2.7e+14 W"),
+        (numbers, MATERIALS["PMMA"], "spectrum number 3 of a ray: 1 to 2"),
+        (cut, None, "truncated by 10 bytes"),
+        (far, MATERIALS["PMMA"], "wavelengths from 5000 to 5000 nm"),
+    ]
+
+
+def test_bad_files_are_refused_in_the_same_words(tmp_path, unread):
+    cases = broken_files(tmp_path)
+    before = [refused(RayfileSource(file=path), material) for path, material, _ in cases]
+    unread()
+    after = [refused(RayfileSource(file=path), material) for path, material, _ in cases]
+    assert after == before
+    for line, (*_, words) in zip(after, cases, strict=True):
+        assert words in line and "\n" not in line
+
+
+def test_lengths_in_other_units_go_through_a_temporary_file_where_they_are_many(tmp_path, monkeypatch):
+    path = saved(tmp_path / "led.dat", led(1000, waves=True), "zemax_binary")
+    content = bytearray(path.read_bytes())
+    content[136:140] = (2).to_bytes(4, "little")  # cm
+    path.write_bytes(bytes(content))
+    whole = read_rayfile(path)
+    monkeypatch.setattr(binary, "IN_MEMORY", 1000)
+    monkeypatch.setattr(binary, "CHUNK_ROWS", 300)
+    spooled = read_rayfile(path)
+    assert whole.positions_mm[3] == pytest.approx(10.0 * led(1000).positions_mm[3], rel=1e-6)
+    for column in ("positions_mm", "wavelengths_nm"):
+        np.testing.assert_array_equal(getattr(spooled, column), getattr(whole, column))
+        assert isinstance(binary._owner(getattr(spooled, column)), binary.mmap.mmap)
+
+
+def test_the_memory_of_a_source_does_not_grow_with_its_file(tmp_path):
+    """2.2 million rays would be 123 MB loaded, and half as much again for each change of them; numbers are 18 MB."""
+    count = 2_200_000
+    path = saved(tmp_path / "led.tm25ray", led(count))
+    tracemalloc.start()
+    try:
+        emitter = load_ray_set(RayfileSource(file=path, **PLACED))
+        _, loading = tracemalloc.get_traced_memory()
+        emitter.outline()
+        steps, held = divided(emitter, 0.8, 7)
+        smoothed(steps).sample(2**13, 1)
+        for _ in bundles(emitter, 2**20, 16, 3):
+            pass
+        independent_rays(SimpleNamespace(source=None), emitter, 2**14, 9)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert isinstance(emitter, RaySetEmitter) and len(emitter) == count and len(steps) + len(held) == count
+    assert loading < 70e6
+    assert peak < 110e6
