@@ -15,6 +15,7 @@ from lensforge.arguments import threads_of_torch
 from lensforge.cast_stages import verify, verify_with
 from lensforge.evaluation.light import Light
 from lensforge.far_field.photometry import Photometry
+from lensforge.freed_memory import return_freed_memory
 from lensforge.geometry.part import Part
 from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.lens import load_lens
@@ -49,6 +50,7 @@ def run_later_stages(folder: Path, told: Told) -> None:
     import torch
 
     threads = torch.get_num_threads()
+    return_freed_memory()  # of the search: two processes are to need no more than one did
     with second_process(threads > 1) as second:
         if second.runs:
             with threads_of_torch(threads - 1):
@@ -82,6 +84,7 @@ def _side_by_side(folder: Path, second: SecondProcess, told: Told) -> None:
         light = write_result(stages.evaluate(lens), folder)
     with told.timed(Photometry.stage):
         write_result(stages.photometry(lens), folder)
+    return_freed_memory()
     part = made.result()
     for content in (part.step, part.stl, part.threemf):
         remembered(content)  # this program made them, if not this process

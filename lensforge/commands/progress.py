@@ -20,6 +20,7 @@ class DesignProgress:
         self._of_levels, self._of_steps = ("", False) if levels == "auto" else (f"/{len(levels)}", True)
         self._last: Step | None = None
         self._level_began = 0, 0.0  # step and seconds
+        self._searching = True
 
     def on_step(self, step: Step) -> None:
         """Show a gradient step; where there is no terminal, write a line for each level that the spec names."""
@@ -50,11 +51,18 @@ class DesignProgress:
         )
 
     def on_stage(self, words: str) -> None:
-        """Begin a stage; other words, on one of several searches, are a line of their own."""
-        if words in _NAMES:
-            self._clock.begin(words)
-        else:
+        """Begin a stage, maybe beside another; other words, on one of several searches, are a line of their own."""
+        if words not in _NAMES:
             self._clock.note(words)
+            return
+        if self._searching:
+            self._clock.end()  # the search, which tells its end by no other words
+            self._searching = False
+        self._clock.begin_beside(words)
+
+    def on_end(self, name: str, seconds: float) -> None:
+        """End a stage."""
+        self._clock.end(name, seconds)
 
 
 class PartsProgress:

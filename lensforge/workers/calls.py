@@ -12,6 +12,7 @@ from typing import IO
 if __name__ == "__main__":
     sys.path.append(sys.argv[1])  # last: where the package is installed, this folder is in the path already
 
+from lensforge.freed_memory import return_freed_memory
 from lensforge.untrusted.worker import end_with_parent
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
 
@@ -40,7 +41,11 @@ def answer_calls(calls: IO[bytes], answers: IO[bytes]) -> None:
             message = receive(calls)
         except EOFError:
             return
-        send(_answer(message), answers)
+        answer = _answer(message)
+        del message  # tens of MB, as is the answer
+        send(answer, answers)
+        del answer
+        return_freed_memory()
 
 
 def _answer(message: bytes) -> bytes:
