@@ -4,6 +4,7 @@ A result that misses a criterion is still written; ``run.json`` holds the verdic
 result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -65,6 +66,7 @@ def run(
     :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage below.
     ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
     """
+    began = time.perf_counter()
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
     several = starts != 1 or scheduler is not None
@@ -105,7 +107,7 @@ def run(
         told = Told(announce, ended)
         run_later_stages(folder, told)
         with told.timed("report"):
-            refresh_report(folder)
+            refresh_report(folder, seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
         return open_run(folder)
 
@@ -227,12 +229,15 @@ def run_report(folder: Path) -> Path:
     return refresh_report(folder)
 
 
-def refresh_report(folder: Path) -> Path:
-    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run."""
+def refresh_report(folder: Path, *, seconds: float | None = None) -> Path:
+    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run.
+
+    ``seconds``: that a whole run has taken so far.
+    """
     from lensforge.report.lens_page import render_report
     from lensforge.report.page import write_page
 
-    renew(folder)  # before the page is written: it states the hash of every file
+    renew(folder, seconds=seconds)  # before the page is written: it states the hash of every file
     write_page(render_report(open_run(folder), folder), folder / REPORT_FILE)
     return folder / REPORT_FILE
 

@@ -16,8 +16,8 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
     "version", "seeds", "errors", "json_text", "freed_memory", "temporary", "files", "folder_lock", "npz_file",
-    "point_cloud", "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files", "optics",
-    "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
+    "point_cloud", "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files",
+    "optics", "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
     "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers", "tolerancing",
     "roadway", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement",
     "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts", "cast_stages",

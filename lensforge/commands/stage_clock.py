@@ -34,7 +34,8 @@ class StageClock:
     def __init__(self, name: str, *, quiet: bool = False, study: bool = False) -> None:
         self._console = Console(stderr=True, highlight=False)
         self._quiet, self._silent_seconds = quiet, _SILENT_SECONDS_OF_STUDY if study else _SILENT_SECONDS
-        self._name, self._detail, self._left, self._began = name, "", "", time.monotonic()
+        self._name, self._detail, self._began = name, "", time.monotonic()
+        self._end_expected, self._at_least = 0.0, ""  # of the whole command; no time is left where it is not known
         self._written = self._entered = self._began
         self._beside: dict[str, float] = {}  # the beginning of each stage that runs beside the one that is shown
         self._live: Live | None = None
@@ -79,7 +80,7 @@ class StageClock:
     def begin(self, name: str, detail: str = "") -> None:
         """End the stage that runs, and begin ``name``."""
         self._write()
-        self._name, self._detail, self._left, self._began = name, detail, "", time.monotonic()
+        self._name, self._detail, self._began = name, detail, time.monotonic()
         self._report()
 
     def begin_beside(self, name: str) -> None:
@@ -96,7 +97,7 @@ class StageClock:
             self._write((name, time.monotonic() - began if seconds is None else seconds, ""))
             return
         self._write(seconds=seconds)
-        self._name = self._detail = self._left = ""
+        self._name = self._detail = ""
         if self._beside:
             self._name = next(iter(self._beside))
             self._began = self._beside.pop(self._name)
@@ -107,10 +108,14 @@ class StageClock:
         self.end()
         self._write(("in all", time.monotonic() - self._entered, ""))
 
-    def show(self, detail: str, left: str = "") -> None:
-        """Show how far the stage is, beside its time, and while it runs what is ``left``."""
-        self._detail, self._left = detail, left
+    def show(self, detail: str) -> None:
+        """Show how far the stage is, beside its time."""
+        self._detail = detail
         self._report()
+
+    def expect(self, seconds: float, *, at_least: bool = False) -> None:
+        """Show that the whole command will take so many more seconds, or at least so many, until they have passed."""
+        self._end_expected, self._at_least = time.monotonic() + seconds, "at least " if at_least else ""
 
     def head(self, words: str) -> None:
         """End the stage that runs, and write a line on the stages that follow."""
@@ -136,7 +141,8 @@ class StageClock:
     def _running(self) -> Text:
         """The line of the stage that runs, cut at the width of the terminal."""
         self._report()
-        line = f"{self._line()}, {self._left}" if self._left else self._line()
+        left = self._end_expected - time.monotonic()
+        line = f"{self._line()}, {self._at_least}{stage_line.duration(left)} left" if left > 0.0 else self._line()
         return Text(line if self._name else "", no_wrap=True, overflow="ellipsis")
 
     def _report(self) -> None:

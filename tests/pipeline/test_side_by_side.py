@@ -13,6 +13,8 @@ from lensforge.arguments import threads_of_torch
 from lensforge.commands.progress import DesignProgress
 from lensforge.commands.stage_clock import StageClock
 from lensforge.later_stages import Told, run_later_stages
+from lensforge.pipeline import write_design
+from lensforge.run_folder import renew
 from lensforge.workers import second_process
 
 TIMES = {"seconds", "cast_seconds", "rate", "content_sha256"}  # computing times, and the checksum that covers them
@@ -68,6 +70,18 @@ def test_one_thread_and_two_make_the_same_files(
     assert lf.load(tmp_path / "two").verdict == small_run.verdict
 
 
+def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: lf.Run, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(small_run.folder, tmp_path / "copy"))
+    whole = small_run.seconds
+    assert whole is not None and whole > max(small_run.design.seconds, small_run.part.seconds)
+    renew(folder, "evaluate")
+    assert lf.load(folder).seconds == whole, "a stage that ran again is no whole command"
+    write_design(small_run.design, folder)
+    assert lf.load(folder).seconds is None
+    renew(folder, seconds=12.5)
+    assert lf.load(folder).seconds == 12.5
+
+
 def test_each_stage_has_a_line_with_its_own_time(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
     with StageClock("design") as clock:
         shown = DesignProgress(clock, small_run.spec)
@@ -84,11 +98,14 @@ def test_each_stage_has_a_line_with_its_own_time(small_run: lf.Run, capsys: pyte
     assert lines == words, "and none twice"
 
 
-def test_a_terminal_shows_what_runs_beside(
-    small_run: lf.Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal in the place of stderr."""
     for name, value in {"FORCE_COLOR": "1", "COLUMNS": "80", "TERM": "xterm"}.items():
         monkeypatch.setenv(name, value)
+
+
+def test_a_terminal_shows_what_runs_beside(small_run: lf.Run, terminal: None) -> None:
     with StageClock("design") as clock:
         shown = DesignProgress(clock, small_run.spec)
         for name in ("export", "evaluate"):
@@ -96,3 +113,23 @@ def test_a_terminal_shows_what_runs_beside(
         assert str(clock._running()).split() == ["export", "0.0", "s", "beside", "evaluate"]
         shown.on_end("export", 1.0)
         assert str(clock._running()).split() == ["evaluate", "0.0", "s"]
+
+
+@pytest.mark.parametrize(("levels", "words"), [([9, 25], "22 s left"), ("auto", "at least 22 s left")])
+def test_the_time_left_is_that_of_the_whole_command(
+    levels: list[int] | str, words: str, small_run: lf.Run, terminal: None
+) -> None:
+    """Half of a search took 10 s; the stages after it take 0.6 of its 20 s at standard accuracy: 22 s are left."""
+    with StageClock("design") as clock:
+        spec = small_run.spec if levels != "auto" else small_run.spec.replace({"lens.levels": "auto", "optimise": {}})
+        shown = DesignProgress(clock, spec)
+        for done in (0, 50, 100):
+            step = lf.Progress(
+                level=0, step=done, steps_done=done, steps_total=100, nmse=0.1, efficiency=0.9, functions=9,
+                level_done=False, seconds=done / 5, accuracy="standard", lens=lambda: small_run.lens,
+            )  # fmt: skip
+            shown.on_step(step)
+            if done == 50:
+                assert str(clock._running()).endswith(f"NMSE 0.1000, {words}")
+        shown.on_stage("evaluate")
+        assert str(clock._running()).endswith("s, 12 s left"), "of the later stages"
