@@ -182,12 +182,16 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "verification"}
+    allowed = {
+        "errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "workers",
+        "verification",
+    }  # fmt: skip
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(_tree(path)):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
             assert _layer(name) != "optics" or name == "lensforge.optics.media"
+            assert _layer(name) != "workers" or name == "lensforge.workers.second_process", "it computes nothing"
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:

@@ -43,7 +43,7 @@ class DesignProgress:
             observer(step)
 
     def _left(self, step: Step) -> float | None:
-        """Seconds that are left: of the steps at the pace of this level, as levels differ in theirs, and of the rest."""
+        """Seconds that are left: of the steps at the pace of this level, as levels differ, and of the rest."""
         if self._last is None or self._last.level != step.level:
             self._level_began = step.steps_done, step.seconds
         first, began = self._level_began

@@ -7,11 +7,13 @@ pickles of pickles: a call that cannot be read leaves the next one readable. Wha
 import os
 import pickle
 import sys
+from pathlib import Path
 from typing import IO
 
 if __name__ == "__main__":
     sys.path.append(sys.argv[1])  # last: where the package is installed, this folder is in the path already
 
+import lensforge
 from lensforge.freed_memory import return_freed_memory
 from lensforge.untrusted.worker import end_with_parent
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
@@ -66,6 +68,8 @@ def _own_pipes() -> tuple[IO[bytes], IO[bytes]]:
 
 
 if __name__ == "__main__":
+    if Path(lensforge.__file__).resolve().parents[1] != Path(sys.argv[1]):
+        os._exit(1)  # another version is installed: its parent would get other bits
     end_with_parent(int(sys.argv[2]))
     ignore_settings_in_working_folder()
     answer_calls(*_own_pipes())

@@ -120,6 +120,7 @@ def test_no_process_is_left_however_the_first_one_ends(how: signal.Signals, tmp_
     process = started(tmp_path, "wait")
     assert process.stdout is not None and process.stdout.readline() == "script\n"
     number = int(process.stdout.readline())
+    time.sleep(0.5)  # until it sleeps, and does not wait for a call: the end of the pipe would end it then
     process.send_signal(how)
     process.communicate(timeout=60)
     assert has_ended(number)

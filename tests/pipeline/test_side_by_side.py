@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 import torch
+from scenes import small_spec
 
 import lensforge as lf
 from lensforge.arguments import threads_of_torch
@@ -82,9 +83,9 @@ def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: 
     assert lf.load(folder).seconds == 12.5
 
 
-def test_each_stage_has_a_line_with_its_own_time(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_stage_has_a_line_with_its_own_time(capsys: pytest.CaptureFixture[str]) -> None:
     with StageClock("design") as clock:
-        shown = DesignProgress(clock, small_run.spec)
+        shown = DesignProgress(clock, small_spec())
         for name in ("export", "evaluate"):
             shown.on_stage(name)
         assert "design" in capsys.readouterr().err
@@ -105,9 +106,9 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv(name, value)
 
 
-def test_a_terminal_shows_what_runs_beside(small_run: lf.Run, terminal: None) -> None:
+def test_a_terminal_shows_what_runs_beside(terminal: None) -> None:
     with StageClock("design") as clock:
-        shown = DesignProgress(clock, small_run.spec)
+        shown = DesignProgress(clock, small_spec())
         for name in ("export", "evaluate"):
             shown.on_stage(name)
         assert str(clock._running()).split() == ["export", "0.0", "s", "beside", "evaluate"]
@@ -116,17 +117,15 @@ def test_a_terminal_shows_what_runs_beside(small_run: lf.Run, terminal: None) ->
 
 
 @pytest.mark.parametrize(("levels", "words"), [([9, 25], "22 s left"), ("auto", "at least 22 s left")])
-def test_the_time_left_is_that_of_the_whole_command(
-    levels: list[int] | str, words: str, small_run: lf.Run, terminal: None
-) -> None:
+def test_the_time_left_is_that_of_the_whole_command(levels: list[int] | str, words: str, terminal: None) -> None:
     """Half of a search took 10 s; the stages after it take 0.6 of its 20 s at standard accuracy: 22 s are left."""
     with StageClock("design") as clock:
-        spec = small_run.spec if levels != "auto" else small_run.spec.replace({"lens.levels": "auto", "optimise": {}})
+        spec = small_spec(lens__levels=levels, **({"optimise": {}} if levels == "auto" else {}))
         shown = DesignProgress(clock, spec)
         for done in (0, 50, 100):
             step = lf.Progress(
                 level=0, step=done, steps_done=done, steps_total=100, nmse=0.1, efficiency=0.9, functions=9,
-                level_done=False, seconds=done / 5, accuracy="standard", lens=lambda: small_run.lens,
+                level_done=False, seconds=done / 5, accuracy="standard", lens=pytest.fail,
             )  # fmt: skip
             shown.on_step(step)
             if done == 50:
