@@ -11,6 +11,7 @@ from lensforge.other_conditions import rays_of
 from lensforge.verification.apart import stray_apart, verify_apart
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
+from lensforge.workers.second_process import IN_TURN, SecondProcess
 
 _STRAY_RAYS = 2**15  # each splits into about ten; more would take minutes
 
@@ -22,6 +23,12 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
     that shares nothing with its sampler, and make the light of the design. Both files are measured, and compared with
     the size as exported.
     """
+    with threads_of_torch(threads):
+        return verify_with(IN_TURN, part, light, rays)
+
+
+def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | None = None) -> Proof:
+    """Do as :func:`verify` does, with a second process for referees that hold Python's lock; the same bits."""
     import torch
 
     from lensforge.emissions import own_light
@@ -39,24 +46,24 @@ def verify(part: Part, light: Light, *, rays: int | None = None, threads: int | 
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
     preset, source = preset_of(lens.accuracy), source_of(spec)
     count, conditions = rays_of(rays, preset.verify_rays, source)
-    with threads_of_torch(threads):
-        bundle = source.sample(count, seeds.of_verification(lens.seed))
-        landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
-        parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
-        proof = verify_apart(
-            part.stl,
-            rays=bundle,
-            media=lens.media,
-            expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
-            names=[receiver.name for receiver in light.receivers],
-            step=part.step,
-            mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
-            own=own_light(lens, source, light, count),
-            exported=part.size,
-            chord_mm=1e-3 * part.triangulation.chord_error_um,
-            threads=torch.get_num_threads(),
-            inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
-        )
+    bundle = source.sample(count, seeds.of_verification(lens.seed))
+    landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
+    parts = zip(screens_of(spec, light.pixels), light.receivers, landed, strict=True)
+    proof = verify_apart(
+        part.stl,
+        rays=bundle,
+        media=lens.media,
+        expected=[Expected(screen, lit.map, own.hits, own.flux, own.fates) for screen, lit, own in parts],
+        names=[receiver.name for receiver in light.receivers],
+        step=part.step,
+        second=second,
+        mitsuba_rays=MITSUBA_RAYS if mitsuba_installed() else 0,
+        own=own_light(lens, source, light, count),
+        exported=part.size,
+        chord_mm=1e-3 * part.triangulation.chord_error_um,
+        threads=torch.get_num_threads(),
+        inputs={"lens": lens.sha256, "export": part.sha256, "evaluate": light.sha256},
+    )
     return proof.model_copy(update={"conditions": conditions, "altered_files": part.altered})
 
 

@@ -4,6 +4,7 @@ A result that misses a criterion is still written; ``run.json`` holds the verdic
 result under other conditions than the lens's own, such as another source, goes beside the lens's own one.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -16,12 +17,12 @@ from lensforge.far_field.photometry import Photometry
 from lensforge.folder_lock import in_locked_folder, locked
 from lensforge.geometry.part import Part
 from lensforge.given_faces.lens_face import LENS_FILE
+from lensforge.later_stages import Announce, Ended, Told, run_later_stages
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.checkpoint import CHECKPOINT, delete_checkpoint, is_checkpoint
 from lensforge.optimisation.design import Design, Observer
 from lensforge.other_conditions import light_conditions, source_with_file
-from lensforge.records import StageResult
 from lensforge.report.ownership import require_own
 from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run, folder_of, load_to_show, open_run, renew, require_free, write_result
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
     from lensforge.drawings.grids import GridRequest
     from lensforge.drawings.handover import Handover
 
-Announce = Callable[[str], None]
-
 
 def run(
     spec: Spec,
@@ -52,25 +51,28 @@ def run(
     progress: Observer | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     announce: Announce | None = None,
+    ended: Ended | None = None,
     warn: Callable[[str], None] | None = None,
     anyway: bool = False,
     starts: int = 1,
     scheduler: str | None = None,
 ) -> Run:
-    """Run every stage and write ``folder``: design, evaluate, export, check, verify, photometry, report.
+    """Run every stage and write ``folder``: design, evaluate, photometry, export, check, verify, report.
 
     Arguments are those of :func:`lensforge.design`. Without ``checkpoint`` the search starts anew and keeps one
     in the folder until the run has ended; a file given as ``checkpoint`` is never deleted. ``announce`` is called with
-    the name of every later stage as it begins. A missed criterion raises nothing: see the run's ``verdict``. Raises
+    the name of every later stage as it begins, ``ended`` with its name and seconds as it ends: where there are two
+    cores, some run side by side. A missed criterion raises nothing: see the run's ``verdict``. Raises
     :class:`InputError` at once where another process or thread writes in ``folder``, as does every stage below.
     ``starts``, ``scheduler``: as of :func:`best_design`; they keep no checkpoint, and take no ``start``.
     """
+    began = time.perf_counter()
     require_spec(spec, "run")
     require_base_around_cavity(spec.lens, spec.constraints, spec.base)  # a run makes the part, its search may be long
     several = starts != 1 or scheduler is not None
     if several and (start is not None or checkpoint is not None or device != "cpu"):
         raise InputError("several starts, or a scheduler: without start, checkpoint (--resume) and device")
-    folder, announce = folder_of(folder), announce or (lambda _: None)
+    folder, announce, ended = folder_of(folder), announce or (lambda _: None), ended or (lambda _name, _seconds: None)
     if spec.lens.start is not None and spec.lens.start.resolve() == (folder / LENS_FILE).resolve():
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with locked(folder, create=True), threads_of_torch(threads):
@@ -102,11 +104,10 @@ def run(
             )
         )
         write_design(result, folder)
-        for name, stage in _AFTER_DESIGN.items():
-            announce(name)
-            stage(folder)
-        announce("report")
-        refresh_report(folder)
+        told = Told(announce, ended)
+        run_later_stages(folder, told)
+        with told.timed("report"):
+            refresh_report(folder, seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
         return open_run(folder)
 
@@ -228,12 +229,15 @@ def run_report(folder: Path) -> Path:
     return refresh_report(folder)
 
 
-def refresh_report(folder: Path) -> Path:
-    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run."""
+def refresh_report(folder: Path, *, seconds: float | None = None) -> Path:
+    """Write ``report.html`` as :func:`run_report` does; a record that it would refuse counts as not run.
+
+    ``seconds``: that a whole run has taken so far.
+    """
     from lensforge.report.lens_page import render_report
     from lensforge.report.page import write_page
 
-    renew(folder)  # before the page is written: it states the hash of every file
+    renew(folder, seconds=seconds)  # before the page is written: it states the hash of every file
     write_page(render_report(open_run(folder), folder), folder / REPORT_FILE)
     return folder / REPORT_FILE
 
@@ -246,12 +250,3 @@ def run_comparison(folders: Sequence[Path], page: Path) -> Path:
     names = folder_names(folders)
     write_page(render_comparison([load_to_show(folder) for folder in folders], names), page)
     return page
-
-
-_AFTER_DESIGN: dict[str, Callable[[Path], StageResult]] = {
-    "evaluate": run_evaluate,
-    "export": run_export,
-    "check": run_check,
-    "verify": run_verify,
-    "photometry": run_photometry,
-}

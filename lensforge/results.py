@@ -53,12 +53,14 @@ class Results:
 
     ``outdated``: the reason for each stage whose files belong to another lens, part or version; such a stage counts as
     not run. ``others``: results under other conditions than the lens's own; neither verdict nor any stage uses them.
+    ``seconds``: of the whole command that has made them, where one has, up to its report.
     """
 
     lens: Lens
     found: Mapping[str, StageResult] = field(default_factory=dict)
     outdated: Mapping[str, str] = field(default_factory=dict)
     others: Mapping[str, SimulatedResult] = field(default_factory=dict)
+    seconds: float | None = None
 
     @property
     def spec(self) -> Spec:

@@ -16,6 +16,7 @@ from lensforge.run_record import (
     RUN_FILE,
     as_recorded,
     recorded_hashes,
+    recorded_seconds,
     require_none_lost,
     require_recorded,
     write_record,
@@ -98,7 +99,9 @@ def open_run(folder: Path) -> Run:
 
 
 def _run(results: Results, folder: Path) -> Run:
-    return Run(results.lens, results.found, results.outdated, results.others, folder)
+    return Run(
+        results.lens, results.found, results.outdated, results.others, seconds=recorded_seconds(folder), folder=folder
+    )
 
 
 def folder_of(folder: object) -> Path:
@@ -116,12 +119,13 @@ def folder_of(folder: object) -> Path:
     return path
 
 
-def renew(folder: Path, *written: str) -> Verdict:
+def renew(folder: Path, *written: str, seconds: float | None = None) -> Verdict:
     """Write ``run.json`` with the verdict on the results in ``folder``, and return it.
 
-    ``written``: stems of the results that the caller has just written, and vouches for.
+    ``written``: stems of the results that the caller has just written, and vouches for. ``seconds``: that a whole run
+    has taken.
     """
-    return write_record(load_results(folder, damaged_too=True), folder, written).verdict
+    return write_record(load_results(folder, damaged_too=True), folder, written, seconds).verdict
 
 
 def write_result(result: _Result, folder: Path) -> _Result:

@@ -10,7 +10,8 @@ from pathlib import Path
 from lensforge.errors import InputError
 from lensforge.files import write_json
 from lensforge.geometry.part import Part
-from lensforge.records import Count, Record, Sha256, StageResult, Text
+from lensforge.optimisation.design import Design
+from lensforge.records import Count, NotNegative, Record, Sha256, StageResult, Text
 from lensforge.records.result import SCHEMA_VERSION
 from lensforge.records.stored import read_object, require_checksum, validated, with_checksum
 from lensforge.results import Results, is_own
@@ -26,7 +27,8 @@ _RENEW = "delete it, and run `lensforge report` again"
 class RunRecord(Record):
     """``run.json``: the verdict, hashes of the results as their commands wrote them, the reasons for ``outdated``.
 
-    ``others``: results under other conditions than the lens's own.
+    ``others``: results under other conditions than the lens's own. ``seconds``: of the command that made a whole run,
+    up to its report; None before, and where each stage had a command of its own.
     """
 
     version: Text = __version__
@@ -37,6 +39,7 @@ class RunRecord(Record):
     results: dict[Text, Sha256]
     others: dict[Text, Sha256]
     outdated: dict[Text, Text]
+    seconds: NotNegative | None = None
 
     @property
     def hashes(self) -> dict[str, str]:
@@ -58,11 +61,21 @@ def read_record(folder: Path) -> RunRecord | None:
 
 def recorded_hashes(folder: Path) -> dict[str, str] | None:
     """Hashes by stem; None where ``run.json`` is missing or cannot be read."""
+    record = _readable_record(folder)
+    return None if record is None else record.hashes
+
+
+def recorded_seconds(folder: Path) -> float | None:
+    """Seconds of the command that made a whole run; None where ``run.json`` does not tell."""
+    record = _readable_record(folder)
+    return None if record is None else record.seconds
+
+
+def _readable_record(folder: Path) -> RunRecord | None:
     try:
-        record = read_record(folder)
+        return read_record(folder)
     except InputError:
         return None
-    return None if record is None else record.hashes
 
 
 def require_recorded(results: Results, folder: Path) -> None:
@@ -148,8 +161,12 @@ def as_recorded(results: Results, hashes: Mapping[str, str] | None) -> Results:
     return Results(results.lens, found, outdated, others)
 
 
-def write_record(results: Results, folder: Path, written: Collection[str]) -> Results:
-    """Write ``run.json`` on ``results``, of which those in ``written`` are new; return those that count."""
+def write_record(results: Results, folder: Path, written: Collection[str], seconds: float | None = None) -> Results:
+    """Write ``run.json`` on ``results``, of which those in ``written`` are new; return those that count.
+
+    ``seconds``: of the whole command; by default those that were recorded, until there is a new design.
+    """
+    known_seconds = None if Design.stage in written else recorded_seconds(folder)
     before, stems = recorded_hashes(folder), [stem for stem, _ in _all(results)]
     known = {stem: result.sha256 for stem, result in _all(results) if before is None or stem in written}
     hashes = {**(before or {}), **known}
@@ -163,6 +180,7 @@ def write_record(results: Results, folder: Path, written: Collection[str]) -> Re
         results={stem: hashes[stem] for stem in kept if is_own(stem)},
         others={stem: hashes[stem] for stem in kept if not is_own(stem)},
         outdated=dict(counted.outdated),
+        seconds=known_seconds if seconds is None else seconds,
     )
     write_json(folder / RUN_FILE, with_checksum({"schema": RUN_SCHEMA, **record.model_dump(mode="json")}))
     return counted

@@ -15,14 +15,14 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
-    "version", "seeds", "errors", "json_text", "temporary", "files", "folder_lock", "npz_file", "point_cloud",
-    "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files", "optics",
-    "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
+    "version", "seeds", "errors", "json_text", "freed_memory", "temporary", "files", "folder_lock", "npz_file",
+    "point_cloud", "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files",
+    "optics", "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
     "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers", "tolerancing",
     "roadway", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement",
     "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts", "cast_stages",
     "tolerance_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder",
-    "toleranced_folder", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
+    "toleranced_folder", "later_stages", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip
 # What a module may load only when one of its functions is called: each takes a tenth of a second or more.
 HEAVY = {
@@ -182,12 +182,16 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 
 def test_verification_shares_nothing_with_the_design() -> None:
-    allowed = {"errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "verification"}
+    allowed = {
+        "errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "workers",
+        "verification",
+    }  # fmt: skip
     for path in (PACKAGE / "verification").rglob("*.py"):
         for name in _own(_tree(path)):
             assert _layer(name) in allowed, f"{path.name} imports {name}"
             assert _layer(name) != "sources" or name == "lensforge.sources.bundle"
             assert _layer(name) != "optics" or name == "lensforge.optics.media"
+            assert _layer(name) != "workers" or name == "lensforge.workers.second_process", "it computes nothing"
 
 
 def test_rays_that_verification_draws_use_no_code_of_the_design_s_sampler() -> None:

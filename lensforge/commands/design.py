@@ -87,6 +87,7 @@ def design(
             starts=starts,
             scheduler=scheduler,
         )
+        clock.total()
     finish_run(output, run)
 
 
@@ -127,6 +128,7 @@ def run_with_progress(
         progress=shown.on_step,
         device=device,
         announce=shown.on_stage,
+        ended=shown.on_end,
         warn=clock.warn,
         anyway=anyway,
         starts=starts,

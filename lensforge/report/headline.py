@@ -201,7 +201,10 @@ def search_end(results: Results) -> str | None:
 
 
 def times(results: Results) -> str | None:
-    """Sentence on the seconds that each stage took, on the machine that ran it; None where none has run."""
-    taken = [(words, results.find(kind)) for kind, words in _TIMED]
-    parts = [f"{words} {result.seconds:.1f} s" for words, result in taken if result is not None]
-    return f"Time: {', '.join(parts)}." if parts else None
+    """Sentence on the seconds of each stage and of the whole command, where they ran; None without any."""
+    found = [(words, result.seconds) for kind, words in _TIMED if (result := results.find(kind)) is not None]
+    parts = [f"{words} {seconds:.1f} s" for words, seconds in found]
+    if not parts or results.seconds is None:
+        return f"Time: {', '.join(parts)}." if parts else None
+    beside = " (stages can run side by side)" if sum(seconds for _, seconds in found) > results.seconds else ""
+    return f"Time: {', '.join(parts)}; the whole command, up to this page, {results.seconds:.1f} s{beside}."

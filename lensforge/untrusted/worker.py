@@ -39,6 +39,11 @@ def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
             resource.setrlimit(kind, (allowed, kept))
         except (OSError, ValueError):  # a limit that this system does not have
             continue
+    end_with_parent(parent)
+
+
+def end_with_parent(parent: int) -> None:
+    """Have this process end with its parent, whose number is given, on Linux."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
         if os.getppid() != parent:  # it ended before this line

@@ -22,6 +22,7 @@ from lensforge.untrusted.child import ChildLimits, serve, work_in_child
 from lensforge.untrusted.own_content import made_here
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
+from lensforge.workers.second_process import IN_TURN, SecondProcess
 
 if TYPE_CHECKING:
     from lensforge.verification.screen import Screen
@@ -37,12 +38,12 @@ _JOB, _ARRAYS, _STL, _STEP = "job.json", "given.npz", "part.stl", "part.step"
 _Result = TypeVar("_Result", bound=SimulatedResult)
 
 
-def verify_apart(stl: bytes, *, rays: RayBundle, step: bytes, **given: Any) -> Proof:
-    """:func:`verify_part`, in a child process unless this process made the files."""
+def verify_apart(stl: bytes, *, rays: RayBundle, step: bytes, second: SecondProcess = IN_TURN, **given: Any) -> Proof:
+    """:func:`verify_part`, in a child process unless this process made the files; ``second`` has those alone."""
     if made_here(stl) and made_here(step):
         from lensforge.verification.verify import verify_part
 
-        return verify_part(stl, rays=rays, step=step, **given)
+        return verify_part(stl, rays=rays, step=step, second=second, **given)
     return _cast_in_child(Proof, stl, step, rays, given)
 
 

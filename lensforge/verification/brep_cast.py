@@ -3,13 +3,15 @@
 Errors from the flat facets of the mesh must vanish here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 from jaxtyping import Int
 
 from lensforge.optics.media import Media
+from lensforge.records import BodySize
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import BREP_RAYS
 from lensforge.verification.casting import Leg
@@ -30,34 +32,69 @@ from lensforge.verification.passage import (
 from lensforge.verification.proof import BrepCast, Gaps
 from lensforge.verification.refraction import refract_at
 from lensforge.verification.step_body import BrepHits, StepBody
+from lensforge.workers.second_process import IN_TURN, SecondProcess
 
 _SKIN_MM = 1e-4  # hits nearer than this are the point just left
 
 
-def cast_brep(
-    body: StepBody,
+@dataclass(frozen=True)
+class StepCast:
+    """Some rays' ``passage`` through a STEP file, the ``seconds`` that it took, and the ``size`` of the body if asked.
+
+    ``rows``: numbers of the rays.
+    """
+
+    rows: Int[np.ndarray, " k"]
+    passage: Passage
+    seconds: float
+    size: BodySize | None
+
+
+def cast_step(
+    step: bytes | StepBody,
     rays: RayBundle,
     media: Media,
-    expected: Sequence[Expected],
-    mesh: Passage,
     count: int = BREP_RAYS,
-) -> list[tuple[BrepCast, Gaps]]:
-    """Cast ``count`` of ``rays``, drawn at random, through the STEP file; and quantiles of the landing gaps (mm).
+    *,
+    sized: bool = False,
+    second: SecondProcess = IN_TURN,
+) -> Callable[[], StepCast]:
+    """Begin to cast ``count`` of ``rays``, drawn at random, through a STEP file; ``sized``: measure its body, too.
 
-    For each screen. ``expected`` and ``mesh`` hold all of the rays; the gaps are from the design.
+    In ``second``, where there is one; the function that is returned waits for it.
     """
-    start = perf_counter()
     rows = drawn(count, len(rays))
+    cast = second.call(_cast_and_measure, step, rays.take(rows), media, sized)
+    return lambda: StepCast(rows, *cast.result())
+
+
+def _cast_and_measure(
+    step: bytes | StepBody, rays: RayBundle, media: Media, sized: bool
+) -> tuple[Passage, float, BodySize | None]:
+    body = StepBody(step) if isinstance(step, bytes) else step
+    start = perf_counter()
+    passage = send_through_step(body, rays, media)
+    return passage, perf_counter() - start, body.size() if sized else None
+
+
+def judge_brep(
+    cast: StepCast, rays: RayBundle, expected: Sequence[Expected], mesh: Passage
+) -> list[tuple[BrepCast, Gaps]]:
+    """Landings of a cast through the STEP file on each screen, beside the design's and the mesh's; gaps (mm).
+
+    ``rays``, ``expected`` and ``mesh`` hold all of the rays; the quantiles of the gaps are from the design.
+    """
+    rows, found = cast.rows, []
     some = rays.take(rows)
-    passage = send_through_step(body, some, media)
-    seconds, found = perf_counter() - start, []
     for each in expected:
-        landed, by_mesh = LandedRays.of(passage, each.screen), LandedRays.of(mesh, each.screen)
+        landed, by_mesh = LandedRays.of(cast.passage, each.screen), LandedRays.of(mesh, each.screen)
         design, names = each.take(rows), by_mesh.fate_names[rows]
         reference = Expected(each.screen, each.irradiance, by_mesh.landings[rows], by_mesh.flux[rows], names)
         agreements = [compare(some, landed, other) for other in (design, reference)]
-        cast = BrepCast(rays=len(rows), seconds=seconds, against_design=agreements[0], against_mesh=agreements[1])
-        found.append((cast, gap_quantiles(landed, design)))
+        agreed = BrepCast(
+            rays=len(rows), seconds=cast.seconds, against_design=agreements[0], against_mesh=agreements[1]
+        )
+        found.append((agreed, gap_quantiles(landed, design)))
     return found
 
 

@@ -1,6 +1,6 @@
 """First hits of the grid against trimesh's own ray cast, slow and independent, on a sample of the rays."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -18,32 +18,50 @@ from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import cross, outside_leg
 from lensforge.verification.proof import PlainCast
+from lensforge.workers.second_process import IN_TURN, SecondProcess
 
 # The box of a whole ray through a lens holds a sixteenth of its triangles, those of its pieces some hundred together.
 _PIECES = 64
 AGREE_MM = 1e-6  # both compute the same plane intersection; only the last digits may differ
 
 
-def cast_plain(part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int) -> PlainCast:
-    """Cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their first hit."""
+def cast_plain(
+    part: PartMesh, grid: Grid, rays: RayBundle, media: Media, count: int, second: SecondProcess = IN_TURN
+) -> Callable[[], PlainCast]:
+    """Begin to cast ``count`` rays, evenly picked, by trimesh and by ``grid``: from the source, and on from their hit.
+
+    trimesh casts them in ``second``, where there is one; the function that is returned waits for it.
+    """
     rows = np.unique(np.linspace(0, len(rays) - 1, min(count, len(rays))).astype(np.int64))
     outside, into = outside_leg(rays).take(rows), RefractingFace.inner(rays, media).take(rows)
-    plain = PlainCaster(part.mesh)
-    plain.tree  # noqa: B018  built here, so that it is not timed as casting
     entry = grid.first_hits(outside)
     entered = np.nonzero(entry.found)[0]
     inside = cross(part, outside.take(entered), entry.take(entered), into.take(entered)).leg
+    bare = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=False)  # what others have cached stays here
+    legs = outside, inside
+    cast = second.call(_timed_distances, bare, legs)
+
+    def found() -> PlainCast:
+        distances, seconds = cast.result()
+        wrong = sum(_disagreements(plain, grid, leg) for plain, leg in zip(distances, legs, strict=True))
+        casts = len(rows) + len(entered)
+        return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+
+    return found
+
+
+def _timed_distances(mesh: trimesh.Trimesh, legs: tuple[Leg, ...]) -> tuple[list[Float[np.ndarray, " n"]], float]:
+    """Distances of the first hits of each leg, and the seconds that they took."""
+    plain = PlainCaster(mesh)
+    plain.tree  # noqa: B018  built here, so that it is not timed as casting
     start = perf_counter()
-    wrong = _disagreements(plain, grid, outside) + _disagreements(plain, grid, inside)
-    seconds = perf_counter() - start
-    casts = len(rows) + len(entered)
-    return PlainCast(rays=len(rows), casts=casts, disagreements=wrong, rate=casts / max(seconds, 1e-9))
+    return [plain.distances(leg) for leg in legs], perf_counter() - start
 
 
-def _disagreements(caster: "PlainCaster", grid: Grid, leg: Leg) -> int:
+def _disagreements(plain: Float[np.ndarray, " n"], grid: Grid, leg: Leg) -> int:
     if len(leg.origins) == 0:
         return 0
-    plain, quick = caster.distances(leg), grid.first_hits(leg).distances
+    quick = grid.first_hits(leg).distances
     both = np.isfinite(plain) & np.isfinite(quick)
     apart = np.abs(np.where(both, plain, 0.0) - np.where(both, quick, 0.0)) > AGREE_MM
     return int(np.sum(apart | (np.isfinite(plain) != np.isfinite(quick))))

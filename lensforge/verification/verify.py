@@ -23,7 +23,7 @@ from lensforge.verification.acceptance import (
     proof_criteria,
 )
 from lensforge.verification.body import facet_errors, mesh_size
-from lensforge.verification.brep_cast import cast_brep, through_step
+from lensforge.verification.brep_cast import StepCast, cast_step, judge_brep, through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, compare, flux_budget, gap_quantiles, share
 from lensforge.verification.light_result import OwnRays
@@ -44,6 +44,7 @@ from lensforge.verification.proof import (
 from lensforge.verification.screen import nmse, squared_norm
 from lensforge.verification.size_result import Faults, SizedFile, Sizes
 from lensforge.verification.step_body import StepBody
+from lensforge.workers.second_process import IN_TURN, SecondProcess
 
 
 def verify_part(
@@ -62,6 +63,7 @@ def verify_part(
     chord_mm: float = 0.0,
     threads: int = 1,
     inputs: Mapping[str, str] | None = None,
+    second: SecondProcess = IN_TURN,
 ) -> Proof:
     """Cast ``rays`` into the part in the bytes of an STL file (mm), and compare with the design.
 
@@ -71,29 +73,34 @@ def verify_part(
     ``mitsuba_rays`` of the rays through the mesh; with 0 it is not loaded, and ``mitsuba`` is None. ``own``: further
     rays, drawn by other code than the design's, and the light of the design that theirs is compared with. ``exported``:
     size of the part as exported, its box within ``chord_mm`` of the solid's. The result does not depend on ``threads``.
-    ``inputs``: hashes of the inputs, by name.
+    ``inputs``: hashes of the inputs, by name. ``second``: casts by the CAD kernel and by trimesh, where there is one.
 
     Raises :class:`InputError` for bytes that hold no mesh or no solid and for arrays that do not fit; a wrong part
     misses its criteria instead.
     """
     started = perf_counter()
     _require_rays(rays, expected)
-    body = None if step is None else StepBody(step)  # before the casts: a file that is refused costs no more than that
+    # Here it is read before the casts: a file that is refused costs no more than that.
+    file = step if step is None or second.runs else StepBody(step)
+    through = (
+        None if file is None else cast_step(file, rays, media, step_rays, sized=exported is not None, second=second)
+    )
     part = read_part_mesh(stl)
     grid = Grid(part.mesh)
+    plain = cast_plain(part, grid, rays, media, plain_rays, second)
     casting = perf_counter()
     passage = send_through(part, grid, rays, media, threads)
     cast_seconds = perf_counter() - casting
-    plain = cast_plain(part, grid, rays, media, plain_rays)
     none: list[Any] = [None] * len(expected)
-    by_step = none if body is None else cast_brep(body, rays, media, expected, passage, step_rays)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
+    cast = None if through is None else through()
+    by_step = none if cast is None else judge_brep(cast, rays, expected, passage)
     received = tuple(
         _on_receiver(name, rays, passage, each, (brep, mitsuba, ours))
         for name, each, brep, mitsuba, ours in zip(names, expected, by_step, by_mitsuba, by_own, strict=True)
     )
-    sizes = None if exported is None else _sizes(part, body, exported, chord_mm)
+    sizes = None if exported is None else _sizes(part, cast, exported, chord_mm)
     heights = np.abs(passage.facets_um)
     proof = Proof(
         inputs=dict(inputs or {}),
@@ -107,11 +114,11 @@ def verify_part(
         faults=Faults(),
         emission_apart=None if own is None else emission_apart(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
-        plain_cast=plain,
+        plain_cast=plain(),
         criteria=(),
         seconds=perf_counter() - started,
     )
-    faults = _faults(proof, (part, grid, body), (rays, media, expected[0]))
+    faults = _faults(proof, (part, grid, file), (rays, media, expected[0]))
     proof = proof.model_copy(update={"faults": faults})
     return proof.model_copy(update={"criteria": proof_criteria(proof), "seconds": perf_counter() - started})
 
@@ -125,32 +132,33 @@ def _own_light(
     return [judge_own_rays(own.rays, passage, each, design) for each, design in pairs]
 
 
-def _sizes(part: PartMesh, body: StepBody | None, exported: BodySize, chord_mm: float) -> Sizes:
+def _sizes(part: PartMesh, cast: StepCast | None, exported: BodySize, chord_mm: float) -> Sizes:
     """Size of the part in its files, beside that of the export."""
     facets = facet_errors(part.mesh)
     mesh = SizedFile(
         size=mesh_size(part.mesh), chord_mm=facets.chord_mm, facets_mm3=facets.volume_mm3, facets_mm2=facets.area_mm2
     )
-    step = None if body is None else SizedFile(size=body.size())
+    step = None if cast is None or cast.size is None else SizedFile(size=cast.size)
     return Sizes(exported=exported, chord_mm=chord_mm, mesh=mesh, step=step)
 
 
 def _faults(
-    proof: Proof, files: tuple[PartMesh, Grid, StepBody | None], light: tuple[RayBundle, Media, Expected]
+    proof: Proof, files: tuple[PartMesh, Grid, StepBody | bytes | None], light: tuple[RayBundle, Media, Expected]
 ) -> Faults:
     """Faults of the files whose light on the first receiver is not the design's, where they can be recognised.
 
     ``light``: rays, refractive index, and the design's results on the first receiver.
     """
-    (part, grid, body), first, sizes = files, proof.first, proof.sizes
+    (part, grid, step), first, sizes = files, proof.first, proof.sizes
     exported = None if sizes is None else sizes.exported
     seen, found = mesh_evidence(first), Faults()
     if part.open_edges == 0 and not (seen.lands_alike and seen.agreement.fates_flux <= seen.fates):
         words = recognised(through_mesh(part, grid), mesh_size(part.mesh), exported, *light)
         found = found.model_copy(update={"mesh": words})
-    if body is None or first.brep is None or sizes is None or sizes.step is None:
+    if step is None or first.brep is None or sizes is None or sizes.step is None:
         return found
     if not brep_evidence(first.brep, light[2].screen.distance_mm).lands_alike:
+        body = StepBody(step) if isinstance(step, bytes) else step
         found = found.model_copy(update={"step": recognised(through_step(body), sizes.step.size, exported, *light)})
     return found
 

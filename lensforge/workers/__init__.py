@@ -1,1 +1,1 @@
-"""Workers of Dask, on this machine or on others: a function of many items, of which each may run anywhere."""
+"""Other processes that compute: workers of Dask, here or on other machines, and a second process beside this one."""

@@ -251,7 +251,7 @@ def test_light_knows_its_conditions(own: Path) -> None:
 
 
 def test_a_source_is_warned_of_before_the_search(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "_AFTER_DESIGN", {})  # the later stages say nothing on the source
+    monkeypatch.setattr(pipeline, "run_later_stages", lambda *_: None)  # the later stages say nothing on the source
     led = write_rays(tmp_path / "led.csv")
     text = led.read_text(encoding="utf-8").splitlines()
     led.write_text("\n".join([*text, "0,0,0,0,0,0,1"]) + "\n", encoding="utf-8")

@@ -1,5 +1,7 @@
 """The top of the page: verdict, criteria, cards, and stages that are missing or out of date."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from page_text import Page, text_of, undrawn_page_of
@@ -131,3 +133,10 @@ def test_the_page_says_where_the_time_went():
     assert "Time: search 2.5 s, simulated light 1.2 s." in text_of(
         make_results(("design", "evaluate"), design={"seconds": 2.46}, evaluate={"seconds": 1.23})
     )
+
+
+@pytest.mark.parametrize(("whole", "beside"), [(3.04, " (stages can run side by side)"), (9.04, "")])
+def test_the_page_says_how_long_the_whole_command_took(whole, beside):
+    results = make_results(("design", "evaluate"), design={"seconds": 2.46}, evaluate={"seconds": 1.23})
+    wanted = f"Time: search 2.5 s, simulated light 1.2 s; the whole command, up to this page, {whole:.1f} s{beside}."
+    assert wanted in text_of(replace(results, seconds=whole))

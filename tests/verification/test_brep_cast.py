@@ -10,7 +10,7 @@ from lensforge.errors import InputError
 from lensforge.optics.media import CoverGlass, Media, ReflectanceTable
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import brep_criteria
-from lensforge.verification.brep_cast import cast_brep, send_through_step
+from lensforge.verification.brep_cast import cast_step, judge_brep, send_through_step
 from lensforge.verification.casting import Grid
 from lensforge.verification.comparison import Expected, flux_budget
 from lensforge.verification.part_mesh import part_mesh_of
@@ -58,7 +58,7 @@ def cast_of(step_bytes):
     part = part_mesh_of(lens_mesh(INNER.radius, OUTER.radius, 36, (16.0, 2.0)))
     mesh = send_through(part, Grid(part.mesh), RAYS, Media(INDEX))
     expected = Expected(SCREEN, np.ones((8, 8)), HITS, WEIGHTS)
-    (found,) = cast_brep(StepBody(step_bytes), RAYS, Media(INDEX), [expected], mesh)
+    (found,) = judge_brep(cast_step(step_bytes, RAYS, Media(INDEX))(), RAYS, [expected], mesh)
     return found
 
 

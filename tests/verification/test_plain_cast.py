@@ -49,7 +49,7 @@ def test_the_triangles_near_a_ray_give_the_hits_of_all_triangles(mesh: trimesh.T
 def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
     part = part_mesh_of(lens_mesh(sphere(6.0).radius, sphere(13.7).radius, 10))
     grid, rays = Grid(part.mesh), lambertian(400, 1.0)
-    found = cast_plain(part, grid, rays, Media(1.5), 50)
+    found = cast_plain(part, grid, rays, Media(1.5), 50)()
     assert (found.rays, found.casts, found.disagreements) == (50, 100, 0)
     honest = Grid.first_hits
 
@@ -58,4 +58,4 @@ def test_a_grid_that_is_wrong_is_noticed(monkeypatch):
         return replace(hits, distances=hits.distances + 1e-5)
 
     monkeypatch.setattr(Grid, "first_hits", shifted)
-    assert cast_plain(part, grid, rays, Media(1.5), 50).disagreements == 100
+    assert cast_plain(part, grid, rays, Media(1.5), 50)().disagreements == 100

@@ -1,0 +1,128 @@
+"""The second process: the same answers, however it ends, and no process or file that it leaves behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from foreground import default_signals
+
+from lensforge.arguments import preset_of
+from lensforge.errors import InputError
+from lensforge.workers import second_process as module
+from lensforge.workers.second_process import IN_TURN, SecondProcess, second_process
+
+
+@pytest.fixture(scope="module")
+def second() -> "SecondProcess":  # type: ignore[misc]
+    with second_process() as process:
+        yield process
+
+
+def test_functions_are_called_in_another_process_one_after_another(second: SecondProcess) -> None:
+    assert second.runs
+    numbers = [second.call(os.getpid) for _ in range(3)]
+    assert len({number.result() for number in numbers} - {os.getpid()}) == 1
+
+
+def test_an_error_is_the_one_that_the_function_raises(second: SecondProcess) -> None:
+    with pytest.raises(InputError) as there:
+        second.call(preset_of, "perfect").result()
+    with pytest.raises(InputError) as here:
+        preset_of("perfect")
+    assert str(there.value) == str(here.value)
+
+
+def test_what_a_library_prints_is_no_answer(second: SecondProcess) -> None:
+    assert second.call(os.write, 1, b"printed").result() == len(b"printed")
+    assert second.call(os.getpid).result() != os.getpid(), "it answers still"
+
+
+def test_what_cannot_travel_is_computed_here() -> None:
+    with second_process() as second:
+        assert second.call(lambda: os.getpid()).result() == os.getpid()
+        assert second.call(abs, -3).result() == 3
+
+
+def test_a_process_that_was_killed_costs_time_alone() -> None:
+    with second_process() as second:
+        sleeps = second.call(time.sleep, 60.0)
+        after = second.call(os.getpid)
+        there = second._process
+        assert there is not None
+        there.kill()
+        assert after.result() == os.getpid()
+        del sleeps
+
+
+def test_without_room_for_a_process_all_is_computed_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise BlockingIOError("too many processes")
+
+    monkeypatch.setattr(module.subprocess, "Popen", refuse)
+    with second_process() as second:
+        assert second is IN_TURN and not second.runs
+        assert second.call(os.getpid).result() == os.getpid()
+
+
+# No guard around the main code: a child that imported it would print a second line.
+SCRIPT = """
+import os, sys, time
+from lensforge.workers.second_process import second_process
+print("script", flush=True)
+with second_process() as second:
+    print(second.call(os.getpid).result(), flush=True)
+    second.call(time.sleep, 300.0)
+    if "wait" in sys.argv:
+        second.call(os.getpid).result()
+"""
+
+
+def started(temporary: Path, *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        env={**os.environ, "TMPDIR": str(temporary)},
+        preexec_fn=default_signals if os.name == "posix" else None,
+    )
+
+
+def has_ended(number: int) -> bool:
+    """True once no such process runs, within some seconds."""
+    for _ in range(100):
+        try:
+            os.kill(number, 0)
+            if Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True  # its parent has ended, and nobody has collected it yet
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
+def test_a_script_needs_no_guard_and_its_end_is_that_of_the_other_process(tmp_path: Path) -> None:
+    process = started(tmp_path)
+    words, errors = process.communicate(timeout=60)
+    first, number = words.splitlines()
+    assert (first, errors, process.returncode) == ("script", "", 0)
+    assert has_ended(int(number)) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends with its work")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_is_left_however_the_first_one_ends(how: signal.Signals, tmp_path: Path) -> None:
+    process = started(tmp_path, "wait")
+    assert process.stdout is not None and process.stdout.readline() == "script\n"
+    number = int(process.stdout.readline())
+    time.sleep(0.5)  # until it sleeps, and does not wait for a call: the end of the pipe would end it then
+    process.send_signal(how)
+    process.communicate(timeout=60)
+    assert has_ended(number)
+    if how is signal.SIGINT:
+        assert not list(tmp_path.iterdir()), "its temporary folder, too"
