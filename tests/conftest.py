@@ -22,8 +22,12 @@ _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",
     "geometry", "manufacturing", "verification", "measurement", "pictures",
 ]  # fmt: skip
-# Kernels are compiled by numba and cannot be wrapped; they have a folder of their own.
-install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")
+_FOLDER = Path(lensforge.__file__).parent
+_COMPILED = {_FOLDER / "verification" / "grid_walk.py"}  # by numba, which cannot compile what is wrapped
+_MODULES = sorted(path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path not in _COMPILED)
+install_import_hook(
+    [".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES], "beartype.beartype"
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,11 +15,11 @@ PACKAGE = Path(__file__).parents[1] / "lensforge"
 
 # From the ground up: a module may import from its own layer's package and from the layers above it in this list.
 ORDER = [
-    "version", "seeds", "errors", "json_text", "freed_memory", "temporary", "files", "folder_lock", "npz_file",
-    "point_cloud", "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces", "cad_files",
-    "optics", "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures", "sources",
-    "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers", "tolerancing",
-    "roadway", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement",
+    "version", "seeds", "errors", "json_text", "freed_memory", "temporary", "compiled", "files", "folder_lock",
+    "npz_file", "point_cloud", "untrusted", "pictures", "kernels", "records", "jackknife", "criteria", "surfaces",
+    "cad_files", "optics", "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures",
+    "sources", "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers",
+    "tolerancing", "roadway", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement", "agreement",
     "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts", "cast_stages",
     "tolerance_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder",
     "toleranced_folder", "later_stages", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
@@ -183,7 +183,7 @@ def test_threads_of_torch_sleep_unless_the_user_has_said_otherwise(given: str | 
 
 def test_verification_shares_nothing_with_the_design() -> None:
     allowed = {
-        "errors", "files", "untrusted", "figures", "criteria", "records", "sources", "optics", "workers",
+        "errors", "files", "compiled", "untrusted", "figures", "criteria", "records", "sources", "optics", "workers",
         "verification",
     }  # fmt: skip
     for path in (PACKAGE / "verification").rglob("*.py"):

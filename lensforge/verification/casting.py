@@ -1,8 +1,8 @@
-"""First hits of many rays on a mesh: trimesh's own intersection tests, on the few triangles near each ray.
+"""First hits of many rays on a mesh: places on the triangles by trimesh, which of them is hit by a walk through a grid.
 
 trimesh queries an R-tree for all triangles in the bounding box of the whole ray, half of the mesh for a ray through a
-lens, and traces a few hundred rays per second. Here each ray walks through the cells of a uniform grid (Amanatides and
-Woo 1987), all rays in step, and trimesh tests the triangles of the cells that it visits until the first hit.
+lens, and traces a few hundred rays per second. Here a compiled walk through the cells of a uniform grid tests the
+triangles of the cells that each ray visits until the first hit.
 """
 
 import itertools
@@ -19,13 +19,11 @@ from lensforge.errors import InputError
 CELL_EDGES = 1.0  # edge of a cell in typical triangle edges
 MAX_CELLS = 4e6  # about this many cells at most: bounds the memory
 _BLOCK = 2**18  # cells of boxes tested together: they stay in the cache
-_CANDIDATES = 2**20  # triangles that rays test together: bounds the memory
 # Bounds for meshes that somebody has changed, whose triangles may span the whole part. The boxes of all triangles of a
 # usual mesh have 3 million cells, and a triangle shares its cells with 70 others; of a lens on a plate of a hundred
 # times its width, with 1,000.
 _BOX_CELLS, _BOX_CELLS_EACH = 2e7, 16
 MOST_TOGETHER = 5000.0
-INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 
 
 @dataclass(frozen=True)
@@ -128,70 +126,15 @@ class Grid:
 
     def first_hits(self, leg: Leg) -> FacetHits:
         """First hit of each ray."""
-        count = len(leg.origins)
-        hits = FacetHits(np.full(count, -1), np.full(count, np.inf), np.zeros((count, 3)))
-        # A direction component of zero is replaced for the walk only: 1e-12 keeps it inside the cells' margin.
-        small = np.abs(leg.directions) < 1e-12
-        slope = np.where(small, np.copysign(1e-12, leg.directions), leg.directions)
-        entry, leave = self._span(leg, slope)
-        rays = np.nonzero(entry < leave)[0]
-        slope, origins = slope[rays], leg.origins[rays]
-        start = (origins + entry[rays, None] * slope - self.corner) / self.cell
-        cells = np.clip(np.floor(start).astype(np.int64), 0, self.shape - 1)
-        step = np.where(slope > 0.0, 1, -1)
-        width = self.cell / np.abs(slope)
-        crossing = (self.corner + (cells + (step > 0)) * self.cell - origins) / slope
-        while len(rays):
-            self._test(rays, cells @ self.strides, leg, hits)
-            row, axis = np.arange(len(rays)), np.argmin(crossing, axis=1)
-            done = hits.distances[rays] <= crossing[row, axis]
-            cells[row, axis] += step[row, axis]
-            crossing[row, axis] += width[row, axis]
-            moved = cells[row, axis]
-            keep = ~done & (moved >= 0) & (moved < self.shape[axis])
-            rays, cells, step, width, crossing = (array[keep] for array in (rays, cells, step, width, crossing))
+        from lensforge.verification.grid_walk import walk
+
+        found, distances = np.empty(len(leg.origins), dtype=np.int64), np.empty(len(leg.origins))
+        rays = (np.ascontiguousarray(each, dtype=np.float64) for each in (leg.origins, leg.directions, leg.beyond))
+        mesh = self.triangles, self.normals
+        walk(*rays, self.starts, self.members, *mesh, self.corner, self.cell, self.shape, found, distances)
+        hits = FacetHits(found, distances, np.zeros((len(found), 3)))
+        rows = np.nonzero(hits.found)[0]
+        facets, ways = self.triangles[found[rows]], (leg.origins[rows], leg.directions[rows])
+        points, _, distances[rows] = planes_lines(facets[:, 0], self.normals[found[rows]], *ways, return_distance=True)
+        hits.barycentric[rows] = points_to_barycentric(facets, points)
         return hits
-
-    def _span(
-        self, leg: Leg, slope: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Distances at which each ray enters and leaves the grid's box."""
-        one = (self.corner - leg.origins) / slope
-        other = (self.corner + self.shape * self.cell - leg.origins) / slope
-        entry = np.maximum(np.minimum(one, other).max(axis=1), leg.beyond)
-        return entry, np.maximum(one, other).min(axis=1)
-
-    def _test(self, rays: Int[np.ndarray, " m"], keys: Int[np.ndarray, " m"], leg: Leg, hits: FacetHits) -> None:
-        """Test all triangles of the cells ``keys``, one cell for each of ``rays``; write nearer hits into ``hits``."""
-        first, count = self.starts[keys], self.starts[keys + 1] - self.starts[keys]
-        upto = np.cumsum(count)
-        ends = np.unique([0, *np.searchsorted(upto, np.arange(_CANDIDATES, upto[-1], _CANDIDATES)), len(rays)])
-        for start, end in itertools.pairwise(ends):
-            part = slice(int(start), int(end))
-            self._test_cells(rays[part], first[part], count[part], leg, hits)
-
-    def _test_cells(
-        self,
-        rays: Int[np.ndarray, " m"],
-        first: Int[np.ndarray, " m"],
-        count: Int[np.ndarray, " m"],
-        leg: Leg,
-        hits: FacetHits,
-    ) -> None:
-        ray = np.repeat(rays, count)
-        if len(ray) == 0:
-            return
-        place = np.arange(len(ray)) - np.repeat(np.cumsum(count) - count - first, count)
-        candidate = self.members[place]
-        triangle = self.triangles[candidate]
-        points, valid, distance = planes_lines(
-            triangle[:, 0], self.normals[candidate], leg.origins[ray], leg.directions[ray], return_distance=True
-        )
-        ray, candidate = ray[valid], candidate[valid]
-        barycentric = points_to_barycentric(triangle[valid], points)
-        nearer = (distance > leg.beyond[ray]) & (distance < hits.distances[ray])
-        order = np.nonzero(nearer & (barycentric.min(axis=1) >= INSIDE))[0]
-        order = order[np.argsort(-distance[order], kind="stable")]  # the nearest is written last, and stays
-        hits.triangles[ray[order]] = candidate[order]
-        hits.distances[ray[order]] = distance[order]
-        hits.barycentric[ray[order]] = barycentric[order]

@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 import lensforge
+from lensforge.compiled import cache_folder
 from lensforge.kernels.fates import Fate
-from lensforge.kernels.jit import cache_folder
 
 PACKAGE = Path(lensforge.__file__).parent
 KERNELS = PACKAGE / "kernels"
 SOURCES = sorted(KERNELS.glob("*.py"))
+COMPILER, GRID_WALK = PACKAGE / "compiled.py", PACKAGE / "verification" / "grid_walk.py"
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.name)
@@ -30,20 +31,23 @@ def test_any_edit_in_the_folder_makes_another_cache(
 
 def test_nothing_is_compiled_elsewhere() -> None:
     for path in PACKAGE.rglob("*.py"):
-        if path.parent == KERNELS:
+        if path.parent == KERNELS or path in (COMPILER, GRID_WALK):
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
             module = node.module if isinstance(node, ast.ImportFrom) else ""
             assert "numba" not in [*names, module], path
+            assert module != "lensforge.compiled", path
             assert not (module == "lensforge.kernels.jit" and {"kernel", "inline"} & set(names)), path
 
 
-def test_kernels_take_their_constants_from_their_own_folder() -> None:
-    for path in SOURCES:
+@pytest.mark.parametrize(("folder", "sources"), [(KERNELS, SOURCES), (GRID_WALK.parent, [GRID_WALK])])
+def test_kernels_take_their_constants_from_their_own_folder(folder: Path, sources: list[Path]) -> None:
+    own = f"lensforge.{folder.name}"
+    for path in sources:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lensforge"):
-                assert node.module.startswith(("lensforge.kernels", "lensforge.errors", "lensforge.temporary")), path
+                assert node.module.startswith((own, "lensforge.compiled")), path
 
 
 def test_the_fates_are_their_places_in_arrays() -> None:

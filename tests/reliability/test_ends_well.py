@@ -13,10 +13,10 @@ import pytest
 from nightly import first_by_day
 
 import lensforge as lf
+from lensforge import compiled, kernels
 from lensforge.commands.printing import printable
 from lensforge.errors import InputError
 from lensforge.files import replacing, require_writable
-from lensforge.kernels import jit
 from lensforge.report.ownership import PDF_MARK, is_free_or_own, pdf_mark
 from lensforge.report.page import remove_stale_pdf, write_page
 
@@ -248,22 +248,22 @@ def test_a_home_without_room_for_compiled_kernels_is_no_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path))
     registered: list[Callable[..., None]] = []
-    monkeypatch.setattr(jit.atexit, "register", lambda *call, **_: registered.append(call))
+    monkeypatch.setattr(compiled.atexit, "register", lambda *call, **_: registered.append(call))
 
     def no_home() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.setattr(Path, "home", no_home)
-    folder = jit.cache_folder(Path(jit.__file__).parent)
+    folder = compiled.cache_folder(Path(kernels.__file__).parent)
     assert folder.parent == tmp_path and registered == [(shutil.rmtree, str(folder))]
     (tmp_path / "file").touch()
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "file")
-    assert jit.cache_folder(Path(jit.__file__).parent).parent == tmp_path
-    monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path / "nowhere"))
+    assert compiled.cache_folder(Path(kernels.__file__).parent).parent == tmp_path
+    monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match="XDG_CACHE_HOME"):
-        jit.cache_folder(Path(jit.__file__).parent)
+        compiled.cache_folder(Path(kernels.__file__).parent)
 
 
 COMMANDS = [
