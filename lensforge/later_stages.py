@@ -45,18 +45,33 @@ class Told:
         self.ended(name, time.perf_counter() - started)
 
 
-def run_later_stages(folder: Path, told: Told) -> None:
+@contextmanager
+def process_for_later_stages() -> Iterator[SecondProcess]:
+    """A second process where there are two cores, which loads the CAD kernel while this one searches."""
+    import torch
+
+    with second_process(torch.get_num_threads() > 1) as second:
+        if second.runs:
+            second.call(_load_cad_kernel)
+        yield second
+
+
+def _load_cad_kernel() -> None:
+    import cadquery  # noqa: F401  two seconds
+
+    import lensforge.geometry.export  # noqa: F401
+
+
+def run_later_stages(folder: Path, told: Told, second: SecondProcess) -> None:
     """Evaluate, export, check, verify and photometry of the lens in ``folder``; the same bits on one core or more."""
     import torch
 
-    threads = torch.get_num_threads()
     return_freed_memory()  # of the search: two processes are to need no more than one did
-    with second_process(threads > 1) as second:
-        if second.runs:
-            with threads_of_torch(threads - 1):
-                _side_by_side(folder, second, told)
-        else:
-            _one_after_another(folder, told)
+    if second.runs:
+        with threads_of_torch(max(1, torch.get_num_threads() - 1)):
+            _side_by_side(folder, second, told)
+    else:
+        _one_after_another(folder, told)
 
 
 def _one_after_another(folder: Path, told: Told) -> None:

@@ -17,7 +17,7 @@ from lensforge.far_field.photometry import Photometry
 from lensforge.folder_lock import in_locked_folder, locked
 from lensforge.geometry.part import Part
 from lensforge.given_faces.lens_face import LENS_FILE
-from lensforge.later_stages import Announce, Ended, Told, run_later_stages
+from lensforge.later_stages import Announce, Ended, Told, process_for_later_stages, run_later_stages
 from lensforge.lens import Lens, load_lens
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.checkpoint import CHECKPOINT, delete_checkpoint, is_checkpoint
@@ -77,35 +77,36 @@ def run(
         raise InputError(f"lens.start = {spec.lens.start}: the run would overwrite it; give another result folder")
     with locked(folder, create=True), threads_of_torch(threads):
         require_own(folder / REPORT_FILE)
-        result = (
-            best_design(
-                spec,
-                starts=starts,
-                accuracy=accuracy,
-                seed=seed,
-                scheduler=scheduler,
-                progress=progress,
-                announce=announce,
-                warn=warn,
-                anyway=anyway,
-            )
-            if several
-            else stages.design(
-                spec,
-                accuracy=accuracy,
-                seed=seed,
-                start=start,
-                checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
-                resume=checkpoint is not None,
-                progress=progress,
-                device=device,
-                warn=warn,
-                anyway=anyway,
-            )
-        )
-        write_design(result, folder)
         told = Told(announce, ended)
-        run_later_stages(folder, told)
+        with process_for_later_stages() as second:
+            result = (
+                best_design(
+                    spec,
+                    starts=starts,
+                    accuracy=accuracy,
+                    seed=seed,
+                    scheduler=scheduler,
+                    progress=progress,
+                    announce=announce,
+                    warn=warn,
+                    anyway=anyway,
+                )
+                if several
+                else stages.design(
+                    spec,
+                    accuracy=accuracy,
+                    seed=seed,
+                    start=start,
+                    checkpoint=folder / CHECKPOINT if checkpoint is None else checkpoint,
+                    resume=checkpoint is not None,
+                    progress=progress,
+                    device=device,
+                    warn=warn,
+                    anyway=anyway,
+                )
+            )
+            write_design(result, folder)
+            run_later_stages(folder, told, second)
         with told.timed("report"):
             refresh_report(folder, seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it

@@ -13,7 +13,7 @@ import lensforge as lf
 from lensforge.arguments import threads_of_torch
 from lensforge.commands.progress import DesignProgress
 from lensforge.commands.stage_clock import StageClock
-from lensforge.later_stages import Told, run_later_stages
+from lensforge.later_stages import Told, process_for_later_stages, run_later_stages
 from lensforge.pipeline import write_design
 from lensforge.run_folder import renew
 from lensforge.workers import second_process
@@ -48,7 +48,8 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
     with threads_of_torch(threads):
         before = torch.get_num_threads()
         listener = Told(lambda name: told.append(("begins", name)), lambda name, seconds: told.append(("ended", name)))
-        run_later_stages(folder, listener)
+        with process_for_later_stages() as second:
+            run_later_stages(folder, listener, second)
         assert torch.get_num_threads() == before
     return told
 
