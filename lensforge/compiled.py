@@ -2,7 +2,8 @@
 
 numba keys its cache by the file of the outer function alone, so an edit in a called kernel would go unnoticed. The
 cache folder is therefore named by a digest of every file in a package and of numba's version: all kernels that call
-each other, and the constants that they use, are in one package.
+each other, and the constants that they use, are in one package. numba's own key is the place of that file, too, so that
+every checkout and every environment would compile the same kernels again, for half a minute: here the digest is all.
 """
 
 import atexit
@@ -11,6 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,23 +30,51 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_
 Function = Callable[..., Any]
 
 
-def kernels_of(package: Path) -> Callable[[Function], Function]:
-    """Decorator for kernels of ``package``: without the interpreter's lock, contracted to fused multiply-adds."""
-    folder = str(cache_folder(package))
+class KernelCache:
+    """The place of a compiled kernel, in the terms of numba's locators: a folder, a stamp of its source, a name."""
 
-    def kernel(function: Function) -> Function:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = folder
-        try:
-            compiled: Function = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
-            return compiled
-        finally:
-            numba.config.CACHE_DIR = before
+    def __init__(self, folder: Path, line: int) -> None:
+        self._folder, self._line = folder, line
 
-    return kernel
+    @classmethod
+    def from_function(cls, function: Function, source: str) -> "KernelCache":
+        """The place of a ``function`` of a ``source`` file."""
+        return cls(_folder_of(Path(source).parent), function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder again, should it have been deleted."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """Folder of the kernels of these sources."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """The digest of these sources."""
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        """The line, a part of the file's name."""
+        return str(self._line)
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
+    before = numba.config.CACHE_LOCATOR_CLASSES
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
+    try:
+        compiled: Function = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+        return compiled
+    finally:
+        numba.config.CACHE_LOCATOR_CLASSES = before
 
 
 inline = numba.njit(forceinline=True, **_OPTIONS)
+
+
+@cache
+def _folder_of(package: Path) -> Path:
+    return cache_folder(package)
 
 
 def cache_folder(kernels: Path) -> Path:

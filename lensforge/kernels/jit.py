@@ -7,17 +7,15 @@ of the chunks: the same bits on any number of threads.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import torch
 
-from lensforge.compiled import inline, kernels_of
+from lensforge.compiled import inline, kernel
 
 __all__ = ["CHUNKS", "in_chunks", "in_parallel", "inline", "kernel"]
 
 CHUNKS = 8
-kernel = kernels_of(Path(__file__).parent)
 
 
 def in_chunks(work: Callable[[int, slice], Any], count: int) -> None:

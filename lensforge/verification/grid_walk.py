@@ -4,15 +4,12 @@ Compiled, and of nothing that the design stage computes with: the compiler is al
 """
 
 from math import copysign, floor, inf
-from pathlib import Path
 
-from lensforge.compiled import inline, kernels_of
+from lensforge.compiled import inline, kernel
 
 INSIDE = -1e-9  # barycentric coordinates down to this are inside, so that no ray slips between two triangles
 PARALLEL = 1e-5  # cosine between a ray and a normal up to which trimesh takes them to miss each other
 _LEAST = 1e-12  # component of a direction, for the walk only: it keeps the ray inside the cells' margin
-
-kernel = kernels_of(Path(__file__).parent)
 
 
 @inline
