@@ -4,11 +4,11 @@ The lens from which it starts is judged first, so that the end is never worse. E
 functions need not be converged, the next level does the same work better, and a converged coarse lens leads to a worse
 fine one. A level that lowered the error by too little, or by no more than noise, is tried again with smaller steps; if
 that does not help, it is left out, and no finer one is tried. From a finished lens the broad functions move first, too,
-all others as they are; a level of them that gains nothing is left as it was. Long stages of ever smaller steps and more
-rays follow, until one of them gains too little. A scene with a region of uniform light then has stages for its
-uniformity, with small steps: they decide between lenses that light the target alike, and larger ones scatter light out
-of the window (0.904 of the flux for 0.908 on flat_top). In every stage the learning rate falls to a twentieth, so that
-its end can be judged.
+all others as they are; a level of them that gains nothing is left as it was, and one level of new functions is tried
+then, whatever its own have gained. Long stages of ever smaller steps and more rays follow, until one of them gains too
+little. A scene with a region of uniform light then has stages for its uniformity, with small steps: they decide between
+lenses that light the target alike, and larger ones scatter light out of the window (0.904 of the flux for 0.908 on
+flat_top). In every stage the learning rate falls to a twentieth, so that its end can be judged.
 """
 
 import math
@@ -124,7 +124,10 @@ class _Position:
             return self._after_broad_functions(outcome, now, kept)
         gain = self.accepted.gain_of(outcome, even=False)
         if not gain.reaches(self.schedule.stages.effort.level_gain):
-            return self._after_small_gain(gain, outcome, now)
+            if not 0 < self.schedule.stages.start_level == level < len(counts) - 1:
+                return self._after_small_gain(gain, outcome, now)
+            if gain.share <= 0.0:  # the functions of a finished lens are near their best, those of the next level new
+                now, kept = self, Turn(None, "accepted")
         if level + 1 == len(counts):
             return replace(now, why=self.schedule.stages.levels.why)._stage_of("long", outcome, kept)
         most = self._steps_of_level(outcome, len(counts) - 1 - level)

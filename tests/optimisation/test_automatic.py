@@ -160,6 +160,17 @@ def test_a_search_from_a_lens_never_ends_worse_than_that_lens() -> None:
         assert found.levels == (9, 25) if worse > 1.0 else found.levels == (9, 25, 81)
 
 
+def test_a_lens_that_its_own_functions_do_not_improve_gets_finer_ones() -> None:
+    """Limits that it touches, or a search that ended: what the next level can do is known when it has been tried."""
+
+    def merit(stage: Stage, merit: float) -> float:
+        return 1.5 * merit if stage.level < 2 else max(0.1, 0.6 * merit)
+
+    found = Followed(schedule(start_level=1), merit)
+    assert [(stage.level, stage.functions) for stage in found.stages[:4]] == [(1, 34), (0, 9), (1, 34), (2, 115)]
+    assert found.levels == (9, 25, 81) and found.merit == 0.1
+
+
 def test_a_budget_is_kept() -> None:
     for budget_s in (60.0, 110.0):
         found = Followed(schedule(budget_s=budget_s), lambda stage, merit: 0.7 * merit)
