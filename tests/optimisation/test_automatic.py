@@ -172,9 +172,9 @@ def test_a_lens_that_its_own_functions_do_not_improve_gets_finer_ones() -> None:
 
 
 def test_a_budget_is_kept() -> None:
-    for budget_s in (80.0, 110.0):
+    for budget_s in (60.0, 110.0):
         found = Followed(schedule(budget_s=budget_s), lambda stage, merit: 0.7 * merit)
-        assert budget_s - 20.0 <= found.outcomes[-1].seconds <= budget_s
+        assert budget_s - 40.0 <= found.outcomes[-1].seconds <= budget_s, "ten steps of 1024 rays take 40 s"
         assert f"optimise.seconds = {budget_s:g} are used" in found.why
     assert (
         "optimise.seconds = 26 leaves no time for 81 functions"
