@@ -94,6 +94,7 @@ def _side_by_side(folder: Path, second: SecondProcess, told: Told) -> None:
 
     lens = load_lens(folder / LENS_FILE)
     made = second.call(stages.build, lens)
+    checked = second.call_after(made, lambda part: (lens, part.nodes), check_lens)
     told.begins(Part.stage)
     with told.timed(Light.stage):
         light = write_result(stages.evaluate(lens), folder)
@@ -105,7 +106,6 @@ def _side_by_side(folder: Path, second: SecondProcess, told: Told) -> None:
         remembered(content)  # this program made them, if not this process
     write_result(part, folder)
     told.ended(Part.stage, part.seconds)
-    checked = second.call(check_lens, lens, part.nodes)
     told.begins(Check.stage)
     with told.timed(Proof.stage):
         proof = verify_with(second, part, light)

@@ -94,6 +94,7 @@ def verify_part(
     none: list[Any] = [None] * len(expected)
     by_mitsuba = cast_mitsuba(part, rays, media, expected, mitsuba_rays) if mitsuba_rays else none
     by_own = none if own is None else _own_light(part, grid, own, media, expected, threads)
+    compared = plain()
     cast = None if through is None else through()
     by_step = none if cast is None else judge_brep(cast, rays, expected, passage)
     received = tuple(
@@ -114,7 +115,7 @@ def verify_part(
         faults=Faults(),
         emission_apart=None if own is None else emission_apart(own.rays, rays),
         facet_height_um=Extent(rms=float(np.sqrt(np.mean(heights**2))), max=float(heights.max())),
-        plain_cast=plain(),
+        plain_cast=compared,
         criteria=(),
         seconds=perf_counter() - started,
     )

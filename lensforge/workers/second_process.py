@@ -3,7 +3,8 @@
 It is a fresh Python that imports nothing of the script that called the library, so no script needs a guard around its
 main code. It writes no results and decides nothing: functions travel there, and what they return comes back, with the
 same bits. It is there to be faster, and for nothing else: where it cannot be had, or a function fails in it, this
-process calls the function itself, and raises what the function raises.
+process calls the function itself, and raises what the function raises. So it does with a function whose result it needs
+and that has not begun there: waiting for its turn would leave this core idle.
 """
 
 import os
@@ -25,20 +26,26 @@ _SCRIPT = Path(calls.__file__).resolve()
 _PACKAGES = _SCRIPT.parents[2]
 
 _Given = TypeVarTuple("_Given")
-_Result = TypeVar("_Result")
+_Result, _Before = TypeVar("_Result"), TypeVar("_Before")
 
 
 class Called(Generic[_Result]):
     """A call that goes on beside this process, or that has yet to begin in it."""
 
     def __init__(self, here: Callable[[], _Result], there: "Future[tuple[bool, Any]] | None" = None) -> None:
-        self._here, self._there = here, there
+        self._here, self.there = here, there
+        self._results: list[_Result] = []
 
     def result(self) -> _Result:
-        """Wait for what the function returns; where the second process has failed, or there is none, call it here."""
-        if self._there is None:
+        """Wait for what the function returns; where the second process has failed or not begun, call it here."""
+        if not self._results:
+            self._results.append(self._taken())
+        return self._results[0]
+
+    def _taken(self) -> _Result:
+        if self.there is None or self.there.cancel():
             return self._here()
-        done, result = self._there.result()
+        done, result = self.there.result()
         return cast(_Result, result) if done else self._here()
 
 
@@ -64,6 +71,25 @@ class SecondProcess:
         if self._thread is None:
             return Called(here)
         return Called(here, self._thread.submit(self._exchange, (function, given)))
+
+    def call_after(
+        self,
+        before: Called[_Before],
+        given: Callable[[_Before], tuple[*_Given]],
+        function: Callable[[*_Given], _Result],
+    ) -> Called[_Result]:
+        """Call a function of what is ``given`` by the result of a call ``before``, as soon as that is known."""
+
+        def here() -> _Result:
+            return function(*given(before.result()))
+
+        def there() -> tuple[bool, Any]:
+            if before.there is None or before.there.cancelled():
+                return False, None
+            done, result = before.there.result()  # it had its turn before
+            return self._exchange((function, given(result))) if done else (False, None)
+
+        return Called(here, None if self._thread is None else self._thread.submit(there))
 
     def _exchange(self, call: tuple[Any, ...]) -> tuple[bool, Any]:
         """Send a call and wait for its answer; False first where there is none, for whatever reason."""

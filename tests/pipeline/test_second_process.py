@@ -1,11 +1,13 @@
 """The second process: the same answers, however it ends, and no process or file that it leaves behind."""
 
+import operator
 import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from foreground import default_signals
@@ -13,7 +15,9 @@ from foreground import default_signals
 from lensforge.arguments import preset_of
 from lensforge.errors import InputError
 from lensforge.workers import second_process as module
-from lensforge.workers.second_process import IN_TURN, SecondProcess, second_process
+from lensforge.workers.second_process import IN_TURN, Called, SecondProcess, second_process
+
+Result = TypeVar("Result")
 
 
 @pytest.fixture(scope="module")
@@ -22,10 +26,43 @@ def second() -> "SecondProcess":  # type: ignore[misc]
         yield process
 
 
+def there(call: Called[Result]) -> Result:
+    """Result of a call that has had its turn."""
+    assert call.there is not None
+    call.there.result()
+    return call.result()
+
+
 def test_functions_are_called_in_another_process_one_after_another(second: SecondProcess) -> None:
     assert second.runs
     numbers = [second.call(os.getpid) for _ in range(3)]
-    assert len({number.result() for number in numbers} - {os.getpid()}) == 1
+    assert len({there(number) for number in numbers} - {os.getpid()}) == 1
+
+
+def test_what_has_not_begun_there_is_computed_here() -> None:
+    with second_process() as second:
+        second.call(time.sleep, 300.0)
+        assert [second.call(os.getpid).result() for _ in range(2)] == [os.getpid()] * 2
+
+
+def test_a_call_after_another_gets_its_result(second: SecondProcess) -> None:
+    number = second.call(os.getpid)
+    following = second.call_after(number, lambda found: (found, 1), operator.add)
+    assert there(following) == there(number) + 1
+    wrong = second.call(preset_of, "perfect")
+    after_it = second.call_after(wrong, lambda preset: (preset,), id)
+    for call in (after_it, wrong):
+        with pytest.raises(InputError, match="perfect"):
+            call.result()
+    assert IN_TURN.call_after(IN_TURN.call(abs, -3), lambda found: (found, 4), pow).result() == 81
+
+
+def test_a_call_after_one_that_was_computed_here_is_computed_here() -> None:
+    with second_process() as second:
+        second.call(time.sleep, 300.0)
+        number = second.call(os.getpid)
+        following = second.call_after(number, lambda found: (found, 1), operator.add)
+        assert (number.result(), following.result()) == (os.getpid(), os.getpid() + 1)
 
 
 def test_an_error_is_the_one_that_the_function_raises(second: SecondProcess) -> None:
@@ -37,8 +74,8 @@ def test_an_error_is_the_one_that_the_function_raises(second: SecondProcess) -> 
 
 
 def test_what_a_library_prints_is_no_answer(second: SecondProcess) -> None:
-    assert second.call(os.write, 1, b"printed").result() == len(b"printed")
-    assert second.call(os.getpid).result() != os.getpid(), "it answers still"
+    assert there(second.call(os.write, 1, b"printed")) == len(b"printed")
+    assert there(second.call(os.getpid)) != os.getpid(), "it answers still"
 
 
 def test_what_cannot_travel_is_computed_here() -> None:
@@ -51,10 +88,10 @@ def test_a_process_that_was_killed_costs_time_alone() -> None:
     with second_process() as second:
         sleeps = second.call(time.sleep, 60.0)
         after = second.call(os.getpid)
-        there = second._process
-        assert there is not None
-        there.kill()
-        assert after.result() == os.getpid()
+        process = second._process
+        assert process is not None
+        process.kill()
+        assert there(after) == os.getpid()
         del sleeps
 
 
@@ -74,10 +111,12 @@ import os, sys, time
 from lensforge.workers.second_process import second_process
 print("script", flush=True)
 with second_process() as second:
-    print(second.call(os.getpid).result(), flush=True)
-    second.call(time.sleep, 300.0)
+    number = second.call(os.getpid)
+    number.there.result()
+    print(number.result(), flush=True)
+    asleep = second.call(time.sleep, 300.0)
     if "wait" in sys.argv:
-        second.call(os.getpid).result()
+        asleep.there.result()
 """
 
 
