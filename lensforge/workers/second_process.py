@@ -26,7 +26,8 @@ _SCRIPT = Path(calls.__file__).resolve()
 _PACKAGES = _SCRIPT.parents[2]
 
 _Given = TypeVarTuple("_Given")
-_Result, _Before = TypeVar("_Result"), TypeVar("_Before")
+_Result = TypeVar("_Result")
+_Before = TypeVar("_Before")
 
 
 class Called(Generic[_Result]):
