@@ -2,7 +2,8 @@
 
 numba keys its cache by the file of the outer function alone, so an edit in a called kernel would go unnoticed. The
 cache folder is therefore named by a digest of every file in this package and of numba's version: all kernels and the
-constants that they use are in this package.
+constants that they use are in this package. numba's own key is the place of that file, too, so that every checkout and
+every environment would compile the same kernels again, for half a minute: here the digest is the whole key.
 
 Rays are cut into a fixed number of chunks, whatever the number of threads, and callers add partial sums in the order
 of the chunks: the same bits on any number of threads.
@@ -64,15 +65,43 @@ _FOLDER = str(cache_folder(Path(__file__).parent))
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False}
 
 
+class KernelCache:
+    """The place of a compiled kernel, in the terms of numba's locators: a folder, a stamp of its source, a name."""
+
+    def __init__(self, line: int) -> None:
+        self._line = line
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], _: str) -> "KernelCache":
+        """The place of ``function``, in whatever file it is."""
+        return cls(function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder again, should it have been deleted."""
+        Path(_FOLDER).mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """Folder of the kernels of these sources."""
+        return _FOLDER
+
+    def get_source_stamp(self) -> str:
+        """The digest of these sources."""
+        return Path(_FOLDER).name
+
+    def get_disambiguator(self) -> str:
+        """The line, a part of the file's name."""
+        return str(self._line)
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile ``function`` with numba, without the interpreter's lock, contracted to fused multiply-adds."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _FOLDER
+    before = numba.config.CACHE_LOCATOR_CLASSES
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCache.__name__}"
     try:
         compiled: Callable[..., Any] = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
         return compiled
     finally:
-        numba.config.CACHE_DIR = before
+        numba.config.CACHE_LOCATOR_CLASSES = before
 
 
 inline = numba.njit(forceinline=True, **_OPTIONS)

@@ -1,7 +1,10 @@
 """The cache of compiled kernels: all that is compiled lies in one folder, whose content is its key."""
 
 import ast
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -26,6 +29,29 @@ def test_any_edit_in_the_folder_makes_another_cache(
     edited = copied / source.name
     edited.write_text(edited.read_text() + "# edited\n")
     assert cache_folder(copied) != cache_folder(KERNELS)
+
+
+_MULTIPLY = """
+import numpy as np
+from lensforge.kernels.sparse import add_transposed
+starts, total = np.array([0, 1, 3]), np.zeros((2, 2))
+add_transposed(starts, np.array([0, 0, 1]), np.array([2.0, 3.0, 5.0]), np.array([[1.0, 7.0], [1.0, 1.0]]), 0, 2, total)
+assert total.tolist() == [[5.0, 17.0], [5.0, 5.0]], total
+found = add_transposed.stats
+print(found.cache_path, len(found.cache_hits), len(found.cache_misses))
+"""
+
+
+def test_a_second_checkout_runs_what_the_first_has_compiled(tmp_path: Path) -> None:
+    found = []
+    for name in ("first", "second"):
+        shutil.copytree(PACKAGE, tmp_path / name / "lensforge", ignore=shutil.ignore_patterns("__pycache__"))
+        surroundings = {**os.environ, "PYTHONPATH": str(tmp_path / name), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        command = [sys.executable, "-P", "-c", _MULTIPLY]
+        found.append(subprocess.check_output(command, env=surroundings, encoding="utf-8").split())
+    (folder, *first), (again, *second) = found
+    assert folder == again and folder.startswith(str(tmp_path / "cache"))
+    assert (first, second) == (["0", "1"], ["1", "0"]), "hits and misses of the cache"
 
 
 def test_nothing_is_compiled_elsewhere() -> None:
