@@ -1,14 +1,15 @@
 """Array shapes and dtypes in signatures are checked while the tests run; result folders that many tests read."""
 
+import gc
 import pickle
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import array_checks
 import numpy as np
 import pytest
-from jaxtyping import install_import_hook
 from nightly import skip_by_day
 
 import lensforge
@@ -23,11 +24,21 @@ _PACKAGES = [
     "geometry", "manufacturing", "verification", "measurement", "pictures",
 ]  # fmt: skip
 # Kernels are compiled by numba and cannot be wrapped; they have a folder of their own.
-install_import_hook([f"lensforge.{package}" for package in _PACKAGES], "beartype.beartype")
+array_checks.install([f"lensforge.{package}" for package in _PACKAGES])
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     skip_by_day(items)
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded stays: the search for garbage need not walk through it again and again."""
+    gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    array_checks.begin_test()
 
 
 @pytest.fixture(autouse=True)
