@@ -1,11 +1,17 @@
 """Array shapes and dtypes in signatures are checked while the tests run; result folders that many tests read."""
 
 import gc
+import os
 import pickle
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+
+# A thread of OpenBLAS that waits for another takes a whole core, and the processes of these tests have one each: sums
+# of a source's rays took ten times as long. It reads this when it is loaded: the processes of xdist and the commands
+# that tests start obey.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import array_checks
 import numpy as np
