@@ -92,13 +92,15 @@ def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.
 def small_run(shared: Path) -> lensforge.Run:
     """A run of a small lens: the object that ``run`` returned, and its folder as it left it. To be read only.
 
-    The report has no pictures, which take ten seconds.
+    The report has no pictures, which take ten seconds. It is made on one thread, one stage after another.
     """
     from scenes import small_spec  # not before the import hook is there
     from undrawn import undrawn
 
+    from lensforge.arguments import threads_of_torch
+
     spec = small_spec(optimise__steps_per_level=[40, 40])
-    with undrawn():
+    with undrawn(), threads_of_torch(1):
         return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
 
 
