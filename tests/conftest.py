@@ -1,14 +1,21 @@
 """Array shapes and dtypes in signatures are checked while the tests run; result folders that many tests read."""
 
+import gc
+import os
 import pickle
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+# A thread of OpenBLAS that waits for another takes a whole core, and the processes of these tests have one each: sums
+# of a source's rays took ten times as long. It reads this when it is loaded: the processes of xdist and the commands
+# that tests start obey.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import array_checks
 import numpy as np
 import pytest
-from jaxtyping import install_import_hook
 from nightly import skip_by_day
 
 import lensforge
@@ -25,13 +32,21 @@ _PACKAGES = [
 _FOLDER = Path(lensforge.__file__).parent
 _COMPILED = {_FOLDER / "verification" / "grid_walk.py"}  # by numba, which cannot compile what is wrapped
 _MODULES = sorted(path for package in _PACKAGES for path in (_FOLDER / package).rglob("*.py") if path not in _COMPILED)
-install_import_hook(
-    [".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES], "beartype.beartype"
-)
+array_checks.install([".".join(path.relative_to(_FOLDER.parent).with_suffix("").parts) for path in _MODULES])
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     skip_by_day(items)
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded stays: the search for garbage need not walk through it again and again."""
+    gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    array_checks.begin_test()
 
 
 @pytest.fixture(autouse=True)
@@ -79,13 +94,15 @@ def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.
 def small_run(shared: Path) -> lensforge.Run:
     """A run of a small lens: the object that ``run`` returned, and its folder as it left it. To be read only.
 
-    The report has no pictures, which take ten seconds.
+    The report has no pictures, which take ten seconds. It is made on one thread, one stage after another.
     """
     from scenes import small_spec  # not before the import hook is there
     from undrawn import undrawn
 
+    from lensforge.arguments import threads_of_torch
+
     spec = small_spec(optimise__steps_per_level=[40, 40])
-    with undrawn():
+    with undrawn(), threads_of_torch(1):
         return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
 
 

@@ -73,9 +73,9 @@ def test_what_is_too_fine_counts_by_its_slope() -> None:
 
 def test_tables_hold_a_wave_that_counts_as_fitting() -> None:
     """The narrowest field that a table takes, against its values between the nodes: by a table twice as fine."""
-    surface, finer = sphere(5.0), TableGrid(401)
-    limit = 2.0 * 2.0 * GRID.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
-    own = waviness(FaceNodes.of(GRID, surface), limit * 1.001, limit * 1.01, 2.0, 0).tables[0]
+    surface, grid, finer = sphere(5.0), TableGrid(101), GRID
+    limit = 2.0 * 2.0 * grid.step * 5.0 * 2.0 * np.pi / np.sqrt(2.0)  # wavelength of the limiting width
+    own = waviness(FaceNodes.of(grid, surface), limit * 1.001, limit * 1.01, 2.0, 0).tables[0]
     true = waviness(FaceNodes.of(finer, surface), limit * 1.001, limit * 1.01, 2.0, 0).tables[0]
-    one, other = evaluate_table(GRID, own, U), evaluate_table(finer, true, U)
+    one, other = evaluate_table(grid, own, U), evaluate_table(finer, true, U)
     assert np.std(one - other) < 0.01 * np.std(other)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -57,19 +58,42 @@ def in_a_copy(run: lf.Run, folder: Path, threads: int) -> list[tuple[str, str]]:
 def test_one_thread_and_two_make_the_same_files(
     small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Side by side, no stage reads the files as if somebody else had made them: that takes a child, and its limits."""
+    """Side by side, no stage reads the files as if somebody else had made them: that takes a child, and its limits.
+
+    The small run was made on one thread.
+    """
     monkeypatch.setattr("lensforge.verification.apart._cast_in_child", None)
     told = in_a_copy(small_run, tmp_path / "two", threads=2)
     assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
     assert sorted(name for what, name in told if what == "ended") == sorted(LATER)
     assert told.index(("ended", "evaluate")) < told.index(("ended", "export")), "beside it"
 
-    monkeypatch.setattr(second_process, "_started", None)
-    told = in_a_copy(small_run, tmp_path / "one", threads=1)
-    assert told == [(what, name) for name in LATER for what in ("begins", "ended")]
-    one, two = files(tmp_path / "one"), files(tmp_path / "two")
+    one, two = files(small_run.folder), files(tmp_path / "two")
     assert sorted(one) == sorted(two) and [name for name in one if one[name] != two[name]] == []
     assert lf.load(tmp_path / "two").verdict == small_run.verdict
+
+
+def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
+    small_run: lf.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_process, "_started", None)  # none is asked for
+    done: list[str] = []
+
+    def in_place_of(name: str) -> Callable[..., None]:
+        return lambda *_: done.append(name)
+
+    for place, name in {
+        "stages.evaluate": "evaluate",
+        "stages.build": "export",
+        "stages.check": "check",
+        "verify": "verify",
+        "stages.photometry": "photometry",
+    }.items():
+        monkeypatch.setattr(f"lensforge.later_stages.{place}", in_place_of(name))
+    monkeypatch.setattr("lensforge.later_stages.write_result", lambda result, _: result)
+    told = in_a_copy(small_run, tmp_path / "one", threads=1)
+    assert done == LATER
+    assert told == [(what, name) for name in LATER for what in ("begins", "ended")]
 
 
 def test_the_seconds_of_the_whole_command_stay_until_the_next_design(small_run: lf.Run, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import browser
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from made_yield import make_yield
+from nightly import first_by_day
 from part_files import whole_results
 from result_folders import make_light, small_lens
 
@@ -55,10 +56,14 @@ def test_the_page_is_short_until_it_is_unfolded(started, page, width):
         assert window.evaluate("document.documentElement.scrollHeight") > HIGHEST[width], "all of it is there"
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", HIGHEST)
+@pytest.mark.parametrize(
+    ("width", "scheme"), first_by_day(2, [(1280, "light"), (400, "dark"), (400, "light"), (1280, "dark")])
+)
 def test_axe_finds_nothing_against_the_page(started, page, width, scheme):
-    """Contrast, order of headings, names of tables and pictures, reach by the keyboard; folded, then unfolded."""
+    """Contrast, order of headings, names of tables and pictures, reach by the keyboard; folded, then unfolded.
+
+    Each width and each scheme by day: no rule of the page's style asks for both.
+    """
     with browser.opened(started, page, width, scheme) as window:
         for unfold in ("", UNFOLD):
             window.evaluate(unfold)
