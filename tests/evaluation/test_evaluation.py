@@ -73,6 +73,20 @@ def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
     assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9
 
 
+@pytest.mark.parametrize("variance", [0.0, 0.3, 2.0])
+def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: float) -> None:
+    """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""
+    spec = small_spec(evaluate__filter_variance=variance)
+    light = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    padded, total, weight = np.pad(light.raw_map, 1, mode="edge"), np.zeros((16, 16)), 0.0
+    for row, column in np.ndindex(3, 3):
+        squared = (row - 1) ** 2 + (column - 1) ** 2
+        share = float(np.exp(-squared / (2.0 * variance))) if variance else float(squared == 0)
+        total += share * padded[row : row + 16, column : column + 16]
+        weight += share
+    assert light.map == pytest.approx(total / weight, rel=1e-12)
+
+
 def test_standard_errors_tell_the_truth() -> None:
     """Ten evaluations with other seeds scatter as the standard error of one says, within twice: 3 sigma for ten."""
     spec = small_spec()
