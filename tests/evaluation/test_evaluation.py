@@ -52,6 +52,32 @@ def test_a_point_in_concentric_spheres_shines_like_a_bare_lambertian_point() -> 
     assert efficiency.value == pytest.approx(window, abs=5 * efficiency.standard_error + 1e-5)
 
 
+PLANE = {"kind": "plane", "centre_mm": [0.0, 0.0, 100.0], "width_mm": 200.0, "height_mm": 200.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "width", "height"),
+    [
+        ({"evaluate__window_mm": 60.0}, 60.0, 60.0),
+        ({"evaluate__window_mm": 260.0}, 260.0, 260.0),
+        ({"target": None, "receivers": [{**PLANE, "window_mm": [80.0, 40.0]}]}, 80.0, 40.0),
+        ({"target": None, "receivers": [PLANE]}, 200.0, 200.0),
+    ],
+)
+def test_the_efficiency_is_the_share_of_the_light_in_the_window(changes: dict, width: float, height: float) -> None:
+    """Of a Lambertian point behind two surfaces at normal incidence; the window may be larger than the picture."""
+    targets = [{"kind": "disc", "diameter_mm": 60.0}]
+    if "receivers" in changes:
+        changes = {**changes, "receivers": [{**each, "targets": targets} for each in changes["receivers"]]}
+    spec = small_spec(source={"kind": "square", "side_mm": 0.0}, evaluate__rays=2**14, **changes)
+    found = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft")).efficiency
+    x, y = np.meshgrid(*((np.arange(400) + 0.5) / 400 * side - 0.5 * side for side in (width, height)))
+    share = np.mean(100.0**2 / (100.0**2 + x**2 + y**2) ** 2) * width * height / np.pi
+    expected = normal_transmittance(1.4936) ** 2 * share
+    assert found.standard_error is not None
+    assert found.value == pytest.approx(expected, abs=5.0 * found.standard_error + 1e-4)
+
+
 def test_flux_adds_up_to_one_and_every_cause_is_there() -> None:
     lens = Lens(random_surface(1, 3.0, 0.1), random_surface(2, 6.0, 0.1), small_spec(), 0, "draft")
     light = _evaluate(lens)
@@ -71,6 +97,20 @@ def test_the_share_in_the_target_is_the_flux_where_it_is_bright() -> None:
     bright = np.exp(-(x[:, None] ** 18) - x[None, :] ** 18) > 0.1
     assert light.share_in_target.value == pytest.approx(light.raw_map[bright].sum() * side_m**2, rel=0.02)
     assert 0.3 < light.share_in_target.value / light.efficiency.value < 0.9
+
+
+@pytest.mark.parametrize("variance", [0.0, 0.3, 2.0])
+def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: float) -> None:
+    """Weights of a pixel and its eight neighbours by their distance; the edge is repeated outwards."""
+    spec = small_spec(evaluate__filter_variance=variance)
+    light = _evaluate(Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"))
+    padded, total, weight = np.pad(light.raw_map, 1, mode="edge"), np.zeros((16, 16)), 0.0
+    for row, column in np.ndindex(3, 3):
+        squared = (row - 1) ** 2 + (column - 1) ** 2
+        share = float(np.exp(-squared / (2.0 * variance))) if variance else float(squared == 0)
+        total += share * padded[row : row + 16, column : column + 16]
+        weight += share
+    assert light.map == pytest.approx(total / weight, rel=1e-12)
 
 
 def test_standard_errors_tell_the_truth() -> None:

@@ -186,7 +186,18 @@ def test_the_criterion_is_the_radial_wall_that_the_spec_promises(plain, rough):
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     exact = (part.outer.radius(u) - part.inner.radius(u)).min()
     assert exact - 1e-3 < held.value < exact + 2e-6  # random directions do not find the thinnest, within the form error
-    assert check.min_wall_mm <= held.value
+    assert check.min_wall_mm == check.wall.normal.thickness_mm < held.value
+
+
+def test_cusps_are_those_where_a_face_is_most_convex(rough):
+    """Between two passes on a curved face, to the parabola: p^2/8 (1/R + kappa) high, p/2 (1/R + kappa) steep."""
+    part, check = rough
+    shop = part.spec.manufacture
+    for face, found in ((check.inner, check.scallop.inner), (check.outer, check.scallop.outer)):
+        bend = 1.0 / shop.cutter_radius_mm + max(face.curvature.kappa_max_per_mm, -1.0 / shop.cutter_radius_mm)
+        assert face.curvature.kappa_max_per_mm > face.curvature.kappa_min_per_mm + 0.1
+        assert found.height_nm == pytest.approx(1e6 * shop.stepover_mm**2 / 8.0 * bend, rel=1e-3)
+        assert found.slope_mrad == pytest.approx(1e3 * shop.stepover_mm / 2.0 * bend, rel=1e-3)
 
 
 def test_the_maps_belong_to_the_exact_surfaces(rough):

@@ -53,6 +53,18 @@ def test_the_term_vanishes_inside_and_has_the_derivative_of_the_violation() -> N
     assert gradient == pytest.approx(constraints.penalty * violation / 7.0, rel=1e-9)
 
 
+def test_the_term_is_a_mean_over_the_solid_angle() -> None:
+    """Of a violation that is a share of the cosine: over the hemisphere the mean of its square is a third."""
+    grid, share = TableGrid(100), 0.1
+    radius = 7.0 * (1.0 + share * grid.sample_directions()[:, 2])
+    outer = torch.from_numpy(grid.coefficients(radius[:, None]).reshape(grid.side, grid.side))
+    constraints = AugmentedLagrangian.of(small_spec(), grid)
+    term = constraints.term(constraints.fields(table_of(sphere(3.0), grid), outer)).item()
+    margin = 3e-4
+    truth = 0.5 * constraints.penalty * (share**2 / 3.0 + share * margin + margin**2)
+    assert term == pytest.approx(truth, rel=0.03), "points on the rim count as much as those inside"
+
+
 def test_multipliers_drive_a_toy_problem_to_its_bound() -> None:
     """Minimise -r subject to r <= 7 for a sphere: the penalty alone overshoots, the multipliers close the gap."""
     grid = TableGrid(24)

@@ -58,10 +58,12 @@ def test_a_design_gets_better_and_keeps_its_history() -> None:
     assert last == pytest.approx(kept, abs=0.03), "one small step before the end"
 
 
-def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    spec = small_spec()
+def test_an_interrupted_design_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lensforge.optimisation.descent._ROUND", 2)
+    spec = small_spec(constraints__min_thickness_mm=2.97)
     source = build_source(spec.source)
     whole = search(spec, source, accuracy="draft", seed=3)
+    assert whole.history[0].constraints["wall_margin_mm"][1] < 0.0, "multipliers are not 0 at the first stop"
 
     class Stop(KeyboardInterrupt):
         pass

@@ -4,6 +4,7 @@ import torch
 from scenes import small_spec
 
 from lensforge.errors import InputError
+from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.feasibility import (
     measure_constraints,
@@ -16,6 +17,7 @@ from lensforge.optimisation.parameters import Parametrisation
 from lensforge.optimisation.problem import Problem, Problems
 from lensforge.sources.build import build_source
 from lensforge.spec import Spec
+from lensforge.surfaces.conic import Asphere
 
 
 def scene(
@@ -102,3 +104,13 @@ def test_one_of_each_mirror_image_has_the_margins_of_all(symmetry: str, monkeypa
     every = measure_constraints(lens)
     for name in ("cavity_clearance_mm", "wall_margin_mm", "radius_margin_mm"):
         assert getattr(every, name) <= getattr(some, name) <= getattr(every, name) + 3e-4
+
+
+@pytest.mark.parametrize(("raised_mm", "wall_mm"), [(1.0, 35.0**0.5 - 3.0), (-0.5, 2.5)])
+def test_a_wall_is_measured_on_the_rim_itself_and_at_the_apex(raised_mm: float, wall_mm: float) -> None:
+    """A sphere of 6 mm about a point on the axis, around a hemisphere of 3 mm; thinnest on the rim, or at the apex."""
+    spec = small_spec(constraints__min_thickness_mm=0.25)
+    lens = Lens(Asphere(3.0, -3.0), Asphere(raised_mm + 6.0, -6.0), spec, 0, "draft")
+    at_rim = raised_mm > 0.0
+    found = measure_constraints(lens).wall_margin_mm
+    assert found == pytest.approx(wall_mm - 0.25, abs=1e-9 if at_rim else 1e-4)

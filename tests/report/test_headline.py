@@ -18,6 +18,7 @@ from result_folders import (
 
 from lensforge.records import Metric
 from lensforge.report.cards import cards
+from lensforge.report.numerals import number
 from lensforge.results import load_results
 
 
@@ -71,6 +72,26 @@ def test_headline_numbers_say_whether_they_are_what_was_asked_for():
     assert states["Lens height"] == ""
     text = text_of(results)
     assert text.index("radius marginTry") < text.index("Lens, farthest point from the LED"), "what fails comes first"
+
+
+def test_every_card_has_the_number_that_its_label_names():
+    """All numbers of the records differ, the largest of an error from its rms, one ray sample from the other."""
+    found = {card.label: (card.value, card.unit, card.note) for card in cards(make_results())}
+    assert found == {
+        "NMSE": ("0.0123", "", "± 0.0004; error of the pattern, 0 is perfect; with ray noise 0.0125"),
+        "Efficiency": ("85.0\u2009%", "", "± 0.020\u2009%; of the emitted flux within 280 × 280 mm"),
+        "Peak irradiance": (number(evaluate_arrays()["map"].max(), 3), "W/m²", "on the receiver"),
+        "Farthest from the LED": ("10.75", "mm", "the lens without its base; at most 11 mm allowed"),
+        "Lens height": ("10.5", "mm", "above the source plane, without the base"),
+        "Cavity clearance": ("0.5", "mm", "to the 1 mm high, 3 mm wide keep-out space"),
+        "Form error": ("1.8", "nm", "of the STEP file as read back; normals within 0.0075 mrad"),
+        "Volume": ("3833.5", "mm³", "of the solid, base included"),
+        "Ball mill": ("0.77", "mm", "largest radius that reaches all of both faces; the shop has 1 mm"),
+        "Thinnest wall": ("1.875", "mm", "along the cavity's normal; required: 1 mm radially"),
+        "Exported part": (
+            "0.0225", "", "NMSE against the design, by 20\u2009000 rays through it; ray noise alone: 0.033",
+        ),
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("efficacy", "peak"), [(None, "42.5 W/m²"), (301.7, "12 800 lx")])

@@ -125,11 +125,27 @@ def test_a_loss_that_is_there_is_never_called_zero():
     assert "< 0.01 %" in [text.get_text() for text in axes.texts]
 
 
-def test_no_cause_of_a_loss_is_left_out():
-    """Each share is another: whichever were dropped, the sum would tell."""
-    flux = Flux(detected=0.5, outside=0.01, missed=0.31, total_reflection=0.02, not_converged=0.04, reflected=0.12)
-    missed = MissedByCause(backward=0.01, outside_cavity=0.02, base=0.04, missed_receiver=0.08, surfaces_intersect=0.16)
-    assert sum(share for _, share in flux_figures.losses(flux, missed)) == pytest.approx(0.5)
+def test_every_loss_is_told_in_its_own_words():
+    missed = MissedByCause(backward=0.01, outside_cavity=0.02, base=0.04, missed_receiver=0.08, surfaces_intersect=0.03)
+    flux = Flux(
+        detected=0.4, outside=0.05, missed=0.18, total_reflection=0.06, not_converged=0.07, reflected=0.12,
+        absorbed=0.09, cover_glass=0.03,
+    )  # fmt: skip
+    lost = flux_figures.losses(flux, missed)
+    assert sum(share for _, share in lost) == pytest.approx(0.6)
+    assert dict(lost) == {
+        "emitted backwards": 0.01,
+        "started outside the cavity": 0.02,
+        "hit the base": 0.04,
+        "missed the receiver": 0.08,
+        "met intersecting surfaces": 0.03,
+        "totally reflected": 0.06,
+        "not converged": 0.07,
+        "absorbed in the lens": 0.09,
+        "reflected at the surfaces": 0.12,
+        "lost in the cover glass": 0.03,
+        "landed outside the window": 0.05,
+    }
 
 
 @pytest.mark.parametrize("quantity", ["nmse", "efficiency", "loss"])

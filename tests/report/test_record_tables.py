@@ -37,6 +37,11 @@ from lensforge.spec import ArrayTarget
         ("peak_cd", "cd"),
         ("files.lens.ies.lumens", "lm"),
         ("corners_located.edge_rms_px", "pixel"),
+        ("source_lm", "lm"),
+        ("exit_lm.standard_error", "lm"),
+        ("lumens_per_watt", "lm/W"),
+        ("peak_w_m2", "W/m²"),
+        ("turned_rad", "rad"),
     ],
 )
 def test_units_follow_the_names(path, unit):

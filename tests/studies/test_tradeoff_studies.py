@@ -11,6 +11,7 @@ from lensforge.studies.tradeoff.convergence import order_of
 from lensforge.studies.tradeoff.exported import CURVED, EQUAL, FLAT, SPLIT, casting_study, mesh_study, nurbs_study
 from lensforge.studies.tradeoff.pixels import bias, filter_study, pixel_study
 from lensforge.studies.tradeoff.rays import PLAIN, QMC, ray_study
+from lensforge.studies.tradeoff.reference import ExactReference, directions
 from lensforge.studies.tradeoff.runs import TracedRun, resample, trace_run
 from lensforge.studies.tradeoff.tables import table_normals, table_study
 from lensforge.surfaces.spline import TableGrid, tabulate
@@ -94,6 +95,23 @@ def test_the_table_converges_to_the_exact_sum_with_the_fourth_power_and_its_norm
     assert orders["hit_99_percent"].value < -2.4
     (exact,) = (level for level in by_nodes.levels if level.reference)
     assert {estimate.value for estimate in exact.errors.values()} == {0.0}
+
+
+def test_errors_of_shapes_are_in_the_units_that_they_name(lens, source):
+    """Faces raised by 3 and 7 nm, whose normals are turned by 4 and 2 mrad: the larger of each counts."""
+    reference, u = ExactReference(lens, source.sample(1, 0), None, None), directions()
+    shapes = {}
+    for name, raised_mm, turned in (("inner", 3e-6, 4e-3), ("outer", -7e-6, 2e-3)):
+        face = getattr(lens, name)
+        normals = face.normal(u)
+        across = np.cross(normals, [1.0, 0.0, 0.0])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        shapes[name] = face.radius(u) + raised_mm, np.cos(turned) * normals + np.sin(turned) * across
+    found = reference.shape_errors(shapes)
+    assert {name: metric.unit for name, metric in found.items()} == {"rho": "nm", "normal": "mrad"}
+    assert {name: metric.value for name, metric in found.items()} == pytest.approx(
+        {"rho": 7.0, "normal": 4.0}, rel=1e-6
+    )
 
 
 def test_normals_of_a_table_by_differences_are_those_of_the_sum(lens):

@@ -201,3 +201,12 @@ def test_a_region_of_uniform_light_lies_about_its_target() -> None:
         assert region is not None and region.sum() == pytest.approx(width * height, rel=0.05)
         mx, my, _, _ = moments(region.astype(float), receiver)
         assert (mx, my) == pytest.approx((50.0, -20.0), abs=0.6)
+
+
+@pytest.mark.parametrize(("wider", "columns", "rows"), [(0.0, 12, 6), (1.0, 12, 8), (3.0, 14, 10)])
+def test_a_region_includes_the_pixels_whose_centres_lie_on_its_edge(wider: float, columns: int, rows: int) -> None:
+    """Centres at odd multiples of 5 mm, 10 mm apart: a region 110 mm wide ends on some, one of 60 mm between them."""
+    spec = small_spec(target__uniform_mm=[110.0, 60.0])
+    region = uniform_region(spec.all_receivers[0].targets, receivers_of(spec, 20)[0], wider_by_pixels=wider)
+    assert region is not None
+    assert (region.any(axis=0).sum(), region.any(axis=1).sum(), region.sum()) == (columns, rows, columns * rows)

@@ -121,6 +121,24 @@ def test_a_lens_exported_wrongly_fails(verify, name):
     assert sum(result.first.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
 
+def test_the_deviation_of_landings_is_their_root_mean_square(verify):
+    """One landing of ten is 1 mm off, the others by what the facets of the mesh make: less than a tenth of it."""
+    off = np.zeros_like(HITS)
+    off[::10, 0] = 1.0
+    deviation = verify(right(), plain_rays=1, landings=HITS + off).deviation_mm
+    assert deviation.rms == pytest.approx(np.sqrt(0.1), rel=0.05)
+    assert deviation.p99 == pytest.approx(1.0, abs=0.1)
+
+
+def test_limits_follow_from_the_distance_and_from_the_noise_of_the_rays(verify):
+    result = verify(right(), plain_rays=1)
+    limits, floor = {each.name: each.limit for each in result.criteria}, result.noise_floor_nmse
+    assert limits["deviation_rms"] == pytest.approx(1e-4 * DISTANCE)
+    assert limits["flux_deviation"] == limits["fate_disagreement_flux"] == 1e-3
+    assert limits["nmse_same_rays"] == pytest.approx(0.1 * floor + 1e-4), "a tenth of the noise, or 1 % rms"
+    assert limits["nmse_vs_design"] == pytest.approx(2.5 * floor + 1e-3)
+
+
 def test_a_hole_fails(verify):
     mesh = right()
     result = verify(trimesh.Trimesh(mesh.vertices, np.delete(mesh.faces, 300, axis=0), process=False))
