@@ -16,6 +16,7 @@ from lensforge.evaluation.receiver_light import Flux, MissedByCause
 from lensforge.evaluation.region_light import RegionLight
 from lensforge.geometry.part import KeepOutDistance
 from lensforge.lens import Lens
+from lensforge.manufacturing.findings import check_findings
 from lensforge.records import Conditions, Metric
 from lensforge.results import Results
 from lensforge.sources.source_summary import SourceSummary
@@ -156,9 +157,13 @@ def moulded():
     keep_out = KeepOutDistance(
         distance_mm=0.35, body_point_mm=(1.0, 2.0, 3.0), keep_out_point_mm=(2.0, 2.0, 3.0), error_mm=0.001
     )
-    return _folder(
+    results = _folder(
         ("design", "export", "check"), lens, export={"keep_out": keep_out, "mass_g": 4.5}, check={"make": "insert"}
     )
+    check = results.check
+    findings = check_findings(lens.spec, check.inner, check.outer, check.min_wall_mm, check.relief, check.tools)
+    found = {**results.found, "check": check.model_copy(update={"verdicts": findings})}
+    return replace(results, found=found)
 
 
 def far_field():

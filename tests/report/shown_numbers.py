@@ -14,7 +14,7 @@ _NUMBER = rf"(?<![\d.,])[-−]?(?:{_GROUPED}|\d+)(?:\.\d+)?{_POWER}?(?![.,]?\d)"
 _NO_UNIT = r"(?!\s?(?:[nµ]?m[²³]?|[mµ]?rad|mm[²³]?|W|lm|lx|cd|g|s|pixel|heights|per|1/mm)(?![\w])|\s?[%°])"
 # Names that hold digits, which are no numbers: files, standards, hashes, the time of writing.
 _NAMES = re.compile(
-    r"(?:\w+\.)?3mf|\b3MF\b|\b3-D\b|\bAP2\d\d\b|\bTM-\d\d\b|\bLM-63\b|\bSHA-256\b|\bU[01]\b|"
+    r"\w*\.3mf\b|\w*\.tm25ray\b|\b3MF\b|\b3-D\b|\bAP2\d\d\b|\bTM-\d\d\b|\bLM-63\b|\bSHA-256\b|\bU[01]\b|"
     r"\b[0-9a-f]{64}\b|\b[0-9a-f]{16}…|\d{4}-\d\d-\d\d \d\d:\d\d UTC"
 )
 
@@ -45,6 +45,10 @@ class Shown:
     def after(self, words: str) -> "Shown":
         """The same after other ``words``."""
         return Shown(self.label, f"{words}{self.words}", self.values)
+
+    def before(self, words: str) -> "Shown":
+        """The same before other ``words``."""
+        return Shown(self.label, f"{self.words}{words}", self.values)
 
     def wrong(self, found: re.Match[str]) -> Iterator[str]:
         """A line for each number that is not the value rounded to its own digits."""

@@ -24,7 +24,7 @@ WANTED = (
 def test_every_number_of_the_report_is_that_of_a_record(name):
     results = folder_of(name)
     places = [*places_of(undrawn_page_of(results)), *flux_places(results)]
-    assert problems(places, [each for wanted in WANTED for each in wanted(results)]) == []
+    assert "\n".join(problems(places, [each for wanted in WANTED for each in wanted(results)])) == ""
 
 
 def test_a_number_that_nothing_is_wanted_of_is_named_and_what_is_shown_nowhere():

@@ -16,13 +16,20 @@ _TIMED = {
     "verify": "verification", "photometry": "photometry",
 }  # fmt: skip
 _PURPOSES = {"lens.step": "solid for CAD and CAM", "lens.stl": "mesh", "lens.3mf": "mesh for printers"}
+_MOST_OF_CUTTING = 3  # reasons at the top of the page
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
 
 
 def frame_numbers(results):
     """Entries of what stands before and after the sections."""
     yield from _task(results.spec)
-    yield from _reasons(results)
+    found = list(reasons(results))
+    cutting = [each for part, each in found if part == "Cutting"]
+    for part, each in found:
+        if each not in cutting[_MOST_OF_CUTTING:]:
+            yield shown("li", f"{part}: {each.words}", *each.values)
+    if len(cutting) > _MOST_OF_CUTTING:
+        yield shown("li", "Cutting: {} more, under Manufacture", len(cutting) - _MOST_OF_CUTTING)
     yield from _files(results.find(Part))
     yield from _times(results)
     for azimuth in ("0", "90"):
@@ -62,26 +69,33 @@ def _on_receiver(receiver):
         yield shown("p", words, *target.fwhm_deg, receiver.half_angle_deg)
 
 
-def _reasons(results):
+def reasons(results):
+    """Part of the verdict and entry of each reason that has a number: first those of the light, of the files."""
     light, check = results.find(Light), results.find(Check)
-    for each in light.limits if light is not None else ():
-        if each.state == "missed":
-            value, words = each.value, f"Light: {each.name}: {each.quantity} = {{}} ± {{}} {each.unit}, must be"
-            yield shown("li", f"{words} {each.sense} {{}} {each.unit}", value.value, value.standard_error, each.bound)
-    if light is not None and light.nmse.standard_error is None:
-        alone = "has no standard error, because the rays are a single sample: {}, at"
-        yield shown("li", f"Light: NMSE {alone} most 0.1", light.nmse.value)
-        share, possible = light.share_in_target.value, light.possible.share_in_target
-        assert possible < transmitted(results.lens) * wanted_share(light.first)
-        words = f"Light: share of the light in the target {alone} least 0.7 of the {{}} that is possible"
-        yield shown("li", words, share, possible)
+    if light is not None:
+        yield from (("Light", each) for each in _of_light(light, results))
     for kind in (Design, Part, Check, Proof):
         found = results.find(kind)
         for each in found.criteria if found is not None else ():
             if not each.passed:
-                yield _missed(each)
+                yield "Files", _missed(each)
     if check is not None:
-        yield from _cutting(check, results.spec)
+        yield from (("Cutting", each) for each in _of_cutting(check, results.spec))
+
+
+def _of_light(light, results):
+    for each in light.limits:
+        if each.state == "missed":
+            value, words = each.value, f"{each.name}: {each.quantity} = {{}} ± {{}} {each.unit}, must be"
+            numbers = (value.value, value.standard_error, each.bound)
+            yield shown("", f"{words} {each.sense} {{}} {each.unit}", *numbers)
+    if light.nmse.standard_error is None:
+        alone = "has no standard error, because the rays are a single sample: {}, at"
+        yield shown("", f"NMSE {alone} most 0.1", light.nmse.value)
+        share, possible = light.share_in_target.value, light.possible.share_in_target
+        assert possible < transmitted(results.lens) * wanted_share(light.first)
+        words = f"share of the light in the target {alone} least 0.7 of the {{}} that is possible"
+        yield shown("", words, share, possible)
 
 
 def _missed(each):
@@ -89,20 +103,20 @@ def _missed(each):
     number = f"{{}} {each.unit}".rstrip()
     must = f"must be {each.sense} "
     if each.value is None:
-        return shown("li", f"Files: {each.name} could not be measured ({must}{number})", each.limit)
-    words = f"Files: {each.name} = {number} ({must}{{}}): missed by {number};"
-    return shown("li", words, each.value, each.limit, abs(each.value - each.limit))
+        return shown("", f"{each.name} could not be measured ({must}{number})", each.limit)
+    words = f"{each.name} = {number} ({must}{{}}): missed by {number};"
+    return shown("", words, each.value, each.limit, abs(each.value - each.limit))
 
 
-def _cutting(check, spec):
+def _of_cutting(check, spec):
     for each in check.verdicts:
-        if not each.holds:
-            yield shown("li", f"Cutting: {each.reason}")
+        if not each.holds and each.name != "draft":
+            yield shown("", each.reason)
     for name, face in (("inner", check.inner), ("outer", check.outer)):
         least = getattr(spec.constraints, f"{name}_draft_deg")
         if least is not None and face.draft_deg.min < least:
-            words = f"Cutting: the {name} face has a draft of {{}} deg, the spec requires {{}}"
-            yield shown("li", words, face.draft_deg.min, least)
+            words = f"the {name} face has a draft of {{}} deg, the spec requires {{}}"
+            yield shown("", words, face.draft_deg.min, least)
 
 
 def _files(part):

@@ -72,7 +72,11 @@ def photo_numbers(photo):
     yield with_error("Likely cause", found.scale).after("scale ")
     yield with_error("Likely cause", found.displacement_x_mm, " mm").after("along x ")
     yield shown("Clipped by the camera", "{}\u2009% of the target", 100.0 * photo.clipped)
-    yield shown("Target’s corners", "edges straight to {} pixel rms", photo.corners_located.edge_rms_px)
+    yield shown(
+        "Target’s corners",
+        "found in the photograph with the LED off, edges straight to {} pixel rms",
+        photo.corners_located.edge_rms_px,
+    )
 
 
 def surface_numbers(surface):
@@ -96,7 +100,9 @@ def _changes(change):
 def correction_numbers(made):
     """Numbers of a corrected face, by the name of their fact."""
     cutter, light = made.cutter, made.second_cut
-    yield shown("File", "form error {} nm as read back", made.form_error_nm.max)
+    yield shown(
+        "File", f"lens_corrected_{made.surface}.step, AP214, form error {{}} nm as read back", made.form_error_nm.max
+    )
     extent = "{} µm rms, {} µm at most"
     yield shown("Deviation of the first cut", extent, made.deviation_um.rms, made.deviation_um.max)
     put = made.correction_um
