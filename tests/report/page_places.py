@@ -80,6 +80,8 @@ def _walk(node, headings):
         if not isinstance(each, Node) or each.tag in ("svg", "style", "script"):
             continue
         if each.tag in ("h2", "h3"):
+            if each.tag == "h2":
+                headings.pop("h3", None)
             headings[each.tag] = each.text
             yield Place("heading", each.text)
         elif each.tag == "table":

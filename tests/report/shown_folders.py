@@ -30,6 +30,7 @@ WALL = {
 }  # fmt: skip
 BEAM = {"kind": "beam", "fwhm_deg": (60.0, 25.0), "uniform_deg": 10.0}
 SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 80.0, "targets": (BEAM,)}
+_COATED = {"inner_coating": {"reflectance": 0.005}, "outer_coating": {"reflectance": 0.012}, "cavity_index": 1.25}
 ROAD = {"use": "road", "lenses": 24, "pole_height_m": 8.0, "pole_spacing_m": 30.0, "road_width_m": 7.0}
 
 
@@ -81,7 +82,6 @@ def several_receivers():
 
 def coated():
     """Coated faces, another medium in the cavity, and light that it absorbs."""
-    faces = {"inner_coating": {"reflectance": 0.005}, "outer_coating": {"reflectance": 0.012}, "cavity_index": 1.25}
     flux = Flux(
         detected=0.45, outside=0.02, missed=0.31, total_reflection=0.01, not_converged=0.05, absorbed=0.04,
         cover_glass=0.03, reflected=0.09,
@@ -90,7 +90,7 @@ def coated():
         backward=0.07, outside_cavity=0.06, base=0.08, missed_receiver=0.055, surfaces_intersect=0.045
     )
     light = {"flux": flux, "missed_by_cause": missed}
-    return _folder(("design", "evaluate", "export", "check"), lens_of(lens=faces), evaluate=light)
+    return _folder(("design", "evaluate", "export", "check"), lens_of(lens=_COATED), evaluate=light)
 
 
 def limits_missed():
@@ -151,9 +151,11 @@ def ray_file():
 
 
 def moulded():
-    """Mould inserts: drafts, limits of the size and of the wall, a keep-out solid, a mass."""
+    """Mould inserts of a coated lens: drafts, limits of size and wall, a keep-out solid, a mass."""
     limits = {"inner_draft_deg": 2.0, "outer_draft_deg": 3.0, "max_wall_mm": 9.0, "max_height_mm": 12.5}
-    lens = lens_of(constraints=limits, manufacture={"make": "insert", "shrinkage": 0.0125, "form_tolerance_um": 2.5})
+    shop = {"make": "insert", "shrinkage": 0.0125, "form_tolerance_um": 2.5}
+    base = {"diameter_mm": 25.4, "flange_diameter_mm": 30.0, "pocket_diameter_mm": 12.0}
+    lens = lens_of(constraints=limits, manufacture=shop, base=base, lens=_COATED)
     keep_out = KeepOutDistance(
         distance_mm=0.35, body_point_mm=(1.0, 2.0, 3.0), keep_out_point_mm=(2.0, 2.0, 3.0), error_mm=0.001
     )
