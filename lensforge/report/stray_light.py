@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from matplotlib.figure import Figure
+
 from lensforge.report import flux_figures, irradiance_figures
 from lensforge.report.numerals import number, percent, unit_of_light
 from lensforge.report.pictures import PagePicture, picture
@@ -41,7 +43,7 @@ def _receiver_pictures(results: Results, stray: StrayLight, index: int) -> list[
     chart, unit = receiver.chart, unit_of_light(results, far_field=receiver.far_field)
     scattered = irradiance_figures.irradiance_map(receiver.stray, chart, top_of([receiver.stray]), unit=unit)
     difference = irradiance_figures.difference_map(receiver.direct + receiver.stray - receiver.sequential, chart, unit)
-    budget = flux_figures.waterfall(_lost(receiver.flux), _kept(receiver))
+    budget = stray_budget(receiver)
     detected, less = "Green: detected in the window.", "Red: the design predicts too little."
     title = f"All light minus the design's model{on}"
     return [
@@ -49,6 +51,11 @@ def _receiver_pictures(results: Results, stray: StrayLight, index: int) -> list[
         picture(numbered("stray-light", index), scattered, f"Stray light on the receiver{on}", _spread(receiver)),
         picture(numbered("unmodelled", index), difference, title, less),
     ]
+
+
+def stray_budget(stray: ReceiverStray) -> Figure:
+    """A waterfall from the emitted flux through each loss to what is detected, as designed and as stray light."""
+    return flux_figures.waterfall(_lost(stray.flux), _kept(stray))
 
 
 def _spread(receiver: ReceiverStray) -> str:
