@@ -4,14 +4,19 @@ _LIGHT = ("evaluation/test_evaluation", "evaluation/test_preset_error", "receive
 _SHARES = ("evaluation/test_judged_limits", "targets/test_limit_readings")
 _PIXELS = ("receivers/test_receiver", "receivers/test_plane", "receivers/test_posed", "targets/test_shapes")
 _PICTURES = ("receivers/test_target_pictures", "targets/test_shapes", "receivers/test_receiver")
-_PHOTOMETRY = ("far_field/test_photometry", "far_field/test_photometry_files", "roadway/test_road_figures")
+_PHOTOMETRY = (
+    "far_field/test_beam_figures",
+    "far_field/test_photometry",
+    "far_field/test_photometry_files",
+    "roadway/test_road_figures",
+)
 _AREAS = ("sources/test_planar_sources", "sources/test_radiance", "sources/test_source_etendue")
 _COLOURS = ("sources/test_spectrum_files", "sources/test_dispersion", "sources/test_dispersion_account")
 _DISPERSED = ("sources/test_dispersion_account", "sources/test_dispersion", "sources/test_measured_rays")
 _RAY_SETS = ("sources/test_ray_set", "sources/test_measured_rays", "sources/test_large_ray_files")
 _MERIT = ("optimisation/test_receivers", "receivers/test_receiver", "optimisation/test_constraints")
 _FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
-_ENVELOPE = ("optimisation/test_envelope", *_FEASIBLE)
+_ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
 _FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
 _CHECK = ("manufacturing/test_cutting_advice", "manufacturing/test_relief", "manufacturing/test_check")
 

@@ -35,7 +35,9 @@ def test_the_draw_is_of_all_mutants_and_another_for_another_seed():
 
 
 def test_annotations_decorators_and_words_are_left_out_and_nothing_else():
-    source = "@cache(8)\ndef f(x: int | None = 2) -> float | None:\n    n: int | str = 3\n    return f'{x + 1}', x + 4\n"
+    source = (
+        "@cache(8)\ndef f(x: int | None = 2) -> float | None:\n    n: int | str = 3\n    return f'{x + 1}', x + 4\n"
+    )
     places, lines = left_out(source), source.split("\n")
     kept = [
         text[match.start()]
