@@ -14,7 +14,12 @@ _AREAS = ("sources/test_planar_sources", "sources/test_radiance", "sources/test_
 _COLOURS = ("sources/test_spectrum_files", "sources/test_dispersion", "sources/test_dispersion_account")
 _DISPERSED = ("sources/test_dispersion_account", "sources/test_dispersion", "sources/test_measured_rays")
 _RAY_SETS = ("sources/test_ray_set", "sources/test_measured_rays", "sources/test_large_ray_files")
-_MERIT = ("optimisation/test_receivers", "receivers/test_receiver", "optimisation/test_constraints")
+_MERIT = (
+    "optimisation/test_image_terms",
+    "optimisation/test_receivers",
+    "receivers/test_receiver",
+    "optimisation/test_constraints",
+)
 _FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
 _ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
 _FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
