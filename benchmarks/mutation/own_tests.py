@@ -70,7 +70,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "sources/blocks.py": ("sources/test_large_ray_files",),
     "sources/build.py": ("sources/test_flux", *_AREAS, "sources/test_placement", *_COLOURS),
     "sources/bundle.py": (*_AREAS, "sources/test_ray_set", "sources/test_large_ray_files"),
-    "sources/cavity.py": ("sources/test_placement", *_AREAS),
+    "sources/cavity.py": ("sources/test_cavity",),
     "sources/dispersion.py": _DISPERSED,
     "sources/etendue.py": ("sources/test_source_etendue", "receivers/test_possible"),
     "sources/flux.py": ("sources/test_flux",),

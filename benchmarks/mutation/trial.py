@@ -1,5 +1,6 @@
 """Tests of one mutant, in a copy of the checkout and a process of its own that is forked after the slow imports."""
 
+import gc
 import importlib
 import os
 import resource
@@ -40,6 +41,7 @@ def import_libraries() -> None:
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     for name in _LIBRARIES:
         importlib.import_module(name)
+    gc.freeze()  # no fork looks through what it shares with the others
 
 
 @contextmanager
