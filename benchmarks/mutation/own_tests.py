@@ -23,7 +23,12 @@ _MERIT = (
 _FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
 _ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
 _FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
-_CHECK = ("manufacturing/test_cutting_advice", "manufacturing/test_relief", "manufacturing/test_check")
+_CHECK = (
+    "manufacturing/test_draft_finding",
+    "manufacturing/test_cutting_advice",
+    "manufacturing/test_relief",
+    "manufacturing/test_check",
+)
 
 TESTS: dict[str, tuple[str, ...]] = {
     "evaluation/evaluate.py": (*_SHARES, *_LIGHT),
@@ -63,7 +68,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "far_field/files.py": _PHOTOMETRY,
     "far_field/lumens.py": _PHOTOMETRY,
     "far_field/photometry.py": _PHOTOMETRY,
-    "far_field/resolution.py": ("far_field/test_angular_grid", "far_field/test_photometry"),
+    "far_field/resolution.py": (
+        "far_field/test_interpolation_error",
+        "far_field/test_angular_grid",
+        "far_field/test_photometry",
+    ),
     "far_field/spectrum.py": (*_PHOTOMETRY, "sources/test_large_ray_files"),
     "far_field/sphere.py": _PHOTOMETRY,
     "sources/areas.py": _AREAS,
