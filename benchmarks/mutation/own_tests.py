@@ -124,7 +124,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "manufacturing/face_check.py": ("manufacturing/test_cutter", *_CHECK),
     "manufacturing/findings.py": _CHECK,
     "manufacturing/quadrature.py": ("manufacturing/test_face",),
-    "manufacturing/relief.py": ("manufacturing/test_custom_base_relief", *_CHECK),
+    "manufacturing/relief.py": ("manufacturing/test_custom_base_relief", *_CHECK, "manufacturing/test_brute_ball"),
     "manufacturing/result.py": _CHECK,
     "manufacturing/scallop.py": ("manufacturing/test_scallop",),
     "manufacturing/tools.py": ("manufacturing/test_tools",),
