@@ -38,7 +38,8 @@ def main() -> None:
     trial.copy_checkout(options.copy)
     trial.import_libraries()
     if options.again:
-        chosen = [order[key] for key, each in record.outcomes.items() if each.now == "passed" and key in order]
+        left = [key for key, each in record.outcomes.items() if each.now == "passed"]
+        chosen = [order[key] for key in left if key in order and key not in kept.equivalent()]
     else:
         missing = max(0, options.count - sum(key in record.outcomes for key in order))
         chosen = [mutant for key, mutant in order.items() if key not in record.outcomes][:missing]
@@ -54,7 +55,7 @@ def main() -> None:
 
 
 def tried(mutant, record, copy: Path):
-    """The outcome of a mutant's tests; None for a change after which the source is no program."""
+    """The outcome of a mutant's tests; None where the changed source is no program, or the machine had no time."""
     from mutation import draw, kept, own_tests, trial
 
     tests = own_tests.tests_of(mutant.module)
@@ -69,6 +70,9 @@ def tried(mutant, record, copy: Path):
         now, seconds = trial.run_tests(copy, tests, limit, keep_bytecode=False)
     if now.startswith("pytest"):
         raise SystemExit(f"{mutant.key}: {now}; see {copy}/build/pytest.txt")
+    if now == "stalled":
+        print(f"stalled, to be tried again: {mutant.key}", flush=True)
+        return None
     earlier = record.outcomes.get(mutant.key)
     first = earlier.first if earlier else now
     return kept.Outcome(mutant.key, mutant.module, old, new, first, now, round(seconds, 1))

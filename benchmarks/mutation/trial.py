@@ -59,20 +59,26 @@ def bug(copy: Path, module: str, changed: str) -> Iterator[None]:
 
 
 def run_tests(copy: Path, tests: tuple[str, ...], limit: float, keep_bytecode: bool) -> tuple[str, float]:
-    """Outcome ("passed", "failed", "time", or what pytest could not do), and seconds of processor time."""
+    """Outcome ("passed", "failed", "time", or what pytest could not do), and seconds of processor time.
+
+    "stalled" says nothing of the tests: they got too little processor time, or wait for ever.
+    """
     shutil.rmtree(copy / ".hypothesis", ignore_errors=True)
     log = copy / "build" / "pytest.txt"
     log.parent.mkdir(exist_ok=True)
     child = os.fork()
     if not child:
         _in_child(copy, tests, limit, keep_bytecode, log)
-    end = time.monotonic() + _WALL * limit
+    end, stalled = time.monotonic() + _WALL * limit, False
     while not (ended := os.wait4(child, os.WNOHANG))[0]:
         if time.monotonic() > end:
-            os.killpg(child, signal.SIGKILL)
+            stalled = True
+            os.kill(child, signal.SIGKILL)
         time.sleep(0.02)
     _end_children(child)
     seconds = ended[2].ru_utime + ended[2].ru_stime
+    if stalled:
+        return "stalled", seconds
     if os.WIFSIGNALED(ended[1]):
         return "time" if os.WTERMSIG(ended[1]) in (signal.SIGXCPU, signal.SIGKILL) else "failed", seconds
     code = os.WEXITSTATUS(ended[1])
