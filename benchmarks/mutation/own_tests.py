@@ -58,7 +58,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "receivers/plane.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/pose.py": _PIXELS,
     "receivers/posed.py": (*_PIXELS, "receivers/test_possible"),
-    "receivers/possible.py": ("receivers/test_possible",),
+    "receivers/possible.py": (
+        "receivers/test_nearest_picture",
+        "receivers/test_possible",
+    ),
     "receivers/receiver.py": (*_PIXELS, "optimisation/test_collect"),
     "receivers/sphere.py": (*_PIXELS, "receivers/test_possible"),
     "far_field/angular_grid.py": ("far_field/test_angular_grid", "far_field/test_photometry"),
