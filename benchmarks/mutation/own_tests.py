@@ -3,7 +3,12 @@
 _LIGHT = ("evaluation/test_evaluation", "evaluation/test_preset_error", "receivers/test_truths")
 _SHARES = ("evaluation/test_judged_limits", "targets/test_limit_readings")
 _PIXELS = ("receivers/test_receiver", "receivers/test_plane", "receivers/test_posed", "targets/test_shapes")
-_PICTURES = ("receivers/test_target_pictures", "targets/test_shapes", "receivers/test_receiver")
+_PICTURES = (
+    "targets/test_light_tables",
+    "receivers/test_target_pictures",
+    "targets/test_shapes",
+    "receivers/test_receiver",
+)
 _PHOTOMETRY = (
     "far_field/test_beam_figures",
     "far_field/test_photometry",
