@@ -8,7 +8,15 @@ from noisy_images import bumpy, noisy
 from scipy.stats import norm
 
 from lensforge.evaluation.metrics import uniformity
-from lensforge.evaluation.minimum import _Choices, _halves, _quarters, uniformity_without_noise
+from lensforge.evaluation.minimum import (
+    LeastEstimate,
+    _Choices,
+    _halves,
+    _quarters,
+    ratio_of,
+    uniformity_without_noise,
+)
+from lensforge.records import Metric
 
 SIDE = 40
 EVERYWHERE = np.ones((SIDE, SIDE), dtype=bool)
@@ -128,3 +136,28 @@ def test_without_sixteen_replicates_of_light_the_noise_stays(images: np.ndarray)
     found = uniformity_without_noise(images, np.ones((4, 4), dtype=bool))
     assert found.standard_error is None
     assert found.value == uniformity(images.mean(axis=0), np.ones((4, 4), dtype=bool))
+
+
+def test_the_error_of_a_change_is_of_the_differences_and_at_least_of_one_ray() -> None:
+    """By hand: replicates that change alike leave what was taken off, and one ray, the square of the noise."""
+    swing = np.array([0.1, -0.1] * 8)
+    before = LeastEstimate(0.5, 0.5 + swing, 0.02)
+    noise = np.sqrt(15.0 / 16.0 * np.sum(swing**2))
+    change = LeastEstimate(0.7, 0.7 + swing, 0.05).change_from(before)
+    assert change.value == pytest.approx(0.2)
+    assert change.standard_error == pytest.approx(np.hypot(0.05 - 0.02, noise**2 / max(0.5, noise)))
+    apart = LeastEstimate(0.7, 0.7 - swing, 0.02).change_from(before)
+    assert apart.standard_error == pytest.approx(np.hypot(2.0 * noise, noise**2 / max(0.5, noise)))
+    dark = LeastEstimate(0.0, np.zeros(16))
+    assert dark.change_from(dark).standard_error == 0.0
+    assert LeastEstimate(0.7).change_from(before).standard_error is None
+    assert before.change_from(LeastEstimate(0.7)).standard_error is None
+
+
+def test_relative_errors_of_a_ratio_add_in_squares() -> None:
+    above, below = Metric(value=3.0, standard_error=0.3), Metric(value=4.0, standard_error=0.2)
+    ratio = ratio_of(above, below)
+    assert ratio.value == 0.75
+    assert ratio.standard_error / ratio.value == pytest.approx(np.hypot(0.1, 0.05))
+    assert ratio_of(above, Metric(value=4.0)) == ratio_of(Metric(value=3.0), below) == Metric(value=0.75)
+    assert ratio_of(above, Metric(value=0.0, standard_error=1.0)) == Metric(value=0.0)

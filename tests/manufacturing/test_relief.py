@@ -100,6 +100,7 @@ def test_a_flange_in_the_way_wants_a_higher_base_not_a_step():
     assert relief.flange_clearance_mm == pytest.approx(0.3, abs=1e-6)
     assert "base.height_mm = 1.5" in finding.reason
     assert "relief_step_mm" not in finding.reason and not finding.holds
+    assert finding.reason.endswith("a smaller base.flange_diameter_mm may clear it")
     relief, finding = outer_relief(sphere(DOME), diameter_mm=6.0, **sizes)
     assert relief.smallest_step_mm == pytest.approx(np.sqrt(1.0 - (DOME + BALL - 3.0) ** 2), abs=1e-6)
     assert "base.relief_step_mm = 0.8931 and base.height_mm = 1.5" in finding.reason
@@ -109,6 +110,7 @@ def test_a_step_as_deep_as_the_base_wants_a_higher_base():
     relief, finding = outer_relief(sphere(DOME), diameter_mm=25.4, height_mm=0.9)
     assert relief.flange_clearance_mm == 0.0 and relief.smallest_step_mm == pytest.approx(1.0, abs=1e-6)
     assert "base.relief_step_mm = 1" in finding.reason and "base.height_mm above 1" in finding.reason
+    assert "flange" not in finding.reason, "there is none"
 
 
 def test_below_an_undercut_dome_on_a_narrower_base_only_the_step_has_a_wall():

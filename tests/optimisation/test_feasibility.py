@@ -83,6 +83,7 @@ def test_limits_that_only_a_projection_shows_to_exclude_each_other_are_named_bef
     spec = small_spec(**limits, constraints__outer_draft_deg=25.0, lens__symmetry="square")
     with pytest.raises(InputError, match=r"no lens was found that keeps all of .*outer_draft_deg = 25") as refusal:
         require_feasible_start([problem_of(spec, spec.lens.basis.levels)])
+    assert "keep_out" not in str(refusal.value), "a limit that the spec does not set"
     assert "constraints." in str(refusal.value).split("nearest")[1] and "\n" not in str(refusal.value)
     begun: list[object] = []
     with pytest.raises(InputError, match="no lens was found"):

@@ -94,6 +94,15 @@ def test_receivers_count_by_their_shares() -> None:
     assert both.loss().item() == pytest.approx(0.75 * alone[0] + 0.25 * alone[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("fresnel", [True, False])
+def test_the_wanted_light_is_that_of_the_source_less_what_both_faces_reflect_at_least(fresnel: bool) -> None:
+    spec = small_spec(target=None, receivers=[RECEIVERS["sphere"]], optimise__fresnel=fresnel)
+    merit = MeritFunction.of(spec, SquareEmitter(1.0, flux_w=2.5), Parametrisation.of(spec, 4.0))
+    index = spec.lens.refractive_index
+    passed = (4.0 * index / (index + 1.0) ** 2) ** 2 if fresnel else 1.0  # Born and Wolf, 1.5.3
+    assert merit.terms[0].wanted.sum().item() == pytest.approx(2.5 * passed, rel=1e-12)
+
+
 def mirrored(**changes: Any) -> str:
     """The symmetry found for a disc on a receiver."""
     kind = changes.pop("kind", "plane")

@@ -107,6 +107,32 @@ def test_flux_converges_with_the_square_of_the_node_spacing():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("light", "symmetry"),
+    [
+        (lambda x, y, c: 1.0 + 0.0 * c, "square"),
+        (lambda x, y, c: 2.0 + np.cos(4.0 * c), "square"),
+        (lambda x, y, c: 2.0 + np.cos(2.0 * c), "rectangle"),
+        (lambda x, y, c: 2.0 + np.cos(c), "mirror_y"),
+        (lambda x, y, c: 2.0 + np.sin(c), "mirror_x"),
+        (lambda x, y, c: 2.0 + np.sin(2.0 * c), "none"),
+        (lambda x, y, c: 2.0 + x + 0.0 * c, "mirror_y"),
+        (lambda x, y, c: 2.0 + y + 0.0 * c, "mirror_x"),
+        (lambda x, y, c: 2.0 + x * np.cos(c) + y * np.sin(c), "square"),
+        (lambda x, y, c: 2.0 + x * np.cos(c) - y * np.sin(c), "rectangle"),
+        (lambda x, y, c: 2.0 + x * np.cos(c), "rectangle"),
+        (lambda x, y, c: 2.0 + x * np.sin(c), "none"),
+    ],
+)
+def test_symmetry_is_that_of_the_light_by_place_and_azimuth(light, symmetry):
+    edges, c_deg = np.array([-1.0, -0.5, 0.5, 1.0]), np.linspace(0.0, 360.0, 17)
+    middle, azimuth = 0.5 * (edges[1:] + edges[:-1]), np.deg2rad(c_deg)
+    radiance = light(middle[None, :, None], middle[:, None, None], azimuth)[..., None] * np.ones((3, 3, 17, 2))
+    assert table(radiance, c_deg=c_deg, x=edges, y=edges).symmetry == symmetry
+    wide = table(radiance[:, :2], c_deg=c_deg, x=edges[1:], y=edges).symmetry
+    assert wide in ("none", "mirror_x", "mirror_y"), "cells beside the axis have no mirror image in x"
+
+
 def test_a_file_comes_back_bit_by_bit(tmp_path):
     original = table(np.random.default_rng(1).random((2, 2, 1, 3)), gamma_deg=(0.0, 30.0, 70.0))
     write_radiance(tmp_path / "led.npz", original)
@@ -124,6 +150,11 @@ GOOD = {"x_mm": X, "y_mm": Y, "c_deg": [0.0], "gamma_deg": [0.0, 60.0], "radianc
         ({"x_mm": [0.0]}, "x_mm must be a list of two"),
         ({"y_mm": [0.0, 2.0, 1.0]}, "y_mm must rise"),
         ({"gamma_deg": [0.0, 120.0]}, "within 0 to 90"),
+        ({"gamma_deg": [0.0, 90.001]}, "within 0 to 90"),
+        ({"gamma_deg": [-0.001, 60.0]}, "within 0 to 90"),
+        ({"c_deg": [0.001, 360.0], "radiance": np.ones((2, 2, 2, 2))}, "c_deg must run from 0 to 360"),
+        ({"c_deg": [0.001]}, "or be the single number 0"),
+        ({"x_mm": [-1.0, 0.0, 1.001e9]}, "x_mm has 3 numbers up to 1.001e"),
         ({"c_deg": [0.0, 180.0]}, "c_deg must run from 0 to 360"),
         ({"radiance": np.ones((2, 2, 2, 2))}, "has the shape"),
         ({"radiance": -np.ones((2, 2, 1, 2))}, "none below 0"),

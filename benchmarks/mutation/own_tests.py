@@ -1,0 +1,145 @@
+"""Tests that state the truth of each measured module, in the order in which they run; paths below ``tests``."""
+
+_LIGHT = ("evaluation/test_evaluation", "evaluation/test_preset_error", "receivers/test_truths")
+_SHARES = ("evaluation/test_judged_limits", "targets/test_limit_readings")
+_PIXELS = ("receivers/test_receiver", "receivers/test_plane", "receivers/test_posed", "targets/test_shapes")
+_PICTURES = (
+    "targets/test_light_tables",
+    "receivers/test_target_pictures",
+    "targets/test_shapes",
+    "receivers/test_receiver",
+)
+_PHOTOMETRY = (
+    "far_field/test_beam_figures",
+    "far_field/test_photometry",
+    "far_field/test_photometry_files",
+    "roadway/test_road_figures",
+)
+_AREAS = ("sources/test_planar_sources", "sources/test_radiance", "sources/test_source_etendue")
+_COLOURS = ("sources/test_spectrum_files", "sources/test_dispersion", "sources/test_dispersion_account")
+_DISPERSED = ("sources/test_dispersion_account", "sources/test_dispersion", "sources/test_measured_rays")
+_RAY_SETS = ("sources/test_ray_set", "sources/test_measured_rays", "sources/test_large_ray_files")
+_MERIT = (
+    "optimisation/test_image_terms",
+    "optimisation/test_receivers",
+    "receivers/test_receiver",
+    "optimisation/test_constraints",
+)
+_FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
+_ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
+_FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
+_CHECK = (
+    "manufacturing/test_draft_finding",
+    "manufacturing/test_cutting_advice",
+    "manufacturing/test_relief",
+    "manufacturing/test_check",
+)
+
+TESTS: dict[str, tuple[str, ...]] = {
+    "evaluation/evaluate.py": (*_SHARES, *_LIGHT),
+    "evaluation/light.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/light_bounds.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/limit_result.py": _SHARES,
+    "evaluation/limits.py": (*_SHARES, *_LIGHT),
+    "evaluation/metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/minimum.py": ("evaluation/test_minimum",),
+    "evaluation/noise_free.py": ("evaluation/test_noise_free",),
+    "evaluation/preset_error.py": _LIGHT,
+    "evaluation/receiver_light.py": (*_SHARES, *_LIGHT),
+    "evaluation/region_light.py": (*_SHARES, *_LIGHT),
+    "evaluation/replicate_metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/simulate.py": _LIGHT,
+    "targets/beams.py": _PICTURES,
+    "targets/lettering.py": _PICTURES,
+    "targets/limits.py": _SHARES,
+    "targets/pattern.py": _PICTURES,
+    "targets/region.py": _PICTURES,
+    "targets/shapes.py": _PICTURES,
+    "targets/tables.py": _PICTURES,
+    "receivers/build.py": _PIXELS,
+    "receivers/cylinder.py": (*_PIXELS, "receivers/test_possible"),
+    "receivers/far_field.py": (*_PIXELS, "receivers/test_possible"),
+    "receivers/pixels.py": _PIXELS,
+    "receivers/plane.py": (*_PIXELS, "receivers/test_possible"),
+    "receivers/pose.py": _PIXELS,
+    "receivers/posed.py": (*_PIXELS, "receivers/test_possible"),
+    "receivers/possible.py": (
+        "receivers/test_nearest_picture",
+        "receivers/test_possible",
+    ),
+    "receivers/receiver.py": (*_PIXELS, "optimisation/test_collect"),
+    "receivers/sphere.py": (*_PIXELS, "receivers/test_possible"),
+    "far_field/angular_grid.py": ("far_field/test_angular_grid", "far_field/test_photometry"),
+    "far_field/beam_figures.py": _PHOTOMETRY,
+    "far_field/exit_light.py": ("far_field/test_exit_spectrum", *_PHOTOMETRY, "sources/test_large_ray_files"),
+    "far_field/export.py": _PHOTOMETRY,
+    "far_field/files.py": _PHOTOMETRY,
+    "far_field/lumens.py": _PHOTOMETRY,
+    "far_field/photometry.py": _PHOTOMETRY,
+    "far_field/resolution.py": (
+        "far_field/test_interpolation_error",
+        "far_field/test_angular_grid",
+        "far_field/test_photometry",
+    ),
+    "far_field/spectrum.py": ("far_field/test_exit_spectrum", *_PHOTOMETRY, "sources/test_large_ray_files"),
+    "far_field/sphere.py": _PHOTOMETRY,
+    "sources/areas.py": _AREAS,
+    "sources/blocks.py": ("sources/test_large_ray_files",),
+    "sources/build.py": ("sources/test_flux", *_AREAS, "sources/test_placement", *_COLOURS),
+    "sources/bundle.py": (*_AREAS, "sources/test_ray_set", "sources/test_large_ray_files"),
+    "sources/cavity.py": ("sources/test_cavity",),
+    "sources/dispersion.py": _DISPERSED,
+    "sources/etendue.py": ("sources/test_source_etendue", "receivers/test_possible"),
+    "sources/flux.py": ("sources/test_flux",),
+    "sources/intensity.py": (*_AREAS, "sources/test_photometric"),
+    "sources/inverse_cdf.py": _AREAS,
+    "sources/luminance.py": _AREAS,
+    "sources/measured_rays.py": ("sources/test_measured_rays", "sources/test_large_ray_files"),
+    "sources/placement.py": ("sources/test_placement", "sources/test_measured_rays"),
+    "sources/planar.py": _AREAS,
+    "sources/radiance.py": _AREAS,
+    "sources/radiance_table.py": ("sources/test_radiance", "sources/test_source_etendue"),
+    "sources/ray_set.py": _RAY_SETS,
+    "sources/ray_set_figures.py": _RAY_SETS,
+    "sources/ray_set_flux.py": ("sources/test_rayfiles_flux", "sources/test_flux", *_RAY_SETS),
+    "sources/ray_set_loading.py": ("sources/test_dispersion_account", *_RAY_SETS),
+    "sources/ray_set_outline.py": _RAY_SETS,
+    "sources/rays_of_file.py": _RAY_SETS,
+    "sources/source_summary.py": ("sources/test_flux", "sources/test_dispersion_account", "sources/test_ray_set"),
+    "sources/spectrum.py": _COLOURS,
+    "sources/spectrum_file.py": ("sources/test_spectrum_files",),
+    "sources/square.py": _AREAS,
+    "sources/unread_rays.py": ("sources/test_large_ray_files",),
+    "optimisation/adam.py": ("optimisation/test_adam",),
+    "optimisation/augmented_lagrangian.py": _FEASIBLE,
+    "optimisation/chart_points.py": _ENVELOPE,
+    "optimisation/collect.py": ("optimisation/test_collect",),
+    "optimisation/constraints.py": _ENVELOPE,
+    "optimisation/feasibility.py": _ENVELOPE,
+    "optimisation/image_terms.py": _MERIT,
+    "optimisation/keep_out.py": _ENVELOPE,
+    "optimisation/limit_terms.py": ("optimisation/test_limit_terms",),
+    "optimisation/limits.py": _ENVELOPE,
+    "optimisation/merit.py": (*_MERIT, "optimisation/test_limit_terms"),
+    "optimisation/source_clearance.py": ("optimisation/test_source_clearance",),
+    "optimisation/surface_shape.py": ("optimisation/test_shape_constraints", "optimisation/test_envelope"),
+    "optimisation/symmetry.py": ("optimisation/test_symmetry", "optimisation/test_limit_terms", *_MERIT),
+    "manufacturing/advice.py": ("manufacturing/test_cutting_advice",),
+    "manufacturing/best_fit_sphere.py": ("manufacturing/test_best_fit_sphere",),
+    "manufacturing/check.py": (*_CHECK, "manufacturing/test_tools"),
+    "manufacturing/cutter.py": ("manufacturing/test_cutter", "manufacturing/test_relief"),
+    "manufacturing/face.py": _FACE,
+    "manufacturing/face_check.py": ("manufacturing/test_cutter", *_CHECK),
+    "manufacturing/findings.py": _CHECK,
+    "manufacturing/quadrature.py": ("manufacturing/test_face",),
+    "manufacturing/relief.py": ("manufacturing/test_custom_base_relief", *_CHECK, "manufacturing/test_brute_ball"),
+    "manufacturing/result.py": _CHECK,
+    "manufacturing/scallop.py": ("manufacturing/test_scallop",),
+    "manufacturing/tools.py": ("manufacturing/test_tools",),
+    "manufacturing/wall.py": ("manufacturing/test_wall", "optimisation/test_envelope"),
+}
+
+
+def tests_of(module: str) -> tuple[str, ...]:
+    """Tests of a module, each once."""
+    return tuple(dict.fromkeys(TESTS[module]))

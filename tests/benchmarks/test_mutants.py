@@ -1,0 +1,90 @@
+"""The benchmark of single bugs: what is drawn, what is left out, what is counted, and the page that states it."""
+
+import json
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mutation.draw import Mutant, drawn
+from mutation.kept import Outcome, Record, equivalent, share, table
+from mutation.left_out import left_out, within
+from mutation.own_tests import TESTS, tests_of
+
+ROOT = Path(__file__).parents[2]
+KEPT = ROOT / "docs" / "mutants.json"
+
+
+def mutants(module, count):
+    return [Mutant(module, "NumberReplacer", k, k, f"{module} {k}") for k in range(count)]
+
+
+@pytest.mark.parametrize("count", [10, 30, 55])
+def test_any_number_of_the_first_ones_has_of_each_module_its_share(count):
+    every = [mutants("a.py", 60), mutants("b.py", 40), mutants("c.py", 10), []]
+    first = Counter(mutant.module for mutant in drawn(every, seed=3)[:count])
+    for module, size in (("a.py", 60), ("b.py", 40), ("c.py", 10)):
+        assert abs(first[module] - count * size / 110) < 2
+
+
+def test_the_draw_is_of_all_mutants_and_another_for_another_seed():
+    every = [mutants("a.py", 20), mutants("b.py", 30)]
+    one, two = drawn(every, seed=0), drawn(every, seed=1)
+    assert sorted(one, key=str) == sorted(two, key=str) == sorted(every[0] + every[1], key=str)
+    assert one != two and one == drawn(every, seed=0)
+
+
+def test_annotations_decorators_and_words_are_left_out_and_nothing_else():
+    source = (
+        "@cache(8)\ndef f(x: int | None = 2) -> float | None:\n    n: int | str = 3\n    return f'{x + 1}', x + 4\n"
+    )
+    places, lines = left_out(source), source.split("\n")
+    kept = [
+        text[match.start()]
+        for number, text in enumerate(lines, start=1)
+        for match in re.finditer(r"[|+\d]", text)
+        if not within((number, match.start()), places)
+    ]
+    assert kept == ["2", "3", "+", "4"]
+
+
+def test_every_measured_module_and_its_tests_are_there():
+    for module in TESTS:
+        assert (ROOT / "lensforge" / module).is_file()
+        assert all((ROOT / "tests" / f"{name}.py").is_file() for name in tests_of(module))
+
+
+def test_a_number_gives_two_mutants_and_a_name_that_lines_above_do_not_change(tmp_path):
+    pytest.importorskip("cosmic_ray")
+    from mutation.draw import mutants_of, mutated
+
+    module = tmp_path / "m.py"
+    module.write_text("x = 7\n")
+    found = mutants_of(tmp_path, "m.py")
+    assert [mutated("x = 7\n", each).split() for each in found] == [["x", "=", "8"], ["x", "=", "6"]]
+    module.write_text("y = 'no number'\nx = 7\n")
+    assert [each.key for each in mutants_of(tmp_path, "m.py")] == [each.key for each in found]
+
+
+def test_bugs_are_counted_without_those_that_are_none(tmp_path, monkeypatch):
+    record = Record(tmp_path / "kept.json", 5, {"a/m.py": 40, "b/m.py": 60})
+    ends = [("failed", "failed"), ("passed", "failed"), ("passed", "passed"), ("time", "time"), ("passed", "passed")]
+    for k, (first, now) in enumerate(ends):
+        record.outcomes[f"a/{k}"] = Outcome(f"a/{k}", "a/m.py", "x", "y", first, now, 1.0)
+    record.save()
+    assert Record.load(record.path, 5) == record
+    monkeypatch.setattr("mutation.kept.equivalent", lambda: {"a/4": "the same value"})
+    assert share(2, 4) == "2 (50.0 ± 25.0 %)"  # sqrt(0.5 * 0.5 / 4)
+    assert "| `a` | 40 | 5 | 1 | 2 (50.0 ± 25.0 %) | 3 (75.0 ± 21.7 %) | 1 |" in table(record)
+    with pytest.raises(SystemExit, match="has the seed 5"):
+        Record.load(record.path, 6)
+
+
+def test_the_page_has_the_table_of_the_kept_outcomes():
+    record = Record.load(KEPT, json.loads(KEPT.read_text(encoding="utf-8"))["seed"])
+    page = (ROOT / "docs" / "mutants.md").read_text(encoding="utf-8")
+    assert table(record) in page
+    assert set(equivalent()) <= set(record.outcomes), "reasons for mutants that were never drawn"
+    for each in record.outcomes.values():
+        if each.now == "passed" and each.key not in equivalent():
+            assert f"`{each.new}`" in page, f"{each.key}: survives, and the page does not say so"

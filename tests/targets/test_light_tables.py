@@ -1,0 +1,50 @@
+"""Tables of light as a spec names them, and how finely a pattern is drawn."""
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.plane import Plane
+from lensforge.receivers.pose import ReceiverPose
+from lensforge.spec import CrossTarget
+from lensforge.targets import pattern
+from lensforge.targets.tables import read_table
+
+ROWS = np.array([[1.0, 0.5, 0.0], [2.5e1, 3.0, 4.0]])
+
+
+@pytest.mark.parametrize(
+    "text", ["1,0.5,0\n2.5e1,3,4\n", "1;0.5;0\n2.5e1;3;4", "1\t.5\t0\n25\t3\t4", "1 0.5 0 # a\n25 3 4"]
+)
+def test_numbers_are_read_whatever_stands_between_them(tmp_path, text):
+    path = tmp_path / "light.csv"
+    path.write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_table(path), ROWS)
+
+
+def test_one_array_of_an_archive_is_a_table(tmp_path):
+    np.savez(tmp_path / "light.npz", ROWS)
+    np.testing.assert_array_equal(read_table(tmp_path / "light.npz"), ROWS)
+    np.savez(tmp_path / "two.npz", ROWS, ROWS)
+    with pytest.raises(InputError, match="holds 2 arrays"):
+        read_table(tmp_path / "two.npz")
+
+
+@pytest.mark.parametrize("text", ["0,0\n0,0", "1,-0.001", "1,nan", "1,inf"])
+def test_dark_negative_and_endless_light_is_refused(tmp_path, text):
+    path = tmp_path / "light.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="must be finite, 0 or above, and not 0 everywhere"):
+        read_table(path)
+
+
+@pytest.mark.parametrize(("pixels", "times"), [(16, 32), (64, 8), (128, 8), (512, 8), (1024, 4), (4096, 1), (5000, 1)])
+def test_a_pattern_is_drawn_with_eight_sub_pixels_or_512_in_all_and_no_more_than_4096(monkeypatch, pixels, times):
+    seen = []
+    monkeypatch.setattr(pattern, "_means", lambda target, receiver, fine: seen.append(fine) or np.ones((1, 1)))
+    grid = PixelGrid(300.0, 200.0, pixels, pixels // 2)
+    receiver = Plane(ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0)), grid)
+    target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, distance_mm=100.0, receiver_mm=300.0)
+    pattern._light((target,), receiver, ("",))
+    assert seen == [times]
