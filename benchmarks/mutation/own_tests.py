@@ -140,6 +140,6 @@ TESTS: dict[str, tuple[str, ...]] = {
 }
 
 
-def tests_of(module: str) -> tuple[str, ...]:
+def files_of(module: str) -> tuple[str, ...]:
     """Tests of a module, each once."""
     return tuple(dict.fromkeys(TESTS[module]))
