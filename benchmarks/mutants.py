@@ -4,6 +4,7 @@
     python benchmarks/mutants.py --count 200 --seed 0
     python benchmarks/mutants.py --count 300          # goes on: the next hundred of the same draw
     python benchmarks/mutants.py --again              # those that survived, after tests were written
+    python benchmarks/mutants.py --fill               # the table and the lists of docs/mutants.md
     python benchmarks/mutants.py --modules far_field/sphere.py --count 50 --out cad_out/sphere.json
 
 A mutant is one change of one place: + for -, < for <=, 2 for 3, a condition turned round. They are drawn from all that
@@ -25,6 +26,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
     parser.add_argument("--modules", nargs="*", default=[], help="such as targets or far_field/sphere.py; default: all")
     parser.add_argument("--again", action="store_true", help="draw none; try those again that survived")
+    parser.add_argument("--fill", action="store_true", help="run nothing; write the outcomes into docs/mutants.md")
     parser.add_argument("--out", type=Path, default=FOLDER / "docs" / "mutants.json", help="the file of outcomes")
     parser.add_argument("--copy", type=Path, default=FOLDER / "build" / "mutants", help="where the checkout is copied")
     options = parser.parse_args()
@@ -32,6 +34,9 @@ def main() -> None:
 
     modules = [name for name in own_tests.TESTS if name.startswith(tuple(options.modules) or "")]
     record = kept.Record.load(options.out, options.seed)
+    if options.fill:
+        kept.fill(FOLDER / "docs" / "mutants.md", record)
+        return
     every = [draw.mutants_of(FOLDER / "lensforge", module) for module in modules]
     record.possible |= {module: len(mutants) for module, mutants in zip(modules, every, strict=True)}
     order = {mutant.key: mutant for mutant in draw.drawn(every, options.seed)}
@@ -58,7 +63,7 @@ def tried(mutant, record, copy: Path):
     """The outcome of a mutant's tests; None where the changed source is no program, or the machine had no time."""
     from mutation import draw, kept, own_tests, trial
 
-    tests = own_tests.tests_of(mutant.module)
+    tests = own_tests.files_of(mutant.module)
     source = (copy / "lensforge" / mutant.module).read_text(encoding="utf-8")
     changed = draw.mutated(source, mutant)
     if changed is None:

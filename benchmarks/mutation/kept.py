@@ -87,6 +87,30 @@ def share(caught: int, bugs: int) -> str:
     return f"{caught} ({100 * part:.1f} ± {100 * math.sqrt(part * (1 - part) / bugs) if bugs else math.nan:.1f} %)"
 
 
+def page_part(record: Record) -> str:
+    """The part of docs/mutants.md that the outcomes make: the table, what is left, and what is no bug, with reasons."""
+    reasons, outcomes = equivalent(), record.outcomes.values()
+    left = [each for each in outcomes if each.now == "passed" and each.key not in reasons]
+    none = [each for each in outcomes if each.key in reasons]
+    kinds = {"Left: no test notices these.": [(each, "") for each in left]} if left else {}
+    kinds["Changes that are no bugs:"] = [(each, f": {reasons[each.key]}") for each in none]
+    lists = [
+        "\n".join([f"{title}\n", *(f"- `{each.place}`, `{each.new}`{why}" for each, why in entries)])
+        for title, entries in kinds.items()
+    ]
+    return "\n\n".join([table(record), *lists])
+
+
+def fill(page: Path, record: Record) -> None:
+    """Write that part between the marks of ``page``."""
+    begin, end = "<!-- outcomes -->", "<!-- end of outcomes -->"
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, found, after = rest.partition(end)
+    if not found:
+        raise SystemExit(f"{page}: no {begin} and {end}")
+    page.write_text(f"{before}{begin}\n\n{page_part(record)}\n\n{end}{after}", encoding="utf-8")
+
+
 def survivors(record: Record, mutants: dict[str, Mutant]) -> list[str]:
     """Each bug that no test noticed: file, line, old and new text."""
     left = [each for each in record.outcomes.values() if each.now == "passed" and each.key not in equivalent()]

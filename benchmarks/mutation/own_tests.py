@@ -91,7 +91,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "sources/dispersion.py": _DISPERSED,
     "sources/etendue.py": ("sources/test_source_etendue", "receivers/test_possible"),
     "sources/flux.py": ("sources/test_flux",),
-    "sources/intensity.py": (*_AREAS, "sources/test_photometric"),
+    "sources/intensity.py": ("sources/test_tabulated_intensity", *_AREAS, "sources/test_photometric"),
     "sources/inverse_cdf.py": _AREAS,
     "sources/luminance.py": _AREAS,
     "sources/measured_rays.py": ("sources/test_measured_rays", "sources/test_large_ray_files"),
@@ -140,6 +140,6 @@ TESTS: dict[str, tuple[str, ...]] = {
 }
 
 
-def tests_of(module: str) -> tuple[str, ...]:
+def files_of(module: str) -> tuple[str, ...]:
     """Tests of a module, each once."""
     return tuple(dict.fromkeys(TESTS[module]))

@@ -7,8 +7,10 @@ from lensforge.errors import InputError
 from lensforge.receivers.pixels import PixelGrid
 from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose
+from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.spec import CrossTarget
 from lensforge.targets import pattern
+from lensforge.targets.beams import photometric
 from lensforge.targets.tables import read_table
 
 ROWS = np.array([[1.0, 0.5, 0.0], [2.5e1, 3.0, 4.0]])
@@ -48,3 +50,22 @@ def test_a_pattern_is_drawn_with_eight_sub_pixels_or_512_in_all_and_no_more_than
     target = CrossTarget(kind="cross", length_mm=150.0, stroke_mm=37.5, distance_mm=100.0, receiver_mm=300.0)
     pattern._light((target,), receiver, ("",))
     assert seen == [times]
+
+
+def test_a_table_of_intensities_is_bilinear_in_every_sector_and_dark_beyond_its_angles():
+    c_deg, gamma_deg = np.array([0.0, 90.0, 200.0, 360.0]), np.array([10.0, 30.0, 70.0])
+    values = np.array([[5.0, 4.0, 3.0], [1.0, 7.0, 2.0], [6.0, 0.0, 9.0], [5.0, 4.0, 3.0]])
+    azimuth, gamma = np.radians([45.0, 145.0, 280.0, 320.0, 0.0]), np.array([20.0, 50.0, 30.0, 60.0, 10.0])
+    by_hand = [
+        0.5 * (4.5 + 4.0),  # half-way between C 0 and C 90, each half-way to its second angle
+        0.5 * (4.5 + 4.5),
+        0.5 * (0.0 + 4.0),  # half-way between C 200 and C 360
+        0.25 * (0.25 * 0.0 + 0.75 * 9.0) + 0.75 * (0.25 * 4.0 + 0.75 * 3.0),
+        5.0,
+    ]
+    table = TabulatedIntensity(c_deg, gamma_deg, values)
+    np.testing.assert_allclose(photometric(table, gamma * np.cos(azimuth), gamma * np.sin(azimuth)), by_hand)
+    outside = np.array([9.9, 70.1])
+    np.testing.assert_array_equal(photometric(table, outside, np.zeros(2)), 0.0)
+    round_table = TabulatedIntensity(np.zeros(1), gamma_deg, values[:1])
+    np.testing.assert_allclose(photometric(round_table, np.zeros(2), np.array([-20.0, 50.0])), [4.5, 3.5])
