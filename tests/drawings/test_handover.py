@@ -74,10 +74,18 @@ def test_the_page_states_each_face_in_the_units_it_names(results):
 
 
 def test_the_sag_table_is_the_departure_from_the_sphere_of_the_check(results, handed):
-    sphere = results.check.outer.best_fit_sphere
-    departures = [float(row["departure_mm"]) for row in table(handed.sag_csv) if row["surface"] == "outer"]
-    assert np.ptp(departures) == pytest.approx(sphere.pv_mm, rel=0.03)
-    assert np.ptp(departures) <= sphere.pv_mm * (1.0 + 1e-3)
+    """Positive where the face is farther from the centre than the sphere; of each face from its own sphere."""
+    rows = table(handed.sag_csv)
+    for name in ("inner", "outer"):
+        sphere = getattr(results.check, name).best_fit_sphere
+        values = np.array([list(row.values())[1:] for row in rows if row["surface"] == name], dtype=float)
+        polar, azimuth, radius, departure = values.T
+        across, up = radius * np.sin(np.radians(polar)), radius * np.cos(np.radians(polar))
+        points = np.stack([across * np.cos(np.radians(azimuth)), across * np.sin(np.radians(azimuth)), up], axis=1)
+        beyond = np.linalg.norm(points - np.array(sphere.centre_mm), axis=1) - sphere.radius_mm
+        assert departure == pytest.approx(beyond, abs=3e-9), "nine decimals"
+        assert np.ptp(departure) == pytest.approx(sphere.pv_mm, rel=0.03)
+        assert np.ptp(departure) <= sphere.pv_mm * (1.0 + 1e-3)
 
 
 def test_page_and_pdf_say_what_the_shop_must_know(results, handed):

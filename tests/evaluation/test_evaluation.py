@@ -4,8 +4,11 @@ from nightly import NIGHTLY
 from scenes import random_surface, small_spec, sphere
 
 from lensforge.accuracy import PRESETS
-from lensforge.evaluation.evaluate import evaluate_lens
+from lensforge.evaluation.evaluate import evaluate_lens, evaluate_traced
+from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
+from lensforge.evaluation.replicate_metrics import traced_light
+from lensforge.evaluation.simulate import TracedLens
 from lensforge.jackknife import jackknife
 from lensforge.lens import Lens
 from lensforge.optics.two_refractions import normal_transmittance
@@ -111,6 +114,16 @@ def test_the_picture_is_that_of_the_rays_under_the_gaussian_asked_for(variance: 
         total += share * padded[row : row + 16, column : column + 16]
         weight += share
     assert light.map == pytest.approx(total / weight, rel=1e-12)
+
+
+def test_the_light_of_one_lens_among_many_is_that_of_its_evaluation() -> None:
+    """The same rays, pictures and region of uniform light, to the last bits."""
+    spec = small_spec(evaluate__filter_variance=0.5)
+    lens = Lens(random_surface(1, 3.0, 0.02), random_surface(2, 6.0, 0.02), spec, 0, "draft")
+    traced, source = TracedLens.of(lens, DRAFT.evaluate_nodes_per_sigma), build_source(spec.source)
+    own, whole = traced_light(traced, spec, source, 4096, 3), evaluate_traced(traced, spec, source, 4096, 3)
+    assert own.metrics == LightMetrics.of(whole)
+    assert np.array_equal(own.map, whole.map)
 
 
 def test_standard_errors_tell_the_truth() -> None:

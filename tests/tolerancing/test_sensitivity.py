@@ -43,7 +43,7 @@ def test_every_tolerance_is_named_and_nothing_changes_without_one():
 
 
 def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
-    lens = small_lens()
+    lens = small_lens(roughness=0.06)
     study = PartStudy(Recipe(lens, 1, 256, 0, 256))
     found = {}
     for factor in study.factors:
@@ -58,7 +58,7 @@ def test_a_shift_is_along_one_axis_and_a_form_error_has_its_rms():
         face = name.split(", ")[1].split()[0]
         surface, table = getattr(lens, face), getattr(found[name, True], f"{face}_error")
         error = evaluate_table(study.light.nominal.scene.grid, table, u) * np.sum(surface.normal(u) * u, axis=1)
-        assert np.sqrt(np.mean(error**2)) == pytest.approx(rms_mm, rel=0.02)
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(rms_mm, rel=0.005)
 
 
 def test_the_lens_as_designed_is_that_of_its_evaluation():

@@ -7,7 +7,7 @@ from scenes import random_surface
 
 from lensforge.kernels.bounds import surface_bounds
 from lensforge.kernels.first_hit import BELOW, FOUND
-from lensforge.surfaces.spline import TableGrid, tabulate
+from lensforge.surfaces.spline import TableGrid, evaluate_table, tabulate
 
 SCAN = 1500
 
@@ -82,6 +82,25 @@ def test_bounds_hold_as_far_as_they_reach() -> None:
     assert np.all(second <= bend)
     # and are not so wide that they would be true of anything
     assert np.median(slope / gradient) < 4.0 and slope.max() < 3.0 * gradient.max() and bend.max() < 5.0 * second.max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_see_every_coefficient_that_acts_within_their_reach(seed: int) -> None:
+    """Lone dents one node wide, of which a tile sees none but by the coefficients at the very end of its reach."""
+    grid, rng = TableGrid(80), np.random.default_rng(seed)
+    table = np.where(rng.random((grid.side, grid.side)) < 3e-3, 1.0, 2.0)
+    bounds = surface_bounds(table, grid.origin, grid.step)
+    azimuth, height = rng.uniform(0.0, 2.0 * np.pi, 200_000), rng.uniform(0.0, 0.3, 200_000)
+    sine = np.sqrt(1.0 - height**2)
+    centre = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), height], axis=1)
+    aside = np.cross(centre, rng.normal(size=centre.shape))
+    u = centre + bounds.tan_reach * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    centre, u = centre[u[:, 2] >= 0.0], u[u[:, 2] >= 0.0]
+    tile = ((centre[:, :2] / (1.0 + centre[:, 2:]) - grid.origin) * bounds.per_unit).astype(int)
+    least, rho = bounds.tiles[tile[:, 0], tile[:, 1], 0], evaluate_table(grid, table, u)
+    assert (least <= rho + 1e-12).all()
+    assert (rho < 1.9).any() and (least == 2.0).mean() > 0.1, "there are dents, and tiles without"
 
 
 if __name__ == "__main__":  # the long run: PYTHONPATH=tests python tests/tracing/test_first_hit.py 4000
