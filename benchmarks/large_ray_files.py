@@ -9,14 +9,12 @@ which the system takes back whenever it needs them. Linux only.
 
 import argparse
 import os
-import subprocess
 import sys
 import tempfile
-import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from watched import Peak, watched
 
 from lensforge.sources.rayfiles import RayFile, write_rayfile
 from lensforge.sources.square import SquareEmitter
@@ -46,16 +44,6 @@ receiver_mm = 300.0
 """
 CHUNK = 2**20  # rays drawn at a time
 SUFFIXES = {"tm25": "tm25ray", "zemax_binary": "dat"}
-PAUSE_S = 0.05  # between two looks at the memory
-
-
-@dataclass(frozen=True)
-class Peak:
-    """Seconds of a command, and the largest memory (MiB) of all its processes together."""
-
-    seconds: float
-    anonymous: float
-    resident: float
 
 
 def make_file(path: Path, count: int, format: str) -> None:
@@ -73,35 +61,7 @@ def make_file(path: Path, count: int, format: str) -> None:
 
 def run(*arguments: str) -> Peak:
     """Run ``lensforge`` with ``arguments`` and watch its memory until it ends."""
-    started, anonymous, resident = time.perf_counter(), 0.0, 0.0
-    process = subprocess.Popen([sys.executable, "-m", "lensforge", *arguments, "--quiet"])
-    while process.poll() is None:
-        found = [memory_of(pid) for pid in family(process.pid)]
-        anonymous = max(anonymous, sum(each[0] for each in found))
-        resident = max(resident, sum(each[1] for each in found))
-        time.sleep(PAUSE_S)
-    if process.returncode not in (0, 1):  # 1: the lens cannot be cut as the spec asks, which is no matter here
-        raise SystemExit(f"lensforge {' '.join(arguments)}: exit {process.returncode}")
-    return Peak(time.perf_counter() - started, anonymous, resident)
-
-
-def family(pid: int) -> list[int]:
-    """The process ``pid`` and all that it started."""
-    try:
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    except OSError:
-        return []
-    return [pid, *(other for child in children for other in family(int(child)))]
-
-
-def memory_of(pid: int) -> tuple[float, float]:
-    """Anonymous and resident memory (MiB) of a process; 0 where it has just ended."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return 0.0, 0.0
-    kib = {line.split(":")[0]: float(line.split()[1]) for line in lines if line.startswith(("RssAnon", "VmRSS"))}
-    return kib.get("RssAnon", 0.0) / 1024.0, kib.get("VmRSS", 0.0) / 1024.0
+    return watched([sys.executable, "-m", "lensforge", *arguments, "--quiet"])
 
 
 def commands(folder: Path, source: str, accuracy: str) -> dict[str, list[str]]:

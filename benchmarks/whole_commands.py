@@ -10,56 +10,23 @@ over the processes of a command, of what they hold alone and their part of what 
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from statistics import median
 
+from watched import watched
+
 STAGES = ("design", "evaluate", "photometry", "export", "check", "verify")
-PAUSE_S = 0.2  # between two looks at the memory
-
-
-def held_mib(group: int) -> float:
-    """Memory (MiB) of a process and all that it has started."""
-    parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
-        except OSError:  # it has ended
-            continue
-    family = {group}
-    for _ in range(4):  # generations
-        family |= {child for child, parent in parents.items() if parent in family}
-    total = 0
-    for number in family:
-        try:
-            lines = Path(f"/proc/{number}/smaps_rollup").read_text().splitlines()
-        except OSError:
-            continue
-        total += sum(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
-    return total / 1024
 
 
 def timed(checkout: Path, spec: str, accuracy: str) -> dict[str, float]:
     """Seconds of a command and of its stages, and its peak memory (MiB)."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "lensforge", "design", f"examples/{spec}.toml", "--accuracy", accuracy]
-        environment = {**os.environ, "PYTHONPATH": str(checkout)}
-        began, peak = time.perf_counter(), 0.0
-        process = subprocess.Popen(
-            [*command, "--quiet", "--out", folder], cwd=checkout, env=environment, stderr=subprocess.DEVNULL
-        )
-        while process.poll() is None:
-            peak = max(peak, held_mib(process.pid))
-            time.sleep(PAUSE_S)
-        seconds = time.perf_counter() - began
-        if process.returncode not in (0, 1):  # 1: a criterion is missed, the files are there
-            raise SystemExit(f"{checkout}: {' '.join(command)} ended with {process.returncode}")
+        peak = watched([*command, "--quiet", "--out", folder], checkout, PYTHONPATH=str(checkout))
         found = {name: json.loads((Path(folder) / f"{name}.json").read_text())["seconds"] for name in STAGES}
-    return {"whole": seconds, **found, "MiB": peak}
+    return {"whole": peak.seconds, **found, "MiB": peak.held}
 
 
 def main() -> None:

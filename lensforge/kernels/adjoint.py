@@ -8,7 +8,7 @@ from jaxtyping import Float
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.hit_adjoint import hit_adjoint
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.packets import COEFFICIENTS, SIZE, WIDTH, fetch_table, fields, jet_at, mark_cell
+from lensforge.kernels.packets import COEFFICIENTS, SIZE, fetch_table, fields, in_whole_vectors, jet_at, mark_cell
 from lensforge.kernels.placement import place, rough_normal, rough_normal_adjoint, turn, turn_back
 from lensforge.kernels.refraction import (
     coated_transmittance,
@@ -232,7 +232,7 @@ def trace_adjoint(
             origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
             by_points, by_directions, by_flux, by_sin2, first, min(first + SIZE, len(emitted)), rays,
         )  # fmt: skip
-        whole = (count + WIDTH - 1) // WIDTH * WIDTH
+        whole = in_whole_vectors(count)
         to_inner(rays, whole, side, scene)
         fetch_table(rays, count, inner, INNER_CELL)
         to_outer(rays, whole, side, scene, inner_coating, rows, placed, rough)

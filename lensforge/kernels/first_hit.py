@@ -36,7 +36,6 @@ from lensforge.kernels.packets import (
     SLOPE_Y,
     STATE,
     STATUS,
-    WIDTH,
     X0,
     Z0,
     F,
@@ -45,6 +44,7 @@ from lensforge.kernels.packets import (
     evaluate,
     fetch_bounds,
     fetch_table,
+    in_whole_vectors,
     locate,
 )
 
@@ -206,7 +206,7 @@ def first_hits(rays, count, table, origin, inverse_step, bounds):
             rays[X0 + field * SIZE + k] = rays[PX + field * SIZE + k]
     closing = 0
     for step in range(_LEAPS + MAX_STEPS + MAX_CLOSING):
-        whole = (count + WIDTH - 1) // WIDTH * WIDTH
+        whole = in_whole_vectors(count)
         locate(rays, whole, side, origin, inverse_step, tiles, bounds.per_unit)
         if closing < count:
             fetch_bounds(rays, count, bounds.tiles)

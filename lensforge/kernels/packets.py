@@ -16,7 +16,7 @@ from lensforge.kernels.jit import inline
 from lensforge.kernels.spline import cubic_splines, index_at
 
 SIZE = 256  # rays
-WIDTH = 8  # rays in the widest vector register: loops go over whole ones
+WIDTH = 8  # rays in the widest vector register
 
 
 def fields(first: int, count: int) -> tuple[int, ...]:
@@ -49,6 +49,12 @@ PACKET_NUMBERS = (COEFFICIENTS + 15 + OWN + 16) * SIZE
 def empty_packet() -> Float[np.ndarray, " k"]:
     """Memory of a packet, for one thread."""
     return np.zeros(PACKET_NUMBERS)
+
+
+@inline
+def in_whole_vectors(count):
+    """Number of places over which a loop for ``count`` rays goes, so that no vector is taken apart: room is there."""
+    return (count + WIDTH - 1) // WIDTH * WIDTH
 
 
 @inline

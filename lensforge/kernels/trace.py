@@ -30,7 +30,7 @@ from lensforge.kernels.packets import (
     SIZE,
     STATUS,
     THROUGH,
-    WIDTH,
+    in_whole_vectors,
     tile_of,
 )
 from lensforge.kernels.placement import place, rough_normal, turn
@@ -121,7 +121,7 @@ def into_body(
 ):  # fmt: skip
     """Refract the rays of a packet at the inner surface. Returns the number of those on their way to the outer one."""
     fresnel, _, outside_index, origin, inverse_step = scene
-    whole = (count + WIDTH - 1) // WIDTH * WIDTH
+    whole = in_whole_vectors(count)
     refract_packet(rays, whole, fresnel, coating, rows, rough, 0)
     going = 0
     for lane in range(count):
@@ -160,7 +160,7 @@ def out_of_body(
 ):  # fmt: skip
     """Refract the rays of a packet at the outer surface."""
     fresnel = scene[0]
-    whole = (count + WIDTH - 1) // WIDTH * WIDTH
+    whole = in_whole_vectors(count)
     refract_packet(rays, whole, fresnel, coating, rows, rough, 1)
     for lane in range(count):
         k, t = int(rays[RAY + lane]), rays[LENGTH + lane]

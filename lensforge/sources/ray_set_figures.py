@@ -27,19 +27,13 @@ class LightFigures:
     @staticmethod
     def of(rays: Rays) -> "LightFigures":
         """Gather them from all rays."""
-        focus = FocusFit()
-        if isinstance(rays, RayBundle):
-            focus.add_all(rays.origins, rays.directions, rays.flux)
-            total, squares = rays.flux.sum(), rays.flux @ rays.flux
-        else:
-            sums, squares = [], 0.0
-            for block in blocks_of(rays):
-                focus.add(block.origins, block.directions, block.flux)
-                sums.append(block.flux.sum())
-                squares += np.square(block.flux).sum()
-            total = total_of(len(rays), sums)
+        focus, sums, squares = FocusFit(), [], 0.0
+        for block in blocks_of(rays):
+            focus.add(block.origins, block.directions, block.flux)
+            sums.append(block.flux.sum())
+            squares += np.square(block.flux).sum()
         point = focus.point()
-        return LightFigures(float(total**2 / squares), None if point is None else as_point(point))
+        return LightFigures(float(total_of(len(rays), sums) ** 2 / squares), None if point is None else as_point(point))
 
 
 @dataclass(frozen=True)

@@ -34,20 +34,6 @@ class FocusFit:
                 self.matrix[column, row] = self.matrix[row, column]
             self.matrix[row, row] += flux.sum()
 
-    def add_all(
-        self,
-        positions: Float[np.ndarray, "n 3"],
-        directions: Float[np.ndarray, "n 3"],
-        flux: Float[np.ndarray, " n"],
-    ) -> None:
-        """Add the rays of a source that are in memory, all at once: the same sums, rounded otherwise.
-
-        A source may have its focus at the origin of its lens, which does not move by a rounding.
-        """
-        self.matrix += flux.sum() * np.eye(3) - (flux[:, None] * directions).T @ directions
-        across = positions - np.sum(positions * directions, axis=1, keepdims=True) * directions
-        self.moment += flux @ across
-
     def point(self) -> Float[np.ndarray, " 3"] | None:
         """Solve for the virtual focus (mm); None where the rays are parallel."""
         eigenvalues = np.linalg.eigvalsh(self.matrix)
@@ -63,5 +49,5 @@ def virtual_focus(
 ) -> Float[np.ndarray, " 3"] | None:
     """Compute the virtual focus (mm) of rays with unit directions; None where they are parallel."""
     fit = FocusFit()
-    fit.add_all(positions, directions, flux)
+    fit.add(positions, directions, flux)
     return fit.point()
