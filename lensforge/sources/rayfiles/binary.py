@@ -87,6 +87,37 @@ class FileImage:
         return self.rows(start, count, columns, tail)
 
 
+@dataclass(frozen=True)
+class FileState:
+    """Size of a mapped file and the time at which it was last written to: later its numbers would be others.
+
+    The system ends a process that reads a mapped file beyond its end, without a line.
+    """
+
+    path: Path
+    inode: int
+    size: int
+    changed_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> "FileState":
+        """The present state of ``path``. Raises OSError where it is gone."""
+        now = path.stat()
+        return cls(path, now.st_ino, now.st_size, now.st_mtime_ns)
+
+    def require_same(self) -> None:
+        """Raise :class:`InputError` where the file was written to since; a file that took its name does no harm."""
+        try:
+            now = FileState.of(self.path)
+        except OSError:  # deleted: its content stays until it is no longer mapped
+            return
+        if now.inode == self.inode and now != self:
+            size = f"{self.size} to {now.size} bytes" if now.size != self.size else f"{now.size} bytes as before"
+            raise InputError(
+                f"{self.path}: was written to while its rays were in use ({size}); start again when it is complete"
+            )
+
+
 def known(value: float) -> float | None:
     """A header number, or None where it is a way of writing unknown: 0, negative, absurd, NaN, byte-swapped NaN."""
     return float(value) if _LEAST_KNOWN < value < HUGE else None
