@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles the package again
+
 .PHONY: demo test nightly lowest wheel docs notebooks lint bench setup clean
 
 demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
