@@ -94,15 +94,17 @@ def made_once(folder: Path, make: Callable[[Path], lensforge.Run]) -> lensforge.
 def small_run(shared: Path) -> lensforge.Run:
     """A run of a small lens: the object that ``run`` returned, and its folder as it left it. To be read only.
 
-    The report has no pictures, which take ten seconds. It is made on one thread, one stage after another.
+    The report has no pictures, which take ten seconds, and the part few triangles, which every reader of the folder
+    adds up. It is made on one thread, one stage after another.
     """
-    from scenes import small_spec  # not before the import hook is there
+    from coarse_mesh import coarse_mesh  # not before the import hook is there
+    from scenes import small_spec
     from undrawn import undrawn
 
     from lensforge.arguments import threads_of_torch
 
     spec = small_spec(optimise__steps_per_level=[40, 40])
-    with undrawn(), threads_of_torch(1):
+    with undrawn(), coarse_mesh(), threads_of_torch(1):
         return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
 
 

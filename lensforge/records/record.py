@@ -1,7 +1,7 @@
 """The base class of all records: frozen, validated, compared bit for bit, with one flat row for a table."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, computed_field, model_validator
@@ -58,11 +58,11 @@ class Record(BaseModel):
     @model_validator(mode="after")
     def _axes_agree(self) -> "Record":
         sizes: dict[str, int] = {}
-        for name, field in type(self).model_fields.items():
-            mark, value = marker(field, Array), getattr(self, name)
-            if mark is not None and value is not None:
+        for name, axes in _array_axes(type(self)):
+            value = getattr(self, name)
+            if value is not None:
                 try:
-                    bind(mark.axes, value.shape, sizes)
+                    bind(axes, value.shape, sizes)
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
         return self
@@ -102,6 +102,13 @@ def marker(field: FieldInfo, kind: type[_Mark]) -> _Mark | None:
         if get_origin(part) is Annotated:
             found += [each for each in get_args(part)[1:] if isinstance(each, kind)]
     return found[0] if found else None
+
+
+@cache
+def _array_axes(record: type[Record]) -> tuple[tuple[str, tuple[str | int, ...]], ...]:
+    """Names of the arrays among the fields, and the axes of each."""
+    marks = ((name, marker(field, Array)) for name, field in record.model_fields.items())
+    return tuple((name, mark.axes) for name, mark in marks if mark is not None)
 
 
 def _flat(value: Any, prefix: str) -> Iterator[tuple[str, Scalar]]:

@@ -15,14 +15,16 @@ SOURCES = ["lensforge.sources.ray_set", "lensforge.sources.rayfiles.reading"]
 PROOFS = ["lensforge.verification.brep_cast", "lensforge.verification.stray", "lensforge.geometry.base"]
 
 
-def _loaded(arguments: list[str], names: list[str]) -> str:
-    code = (
-        "import sys; from lensforge.cli import cli\n"
+def _loaded(*commands: tuple[list[str], list[str]]) -> list[str]:
+    """Modules of its list that are loaded after each command, one after another in one process."""
+    code = "import sys; from lensforge.cli import cli\n" + "".join(
         f"cli.main({arguments!r}, prog_name='lensforge', standalone_mode=False)\n"
-        f"print('loaded:', [name for name in {names!r} if name in sys.modules])"
+        f"print('loaded:', [name for name in {names!r} if name in sys.modules])\n"
+        for arguments, names in commands
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
-    return done.stdout.splitlines()[-1].removeprefix("loaded: ")
+    lines = done.stdout.splitlines()
+    return [line.removeprefix("loaded: ") for line in lines if line.startswith("loaded: ")]
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +35,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_evaluation_of_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures(folder: Path) -> None:
-    assert _loaded(["evaluate", str(folder), "--rays", "64"], [*CAD, *PICTURES, *SOURCES, *PROOFS]) == "[]"
+def test_a_plain_scene_loads_no_file_reader_no_cad_and_no_pictures_to_be_evaluated_and_checked(folder: Path) -> None:
+    evaluate = (["evaluate", str(folder), "--rays", "64"], [*CAD, *PICTURES, *SOURCES, *PROOFS])
+    check = (["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES])
+    assert _loaded(evaluate, check) == ["[]", "[]"]
 
 
-def test_the_check_for_manufacture_needs_no_cad(folder: Path) -> None:
-    assert _loaded(["check", str(folder)], ["cadquery", "OCP", *PICTURES, *SOURCES]) == "[]"
-
-
-def test_help_loads_nothing(folder: Path) -> None:
-    assert _loaded(["design", "--help"], [*CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]) == "[]"
+def test_help_loads_nothing() -> None:
+    modules = [*CAD, *PICTURES, *SOURCES, *PROOFS, "torch", "scipy", "numba"]
+    assert _loaded((["design", "--help"], modules)) == ["[]"]

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from nightly import first_by_day
 
@@ -96,7 +97,7 @@ def test_a_command_whose_reader_has_left_does_all_its_work(small_run: lf.Run, tm
     (folder / "report.html").unlink()  # which would be drawn again
     done = shell(f"lensforge evaluate {folder} | true", tmp_path)
     assert done.returncode in (0, 1) and "Traceback" not in done.stderr
-    assert lf.load(folder).light.sha256 == small_run.light.sha256
+    assert np.array_equal(lf.load(folder).light.map, small_run.light.map)
 
 
 def test_names_cannot_steer_a_terminal() -> None:

@@ -218,7 +218,8 @@ def passes(criterion: Criterion) -> bool:
     return criterion.value <= criterion.limit if criterion.sense == "<=" else criterion.value >= criterion.limit
 
 
-def chosen(whole_run: lf.Run) -> list[tuple[str, str, dict[str, Any]]]:
+@pytest.fixture(scope="module")
+def changes(whole_run: lf.Run) -> list[tuple[str, str, dict[str, Any]]]:
     """All changes of all records; by day a sample of them, always the same."""
     every = [
         (stem, words, content) for stem in RECORDS for words, content in mutants(record_in(whole_run.folder, stem))
@@ -228,8 +229,9 @@ def chosen(whole_run: lf.Run) -> list[tuple[str, str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize("command", [pipeline.run_report, pipeline.run_handover])
-def test_no_change_of_a_record_is_taken_where_run_json_knows_it(whole_run: lf.Run, folder: Path, command: Any) -> None:
-    changes = chosen(whole_run)
+def test_no_change_of_a_record_is_taken_where_run_json_knows_it(
+    whole_run: lf.Run, folder: Path, changes: list[tuple[str, str, dict[str, Any]]], command: Any
+) -> None:
     for stem, words, content in changes if NIGHTLY else changes[::2]:
         before = (folder / f"{stem}.json").read_bytes()
         write(folder, stem, content)
@@ -240,10 +242,12 @@ def test_no_change_of_a_record_is_taken_where_run_json_knows_it(whole_run: lf.Ru
     assert lf.load(folder).verdict == whole_run.verdict
 
 
-def test_without_run_json_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run, folder: Path) -> None:
+def test_without_run_json_every_criterion_is_judged_by_its_own_value_and_limit(
+    folder: Path, changes: list[tuple[str, str, dict[str, Any]]]
+) -> None:
     (folder / "run.json").unlink()
     taken = 0
-    for stem, words, content in chosen(whole_run):
+    for stem, words, content in changes:
         before = (folder / f"{stem}.json").read_bytes()
         write(folder, stem, content)
         if not refusal(lf.load, folder):
@@ -251,7 +255,7 @@ def test_without_run_json_every_criterion_is_judged_by_its_own_value_and_limit(w
             require_own_judgement(folder)
             assert not words.startswith(("criteria", "verdicts")) or "remedy" in words, (stem, words)
         (folder / f"{stem}.json").write_bytes(before)
-    assert taken < (0.5 if NIGHTLY else 0.6) * len(chosen(whole_run))  # 30 by day: two standard errors more
+    assert taken < (0.5 if NIGHTLY else 0.6) * len(changes)  # 30 by day: two standard errors more
 
 
 def test_the_value_of_the_issue_is_refused(folder: Path) -> None:
