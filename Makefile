@@ -12,9 +12,8 @@ demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstar
 test: setup  ## the whole test suite
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-nightly: setup lowest wheel docs notebooks  ## the suite with 500 times as many random cases, all slow tests: hours
-	LENSFORGE_FUZZ=500 $(BIN)/python -m pytest -n 2 --dist loadfile
-	$(BIN)/python benchmarks/fuzz.py --cases 100000 --foreign 2000
+nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to docs/nightly.md: hours
+	$(BIN)/python .ci/nightly.py
 
 lowest:  ## a draft and all stages with the lowest version of each dependency that pyproject.toml declares
 	$(PYTHON) -m venv --clear build/lowest

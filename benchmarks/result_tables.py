@@ -74,12 +74,17 @@ TABLES = {"docs/results.md": {"designs": headline, "flat tops": flat_tops}}
 def filled(text: str, page: str, designs: dict[str, Any]) -> str:
     """The page with each of its tables made anew."""
     for name, make in TABLES[page].items():
-        before, after = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
-        pattern = re.escape(before) + r".*?" + re.escape(after)
-        made = before + "\n" + make(designs) + "\n" + after
-        text, count = re.subn(pattern, lambda _, made=made: made, text, flags=re.DOTALL)
-        if count != 1:
-            raise ValueError(f"{page}: {count} places for the table {name!r}")
+        text = between_marks(text, page, name, make(designs))
+    return text
+
+
+def between_marks(text: str, page: str, name: str, made: str) -> str:
+    """``text`` of a page with ``made`` between its marks of ``name``."""
+    before, after = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
+    pattern = re.escape(before) + r".*?" + re.escape(after)
+    text, count = re.subn(pattern, lambda _: f"{before}\n{made}\n{after}", text, flags=re.DOTALL)
+    if count != 1:
+        raise ValueError(f"{page}: {count} places for the table {name!r}")
     return text
 
 

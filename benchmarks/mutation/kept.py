@@ -5,6 +5,8 @@ import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from result_tables import between_marks
+
 from .draw import Mutant
 
 EQUIVALENT = Path(__file__).with_name("equivalent.json")
@@ -103,12 +105,8 @@ def page_part(record: Record) -> str:
 
 def fill(page: Path, record: Record) -> None:
     """Write that part between the marks of ``page``."""
-    begin, end = "<!-- outcomes -->", "<!-- end of outcomes -->"
-    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
-    _, found, after = rest.partition(end)
-    if not found:
-        raise SystemExit(f"{page}: no {begin} and {end}")
-    page.write_text(f"{before}{begin}\n\n{page_part(record)}\n\n{end}{after}", encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    page.write_text(between_marks(text, page.name, "outcomes", page_part(record)), encoding="utf-8")
 
 
 def survivors(record: Record, mutants: dict[str, Mutant]) -> list[str]:

@@ -1,6 +1,6 @@
 """How the extremes are searched, and what every trace must keep.
 
-``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 500 in a nightly run (10^5 specs and lenses).
+``LENSFORGE_FUZZ=n`` multiplies the number of examples: 1 in the suite, 10 at night; 500 are 10^5 specs and lenses.
 """
 
 from functools import lru_cache

@@ -1,0 +1,105 @@
+"""What takes longer than the suite: run step by step, and the last outcome of each kept in docs/nightly.json.
+
+python .ci/nightly.py                    every step, one after another; a step that fails stops no other
+python .ci/nightly.py wheel notebooks    these
+python .ci/nightly.py --fill             run nothing; the table of docs/nightly.md again, from the kept outcomes
+
+Each step's output is in build/nightly. Exit code 1 where a step failed.
+"""
+
+import argparse
+import datetime
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+KEPT, PAGE, LOGS = ROOT / "docs" / "nightly.json", ROOT / "docs" / "nightly.md", ROOT / "build" / "nightly"
+sys.path.append(str(ROOT / "benchmarks"))
+from result_tables import between_marks, table  # noqa: E402
+
+# As many random cases as a night on two cores has time for; some tests would take days with a hundred times as many.
+FACTOR = 10
+STEPS = {
+    "lowest": "make lowest",
+    "wheel": "make wheel",
+    "docs": "make docs",
+    "notebooks": "make notebooks",
+    "tests": f"LENSFORGE_FUZZ={FACTOR} .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder",
+    "fuzz": ".venv/bin/python benchmarks/fuzz.py --cases 100000 --foreign 2000",
+}
+_COUNTS = re.compile(r"^=*\s*((?:\d+ \w+,? ?)+) in [\d.]+s|^(\d+ cases.*)$", re.MULTILINE)
+
+
+def main() -> int:
+    """Run the steps, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
+    parser.add_argument("--fill", action="store_true", help="run nothing")
+    options = parser.parse_args()
+    unknown = [name for name in options.steps if name not in STEPS]
+    if unknown:
+        parser.error(f"no step {unknown[0]!r}; one of {', '.join(STEPS)}")
+    failed = 0
+    for name in () if options.fill else options.steps or STEPS:
+        found = outcome_of(name)
+        failed += found["outcome"] != "passed"
+        print(f"{name}: {found['outcome']}, {found['seconds']} s {found['counts']}", flush=True)
+        keep(name, found)
+    PAGE.write_text(between_marks(PAGE.read_text(encoding="utf-8"), PAGE.name, "nights", rows()), encoding="utf-8")
+    return min(failed, 1)
+
+
+def outcome_of(name: str) -> dict[str, Any]:
+    """Run a step: day, commit, seconds, whether it passed, and what it counts."""
+    LOGS.mkdir(parents=True, exist_ok=True)
+    log, tried, start = LOGS / f"{name}.txt", commit(), time.monotonic()
+    with log.open("w", encoding="utf-8") as stream:
+        code = subprocess.run(
+            ["bash", "-c", STEPS[name]], cwd=ROOT, stdout=stream, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL
+        ).returncode
+    counts = _COUNTS.findall(log.read_text(encoding="utf-8", errors="replace"))
+    return {
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "commit": tried,
+        "seconds": round(time.monotonic() - start),
+        "outcome": "passed" if code == 0 else f"failed ({code})",
+        "counts": next(filter(None, counts[-1]), "").strip() if counts else "",
+    }
+
+
+def commit() -> str:
+    """The commit that is checked out, with a + where files are changed."""
+    git = ["git", "-C", str(ROOT)]
+    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, encoding="utf-8", check=True)
+    changed = subprocess.run(
+        [*git, "status", "--porcelain", "-uno", "--", ".", ":!docs/nightly.*"], capture_output=True
+    )
+    return head.stdout.strip() + ("+" if changed.stdout else "")
+
+
+def keep(name: str, found: dict[str, Any]) -> None:
+    """Put an outcome in the place of the earlier one of its step."""
+    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    kept[name] = found
+    written = KEPT.with_suffix(".new")
+    written.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    written.replace(KEPT)
+
+
+def rows() -> str:
+    """The table of the page."""
+    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    lines = [
+        (name, found["date"], found["commit"], f"{found['seconds'] / 60:.0f} min", found["outcome"], found["counts"])
+        for name, found in kept.items()
+    ]
+    return table(lines, ("step", "day", "commit", "time", "outcome", "counted"))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
