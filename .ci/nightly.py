@@ -95,8 +95,8 @@ def rows() -> str:
     """The table of the page."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     lines = [
-        (name, found["date"], found["commit"], f"{found['seconds'] / 60:.0f} min", found["outcome"], found["counts"])
-        for name, found in kept.items()
+        (name, found["date"], found["commit"], f"{found['seconds'] / 60:.1f} min", found["outcome"], found["counts"])
+        for name, found in sorted(kept.items(), key=lambda item: list(STEPS).index(item[0]))
     ]
     return table(lines, ("step", "day", "commit", "time", "outcome", "counted"))
 
