@@ -58,7 +58,7 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
             return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
         case "min_over_mean":
             means = readings.mean(axis=1, keepdims=True)
-            return _extreme(readings / np.where(means > 0.0, means, 1.0), ">=")
+            return _extreme(readings / np.where(means > 0.0, means, np.inf), ">=")
     whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
     return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
 

@@ -156,8 +156,7 @@ def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.n
     grid = receiver.grid
     column = np.clip((x / grid.width + 0.5) * grid.columns - 0.5, 0.0, grid.columns - 1.0)
     row = np.clip((y / grid.height + 0.5) * grid.rows - 0.5, 0.0, grid.rows - 1.0)
-    left = np.clip(column.astype(int), 0, max(grid.columns - 2, 0))
-    below = np.clip(row.astype(int), 0, max(grid.rows - 2, 0))
+    left, below = column.astype(int), row.astype(int)
     right, up = column - left, row - below
     entries, rows, pixels = [], [], []
     for more_x, share_x in ((0, 1.0 - right), (1, right)):
