@@ -1,9 +1,23 @@
 """Tests that state the truth of each measured module, in the order in which they run; paths below ``tests``."""
 
+_FIGURES = (
+    "evaluation/test_loops_over_replicates",
+    "evaluation/test_judgement_figures",
+    "evaluation/test_receiver_figures",
+)
+_REPLICATES = ("evaluation/test_replicates_of_rays",)
 _LIGHT = ("evaluation/test_evaluation", "evaluation/test_preset_error", "receivers/test_truths")
 _SHARES = ("evaluation/test_judged_limits", "targets/test_limit_readings")
-_PIXELS = ("receivers/test_receiver", "receivers/test_plane", "receivers/test_posed", "targets/test_shapes")
+_PIXELS = (
+    "receivers/test_landing_places",
+    "receivers/test_receiver",
+    "receivers/test_plane",
+    "receivers/test_posed",
+    "targets/test_shapes",
+)
 _PICTURES = (
+    "targets/test_light_at_places",
+    "targets/test_patterns_on_pixels",
     "targets/test_light_tables",
     "receivers/test_target_pictures",
     "targets/test_shapes",
@@ -36,27 +50,27 @@ _CHECK = (
 )
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "evaluation/evaluate.py": (*_SHARES, *_LIGHT),
-    "evaluation/light.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
-    "evaluation/light_bounds.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
-    "evaluation/limit_result.py": _SHARES,
-    "evaluation/limits.py": (*_SHARES, *_LIGHT),
-    "evaluation/metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
-    "evaluation/minimum.py": ("evaluation/test_minimum",),
-    "evaluation/noise_free.py": ("evaluation/test_noise_free",),
-    "evaluation/preset_error.py": _LIGHT,
-    "evaluation/receiver_light.py": (*_SHARES, *_LIGHT),
-    "evaluation/region_light.py": (*_SHARES, *_LIGHT),
-    "evaluation/replicate_metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
-    "evaluation/simulate.py": _LIGHT,
+    "evaluation/evaluate.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/light.py": (*_FIGURES, *_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/light_bounds.py": (*_FIGURES, *_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/limit_result.py": (*_FIGURES, *_SHARES),
+    "evaluation/limits.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/metrics.py": (*_FIGURES, "evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/minimum.py": (*_FIGURES, "evaluation/test_minimum"),
+    "evaluation/noise_free.py": (*_FIGURES, "evaluation/test_noise_free"),
+    "evaluation/preset_error.py": (*_REPLICATES, *_LIGHT),
+    "evaluation/receiver_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/region_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/replicate_metrics.py": (*_FIGURES, "evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/simulate.py": (*_REPLICATES, *_LIGHT),
     "targets/beams.py": _PICTURES,
     "targets/lettering.py": _PICTURES,
-    "targets/limits.py": _SHARES,
+    "targets/limits.py": ("targets/test_limit_places", *_SHARES),
     "targets/pattern.py": _PICTURES,
     "targets/region.py": _PICTURES,
     "targets/shapes.py": _PICTURES,
     "targets/tables.py": _PICTURES,
-    "receivers/build.py": _PIXELS,
+    "receivers/build.py": ("receivers/test_receiver_sections", *_PIXELS),
     "receivers/cylinder.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/far_field.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/pixels.py": _PIXELS,

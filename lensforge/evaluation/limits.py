@@ -51,7 +51,7 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
     readings = limit.of(images)
     match limit.quantity:
         case "share":
-            return jackknife_metric(readings, lambda mean: float(mean[0]))
+            return jackknife_metric(readings.sum(axis=1), float)
         case "beam_angle":
             return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
         case "light":

@@ -1,6 +1,7 @@
 """Relative light of targets at single places, by their definitions: on edges, just beyond them, and off the axes."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -127,7 +128,8 @@ def test_a_flat_top_is_a_super_gaussian_and_dark_far_away() -> None:
 @pytest.mark.parametrize(
     ("target", "on_edge", "beyond"),
     [
-        (RectangleTarget(width_mm=6.0, height_mm=4.0), [(3.0, 2.0), (-3.0, -2.0)], [(3.1, 0.0), (0.0, -2.1), (2.1, 2.1)]),
+        (RectangleTarget(width_mm=6.0, height_mm=4.0), [(3.0, 2.0), (-3.0, -2.0)],
+         [(3.1, 0.0), (0.0, -2.1), (2.1, 2.1)]),
         (DiscTarget(diameter_mm=10.0), [(5.0, 0.0), (-3.0, 4.0), (0.0, -5.0)], [(3.6, 3.6), (5.1, 0.0)]),
         (EllipseTarget(width_mm=8.0, height_mm=4.0), [(4.0, 0.0), (0.0, 2.0)], [(0.0, 2.1), (4.1, 0.0), (3.0, 1.5)]),
         (RingTarget(outer_diameter_mm=10.0, inner_diameter_mm=4.0), [(5.0, 0.0), (0.0, 2.1)],
@@ -153,7 +155,7 @@ def test_a_polygon_holds_what_an_odd_number_of_its_edges_lies_beside() -> None:
     found = in_shape(PolygonTarget(corners_mm=corners), x, y)
     for one, other, inside in zip(x, y, found, strict=True):
         turns = [math.atan2(b - other, a - one) for a, b in (*corners, corners[0])]
-        whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in zip(turns, turns[1:], strict=False))
+        whole = sum((b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(turns))
         assert inside == (round(whole / (2.0 * math.pi)) % 2 == 1)
     assert 0 < found.sum() < 200
     square = PolygonTarget(corners_mm=((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
