@@ -39,7 +39,7 @@ def test_the_value_that_decides_is_the_least_or_the_largest_of_the_mean() -> Non
         assert value_of("min_over_max", sense).value == pytest.approx(0.2 / 0.3)
     relative = [image[0] / image[0].mean() for image in IMAGES]
     assert value_of("min_over_mean", "<=").value == pytest.approx(np.mean(relative, axis=0).min())
-    share = value_of("share")
+    share = value_of("share", rows=1)
     assert share.value == pytest.approx(PER_FLUX * 0.2)
     assert share.standard_error == pytest.approx(PER_FLUX * np.std([0.1, 0.3, 0.2], ddof=1) / np.sqrt(3.0))
 
