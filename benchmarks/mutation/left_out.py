@@ -1,4 +1,4 @@
-"""Places of a module where a change is no bug of a calculation: annotations, decorators, words of messages, zip's strict."""
+"""Places of a module where a change is no bug of a calculation: annotations, decorators, words, strict of zip."""
 
 import ast
 
