@@ -39,7 +39,13 @@ _MERIT = (
     "receivers/test_receiver",
     "optimisation/test_constraints",
 )
-_FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
+_FIELDS = ("optimisation/test_constraint_fields",)
+_FEASIBLE = (
+    *_FIELDS,
+    "optimisation/test_constraints",
+    "optimisation/test_feasibility",
+    "optimisation/test_shape_constraints",
+)
 _ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
 _FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
 _CHECK = (
@@ -126,17 +132,21 @@ TESTS: dict[str, tuple[str, ...]] = {
     "sources/unread_rays.py": ("sources/test_large_ray_files",),
     "optimisation/adam.py": ("optimisation/test_adam",),
     "optimisation/augmented_lagrangian.py": _FEASIBLE,
-    "optimisation/chart_points.py": _ENVELOPE,
+    "optimisation/chart_points.py": ("optimisation/test_chart_operators", *_ENVELOPE),
     "optimisation/collect.py": ("optimisation/test_collect",),
-    "optimisation/constraints.py": _ENVELOPE,
+    "optimisation/constraints.py": (*_FIELDS, *_ENVELOPE),
     "optimisation/feasibility.py": _ENVELOPE,
     "optimisation/image_terms.py": _MERIT,
     "optimisation/keep_out.py": _ENVELOPE,
     "optimisation/limit_terms.py": ("optimisation/test_limit_terms",),
-    "optimisation/limits.py": _ENVELOPE,
+    "optimisation/limits.py": (*_FIELDS, *_ENVELOPE),
     "optimisation/merit.py": (*_MERIT, "optimisation/test_limit_terms"),
     "optimisation/source_clearance.py": ("optimisation/test_source_clearance",),
-    "optimisation/surface_shape.py": ("optimisation/test_shape_constraints", "optimisation/test_envelope"),
+    "optimisation/surface_shape.py": (
+        "optimisation/test_chart_operators",
+        "optimisation/test_shape_constraints",
+        "optimisation/test_envelope",
+    ),
     "optimisation/symmetry.py": ("optimisation/test_symmetry", "optimisation/test_limit_terms", *_MERIT),
     "manufacturing/advice.py": ("manufacturing/test_cutting_advice",),
     "manufacturing/best_fit_sphere.py": ("manufacturing/test_best_fit_sphere",),

@@ -154,8 +154,8 @@ def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
 def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
     """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
     grid = receiver.grid
-    column = np.clip((x / grid.width + 0.5) * grid.columns - 0.5, 0.0, grid.columns - 1.0)
-    row = np.clip((y / grid.height + 0.5) * grid.rows - 0.5, 0.0, grid.rows - 1.0)
+    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
+    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
     left, below = column.astype(int), row.astype(int)
     right, up = column - left, row - below
     entries, rows, pixels = [], [], []
