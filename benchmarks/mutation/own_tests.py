@@ -34,6 +34,7 @@ _COLOURS = ("sources/test_spectrum_files", "sources/test_dispersion", "sources/t
 _DISPERSED = ("sources/test_dispersion_account", "sources/test_dispersion", "sources/test_measured_rays")
 _RAY_SETS = ("sources/test_ray_set", "sources/test_measured_rays", "sources/test_large_ray_files")
 _MERIT = (
+    "optimisation/test_terms_by_hand",
     "optimisation/test_image_terms",
     "optimisation/test_receivers",
     "receivers/test_receiver",
@@ -138,16 +139,24 @@ TESTS: dict[str, tuple[str, ...]] = {
     "optimisation/feasibility.py": _ENVELOPE,
     "optimisation/image_terms.py": _MERIT,
     "optimisation/keep_out.py": _ENVELOPE,
-    "optimisation/limit_terms.py": ("optimisation/test_limit_terms",),
+    "optimisation/limit_terms.py": (
+        "optimisation/test_terms_by_hand",
+        "optimisation/test_limit_terms",
+    ),
     "optimisation/limits.py": (*_FIELDS, *_ENVELOPE),
-    "optimisation/merit.py": (*_MERIT, "optimisation/test_limit_terms"),
+    "optimisation/merit.py": ("optimisation/test_merit_of_samples", *_MERIT, "optimisation/test_limit_terms"),
     "optimisation/source_clearance.py": ("optimisation/test_source_clearance",),
     "optimisation/surface_shape.py": (
         "optimisation/test_chart_operators",
         "optimisation/test_shape_constraints",
         "optimisation/test_envelope",
     ),
-    "optimisation/symmetry.py": ("optimisation/test_symmetry", "optimisation/test_limit_terms", *_MERIT),
+    "optimisation/symmetry.py": (
+        "optimisation/test_terms_by_hand",
+        "optimisation/test_symmetry",
+        "optimisation/test_limit_terms",
+        *_MERIT,
+    ),
     "manufacturing/advice.py": ("manufacturing/test_cutting_advice",),
     "manufacturing/best_fit_sphere.py": ("manufacturing/test_best_fit_sphere",),
     "manufacturing/check.py": (*_CHECK, "manufacturing/test_tools"),

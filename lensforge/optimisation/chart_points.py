@@ -121,7 +121,7 @@ def _taps(
     lacks ``h^2 (1/12 - f(1 - f)/2)`` times the fourth derivative, which the fourth difference of the table supplies.
     """
     position = (at - grid.origin) / grid.step
-    cell = np.clip(np.floor(position + 1e-9).astype(int), 1, grid.side - 3)
+    cell = np.floor(position + 1e-9).astype(int)  # on the hemisphere all four coefficients are there
     f = position - cell
     index = cell[:, None] + np.arange(-1, 3)
     factors = np.stack(cubic_basis(f, order), axis=1) / grid.step**order

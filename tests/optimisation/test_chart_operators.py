@@ -103,7 +103,7 @@ def by_tangents(place: np.ndarray, rho: float, derivatives: np.ndarray) -> tuple
     def point(a: int, b: int) -> np.ndarray:
         dx, dy = a * step, b * step
         radius = rho + x * dx + y * dy + 0.5 * xx * dx**2 + xy * dx * dy + 0.5 * yy * dy**2
-        return np.asarray(radius * chart.to_sphere(place + [dx, dy]))
+        return np.asarray(radius * chart.to_sphere(place + np.array([dx, dy])))
 
     def first(one: tuple[int, int], other: tuple[int, int]) -> np.ndarray:
         near = np.asarray((point(*one) - point(*other)) / (2.0 * step))
