@@ -58,7 +58,13 @@ _CHECK = (
 
 TESTS: dict[str, tuple[str, ...]] = {
     "evaluation/evaluate.py": (*_FIGURES, *_SHARES, *_LIGHT),
-    "evaluation/light.py": (*_FIGURES, *_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/light.py": (
+        "evaluation/test_light_record",
+        *_FIGURES,
+        *_SHARES,
+        "evaluation/test_light_agreement",
+        *_LIGHT,
+    ),
     "evaluation/light_bounds.py": (*_FIGURES, *_SHARES, "evaluation/test_light_agreement", *_LIGHT),
     "evaluation/limit_result.py": (*_FIGURES, *_SHARES),
     "evaluation/limits.py": (*_FIGURES, *_SHARES, *_LIGHT),
@@ -68,7 +74,13 @@ TESTS: dict[str, tuple[str, ...]] = {
     "evaluation/preset_error.py": (*_REPLICATES, *_LIGHT),
     "evaluation/receiver_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
     "evaluation/region_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
-    "evaluation/replicate_metrics.py": (*_FIGURES, "evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/replicate_metrics.py": (
+        *_FIGURES,
+        "evaluation/test_light_record",
+        "evaluation/test_noise_free",
+        "evaluation/test_minimum",
+        *_LIGHT,
+    ),
     "evaluation/simulate.py": (*_REPLICATES, *_LIGHT),
     "targets/beams.py": _PICTURES,
     "targets/lettering.py": _PICTURES,
@@ -85,6 +97,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "receivers/pose.py": _PIXELS,
     "receivers/posed.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/possible.py": (
+        "receivers/test_bounds_of_light",
         "receivers/test_nearest_picture",
         "receivers/test_possible",
     ),
@@ -136,22 +149,26 @@ TESTS: dict[str, tuple[str, ...]] = {
     "optimisation/chart_points.py": ("optimisation/test_chart_operators", *_ENVELOPE),
     "optimisation/collect.py": ("optimisation/test_collect",),
     "optimisation/constraints.py": (*_FIELDS, *_ENVELOPE),
-    "optimisation/feasibility.py": _ENVELOPE,
+    "optimisation/feasibility.py": ("optimisation/test_projection_rounds", *_ENVELOPE),
     "optimisation/image_terms.py": _MERIT,
-    "optimisation/keep_out.py": _ENVELOPE,
+    "optimisation/keep_out.py": ("optimisation/test_room_for_parts", *_ENVELOPE),
     "optimisation/limit_terms.py": (
         "optimisation/test_terms_by_hand",
         "optimisation/test_limit_terms",
     ),
     "optimisation/limits.py": (*_FIELDS, *_ENVELOPE),
     "optimisation/merit.py": ("optimisation/test_merit_of_samples", *_MERIT, "optimisation/test_limit_terms"),
-    "optimisation/source_clearance.py": ("optimisation/test_source_clearance",),
+    "optimisation/source_clearance.py": (
+        "optimisation/test_room_for_parts",
+        "optimisation/test_source_clearance",
+    ),
     "optimisation/surface_shape.py": (
         "optimisation/test_chart_operators",
         "optimisation/test_shape_constraints",
         "optimisation/test_envelope",
     ),
     "optimisation/symmetry.py": (
+        "optimisation/test_mirrored_receivers",
         "optimisation/test_terms_by_hand",
         "optimisation/test_symmetry",
         "optimisation/test_limit_terms",
