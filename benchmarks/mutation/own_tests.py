@@ -57,7 +57,7 @@ _CHECK = (
 )
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "evaluation/evaluate.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/evaluate.py": (*_FIGURES, "evaluation/test_light_record", *_SHARES, *_LIGHT),
     "evaluation/light.py": (
         "evaluation/test_light_record",
         *_FIGURES,
@@ -81,7 +81,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "evaluation/test_minimum",
         *_LIGHT,
     ),
-    "evaluation/simulate.py": (*_REPLICATES, *_LIGHT),
+    "evaluation/simulate.py": (*_REPLICATES, "evaluation/test_light_record", *_LIGHT),
     "targets/beams.py": _PICTURES,
     "targets/lettering.py": _PICTURES,
     "targets/limits.py": ("targets/test_limit_places", *_SHARES),

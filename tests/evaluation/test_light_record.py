@@ -1,17 +1,21 @@
 """The record of a light on two receivers: what it says of itself, what it refuses, and which receiver is the first."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from scenes import random_surface, small_spec
 
+from lensforge.accuracy import PRESETS
 from lensforge.errors import InputError
+from lensforge.evaluation import evaluate
 from lensforge.evaluation.evaluate import evaluate_traced
 from lensforge.evaluation.light import Light, LightMetrics
 from lensforge.evaluation.replicate_metrics import traced_light
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
+from lensforge.lens_at_temperature import at_temperature
 from lensforge.records import Conditions
 from lensforge.sources.build import build_source
 
@@ -81,3 +85,49 @@ def test_the_light_of_one_lens_among_many_is_that_on_the_first_receiver(scene) -
     traced, spec, source = scene
     own, whole = traced_light(traced, spec, source, 512, 3), evaluate_traced(traced, spec, source, 512, 3)
     assert own.metrics == LightMetrics.of(whole) and np.array_equal(own.map, whole.map)
+
+
+def test_the_lens_may_reach_farther_than_its_spec_says_where_it_has_grown(scene, light: Light) -> None:
+    traced, spec, source = scene
+    limits = spec.constraints.model_copy(update={"max_radius_mm": 8.5})
+    larger = evaluate_traced(traced, spec.model_copy(update={"constraints": limits}), source, 512, 3, pixels=12)
+    grown = evaluate_traced(replace(traced, grown_mm=1.5), spec, source, 512, 3, pixels=12)
+    assert grown.possible == larger.possible != light.possible
+
+
+def test_a_warm_lens_is_raised_and_has_grown() -> None:
+    spec = small_spec(lens__index_per_k=-1e-4, lens__expansion_per_k=7e-4, base={"diameter_mm": 16.0, "height_mm": 2.5})
+    lens = Lens(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
+    warm = at_temperature(lens, 80.0)
+    traced = TracedLens.of(warm, 1.0)
+    assert traced.raised_mm == warm.raised_mm > 0.0
+    assert traced.grown_mm == pytest.approx(warm.reach_mm - lens.reach_mm) and traced.grown_mm > 0.1
+
+
+@pytest.mark.parametrize(
+    ("given", "of_spec", "wanted"),
+    [
+        ({}, None, (PRESETS["draft"].evaluate_rays, 16, 5)),
+        ({}, 640, (640, 16, 5)),
+        ({"rays": 77, "pixels": 20, "seed": 0}, 640, (77, 20, 0)),
+        ({"seed": 8}, 640, (640, 16, 8)),
+    ],
+)
+def test_rays_pixels_and_seed_are_those_given_or_those_of_spec_and_lens(
+    given, of_spec, wanted, light, monkeypatch
+) -> None:
+    spec = small_spec(target=None, receivers=[WALL, SKY], evaluate={"rays": of_spec, "pixels": 16})
+    limit = {"kind": "points", "at_mm": [[0.0, 0.0]], "at_least_lx": 3.0}
+    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), spec.replace(limits=[limit]), 5, "draft")
+    asked: list[Any] = []
+    monkeypatch.setattr(evaluate, "evaluate_traced", lambda *own, **named: asked.append((own, named)) or light)
+    monkeypatch.setattr(evaluate, "measure_preset", lambda *own: asked.append(own) or None)
+    monkeypatch.setattr(evaluate.TracedLens, "of", lambda lens, nodes: nodes)
+    source, preset = build_source(spec.source), PRESETS["draft"]
+    found = evaluate.evaluate_lens(lens, source, preset, lumens_per_watt=250.0, **given)
+    ((traced, *own, rays, seed), named), measured = asked
+    assert (rays, named["pixels"], seed) == wanted and own == [lens.spec, source]
+    assert (traced, measured) == (preset.evaluate_nodes_per_sigma, (lens, source, preset.nodes_per_sigma, traced))
+    (limit_there,) = named["limits"]
+    assert limit_there.readings.shape[1] == wanted[1] * round(wanted[1] * 2 / 3)
+    assert found.lumens_per_watt == 250.0 and found.inputs == {"lens": lens.sha256}

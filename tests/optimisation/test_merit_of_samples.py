@@ -10,8 +10,9 @@ import torch
 from scenes import small_spec
 
 from lensforge.deviations.made_part import MadePart
+from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.collect import Collected
-from lensforge.optimisation.image_terms import ImageTerms
+from lensforge.optimisation.image_terms import ImageTerms, nmse_loss
 from lensforge.optimisation.light_path import LightPath
 from lensforge.optimisation.limit_terms import limit_terms
 from lensforge.optimisation.merit import MeritFunction, SampledLight
@@ -137,3 +138,39 @@ def test_a_merit_is_judged_by_two_samples_of_every_part(limits: tuple[dict[str, 
     assert len(errors) == (2 if robust else 1) and len(made.limits) == len(limits)
     assert whole == pytest.approx(np.mean(errors) + of_flux)
     assert of_images == pytest.approx(judged(first.images, second.images))
+
+
+class Free(AugmentedLagrangian):
+    """Constraints whose term is a quarter."""
+
+    def fields(self, inner: torch.Tensor, outer: torch.Tensor) -> torch.Tensor:
+        return tensor([[2.0, 3.0]])
+
+    def term(self, fields: torch.Tensor) -> torch.Tensor:
+        return tensor(0.25)
+
+
+@pytest.mark.parametrize("uniform", [False, True])
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_step_minimises_the_mean_over_its_parts_and_says_their_error_and_efficiency(
+    robust: bool, uniform: bool
+) -> None:
+    made, rays = merit(LIMIT, {**LIMIT, "at_least_w_per_m2": 2e4}), SquareEmitter(1.0, flux_w=1.5).sample(64, 0)
+    object.__setattr__(made, "parametrisation", SimpleNamespace(tables=lambda weights, offsets: (TABLE, TABLE)))
+    pair = (part(1), part(2)) if robust else None
+    nothing = torch.zeros(1, 2, dtype=torch.float64)
+    found = made.evaluate(nothing, nothing[0], rays, object.__new__(Free), uniform, pair)
+    light = made.light_of(TABLE, TABLE, rays, pair)
+    parts = light.of_parts()
+    assert len(parts) == (2 if robust else 1)
+    errors, losses = [], []
+    for images in parts:
+        both = list(zip(made.terms, images, strict=True))
+        errors.append(sum(t.share * nmse_loss(image, t.wanted).item() for t, image in both))
+        of_limits = sum(limit.loss(images).item() for limit in made.limits)
+        losses.append(sum(t.share * t.loss(image, uniform).item() for t, image in both) + of_limits)
+    assert found.nmse == pytest.approx(np.mean(errors))
+    arrived = sum(t.share * image.sum().item() for t, image in zip(made.terms, light.images, strict=True))
+    assert found.efficiency == pytest.approx(arrived / 1.5)
+    assert found.loss.item() == pytest.approx(np.mean(losses) + light.terms.item() / 1.5 + 0.25)
+    assert found.fields.tolist() == [[2.0, 3.0]]

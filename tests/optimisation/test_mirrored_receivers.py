@@ -31,6 +31,8 @@ def pose(rotation_deg: float = 0.0, centre: tuple[float, float, float] = (0.0, 0
 RECEIVERS = {
     "plane": Plane(pose(), SQUARE),
     "turned by 90": Plane(pose(90.0), SQUARE),
+    "turned by 45": Plane(pose(45.0), SQUARE),
+    "turned by 135": Plane(pose(135.0), SQUARE),
     "turned by 180": Plane(pose(180.0), SQUARE),
     "oblong": Plane(pose(), OBLONG),
     "oblong, turned by 90": Plane(pose(90.0), OBLONG),
@@ -126,3 +128,18 @@ def test_a_symmetry_that_the_scene_lacks_is_refused(symmetry: str, side: str, wo
     assert settled_symmetry(allowed, oblong) is allowed
     found = settled_symmetry(spec.replace({"lens.symmetry": "auto"}), SquareEmitter(1.0)).lens.symmetry
     assert found == {"source": "square", "target": "mirror_y" if symmetry == "mirror_x" else "rectangle"}[side]
+
+
+@pytest.mark.parametrize(
+    ("limit", "symmetry"),
+    [
+        ({"kind": "points", "at_mm": [[20.0, 0.0]], "at_least_lx": 1.0}, "mirror_y"),
+        ({"kind": "zone", "at_least_share": 0.5}, "square"),
+        ({"kind": "zone", "zone": {"kind": "rectangle", "width_mm": 60.0, "height_mm": 40.0}, "at_least_share": 0.5},
+         "rectangle"),
+    ],
+)  # fmt: skip
+def test_a_lens_has_the_symmetry_of_the_places_of_its_limits_whatever_their_unit(limit: dict, symmetry: str) -> None:
+    target = {"kind": "disc", "diameter_mm": 60.0, "distance_mm": 100.0, "receiver_mm": 200.0}
+    spec = small_spec(target=target, lens__symmetry="auto", source__flux_lm=100.0).replace(limits=[limit])
+    assert settled_symmetry(spec, SquareEmitter(1.0)).lens.symmetry == symmetry

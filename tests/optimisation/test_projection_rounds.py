@@ -243,3 +243,16 @@ def test_the_least_of_a_field_is_looked_for_between_the_points_once(seed: int) -
             shrink = max(1.0, np.hypot(near, along))
             least = min(least, float(height(near / shrink, along / shrink)))
     assert feasibility._least(own, grid, points, tables) == pytest.approx(least, abs=1e-9)
+
+
+def test_shapes_are_measured_on_a_table_of_eight_nodes_across_the_narrowest_function(monkeypatch) -> None:
+    spec = small_spec(constraints__inner_draft_deg=1.0, constraints__outer_draft_deg=2.0)
+    lens, asked = Lens(sphere(3.0), sphere(6.0), spec, 0, "draft"), []
+    monkeypatch.setattr(feasibility, "grid_for", lambda *given: asked.append(given) or TableGrid(24))
+    found = feasibility.measure_constraints(lens, 200)
+    assert asked == [(lens.detail_rad, 8.0)]
+    assert found.inner_draft_margin_deg == pytest.approx(-1.0, abs=1e-4)
+    assert found.outer_draft_margin_deg == pytest.approx(-2.0, abs=1e-4)
+    assert found.wall_margin_mm == pytest.approx(2.0) and found.inner_curvature_margin_per_mm is None
+    plain = Lens(sphere(3.0), sphere(6.0), small_spec(), 0, "draft")
+    assert feasibility.measure_constraints(plain, 200).inner_draft_margin_deg is None and len(asked) == 1
