@@ -213,11 +213,19 @@ def test_rays_that_all_miss_the_receiver_have_no_error_of_their_hits() -> None:
 
 @pytest.mark.parametrize(("of_file", "each"), [(None, 256), (80, 10), (5, 1), (4096, 256)])
 def test_a_preset_is_measured_by_eight_scrambles_of_256_rays_or_those_of_the_file(of_file, each, monkeypatch) -> None:
-    lens = Lens(sphere(3.0), sphere(6.0), small_spec(), 2, "draft")
+    target = [{"kind": "disc", "diameter_mm": 4.0}]
+    wall = {"kind": "plane", "centre_mm": [0.0, 0.0, 10.0], "width_mm": 6.0, "height_mm": 4.0, "targets": target}
+    sky = {"kind": "far_field", "half_angle_deg": 60.0, "targets": [{"kind": "beam", "fwhm_deg": 30.0}]}
+    spec = small_spec(target=None, receivers=[wall, sky])
+    lens = Lens(sphere(3.0), sphere(6.0), spec, 2, "draft")
     source = Given(None if of_file is None else upwards(of_file))
     monkeypatch.setattr(RayBundle, "joined", lambda parts: upwards(8))
     monkeypatch.setattr("lensforge.evaluation.preset_error.trace_exact", lambda *surfaces: exit_rays(count=8))
-    found = measure_preset(lens, source, straight(exit_rays(count=8)), straight())
+    design, evaluation = (straight(exit_rays(shift, count=8)) for shift in (0.3, 0.1))
+    found = measure_preset(lens, source, design, evaluation)
+    first, exact = receivers_of(spec, spec.optimise.pixels)[0], exit_rays(count=8)
+    for stage, own in ((design, found.design), (evaluation, found.evaluation)):
+        assert own == _stage(stage, upwards(8), Hits.of(first.land_in_torch(exact)), first, 3.0)
     assert source.asked == [(each, seeds.of_preset_error(2, 8, k)) for k in range(8)]
     assert (found.rays, found.scrambles) == (8, 8)
 

@@ -130,6 +130,9 @@ def test_each_quantity_has_its_unit_and_only_photometric_ones_the_lumens(quantit
     (limit,), _ = found({"kind": "zone", f"at_least_{quantity}": 0.5})
     assert (limit.unit, limit.quantity, limit.sense, limit.bound) == (unit, kind, ">=", 0.5)
     assert limit.light_per_flux == pytest.approx(scale / 1e-4)
+    if kind in ("light", "relative"):
+        (between,), _ = found({"kind": "points", "at_mm": [[1.0, 2.0], [7.0, 3.0]], f"at_least_{quantity}": 0.5})
+        assert between.light_per_flux == pytest.approx(scale / 1e-4), "bilinear weights add up to 1"
 
 
 def points(
