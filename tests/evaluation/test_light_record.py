@@ -26,7 +26,7 @@ SKY = {"kind": "far_field", "name": "sky", "half_angle_deg": 60.0, "targets": [{
 
 @pytest.fixture(scope="module")
 def scene() -> tuple[TracedLens, Any, Any]:
-    spec = small_spec(target=None, receivers=[WALL, SKY])
+    spec = small_spec(target=None, receivers=[WALL, SKY], source__flux_w=2.5)
     lens = Lens(random_surface(1, 3.0, 0.02, (9,)), random_surface(2, 6.0, 0.02, (9,)), spec, 0, "draft")
     return TracedLens.of(lens, 2.0), spec, build_source(spec.source)
 
