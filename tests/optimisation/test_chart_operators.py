@@ -57,6 +57,7 @@ def test_radius_and_derivatives_are_sums_over_the_splines_of_a_table() -> None:
 def test_a_point_knows_its_polar_angle() -> None:
     places = np.random.default_rng(1).uniform(-0.7, 0.7, (20, 2))
     points, directions = ChartPoints.of(places), chart.to_sphere(places)
+    assert points.spacing == ChartPoints(points.x, points.y).spacing == 0.0, "for itself alone"
     np.testing.assert_array_equal(torch.stack([points.x, points.y]).numpy(), places.T)
     np.testing.assert_allclose(points.cosine.numpy(), directions[:, 2], atol=1e-14)
     for shift in ([1e-6, 0.0], [0.0, 1e-6]):
