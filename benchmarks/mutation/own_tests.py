@@ -89,7 +89,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "targets/region.py": _PICTURES,
     "targets/shapes.py": _PICTURES,
     "targets/tables.py": _PICTURES,
-    "receivers/build.py": ("receivers/test_receiver_sections", *_PIXELS),
+    "receivers/build.py": ("receivers/test_built_receivers", *_PIXELS),
     "receivers/cylinder.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/far_field.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/pixels.py": _PIXELS,
