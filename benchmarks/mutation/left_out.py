@@ -1,4 +1,4 @@
-"""Places of a module where a change is no bug of a calculation: annotations, decorators, words of messages."""
+"""Places of a module where a change is no bug of a calculation: annotations, decorators, words, strict of zip."""
 
 import ast
 
@@ -26,6 +26,8 @@ def _of(node: ast.AST) -> list[ast.expr | ast.stmt]:
         return [node.annotation] if node.annotation else []
     if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
         return [node]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "zip":
+        return [each.value for each in node.keywords]  # strict: lengths are equal, and it changes nothing
     return [node] if isinstance(node, ast.JoinedStr) else []
 
 

@@ -1,9 +1,23 @@
 """Tests that state the truth of each measured module, in the order in which they run; paths below ``tests``."""
 
+_FIGURES = (
+    "evaluation/test_loops_over_replicates",
+    "evaluation/test_judgement_figures",
+    "evaluation/test_receiver_figures",
+)
+_REPLICATES = ("evaluation/test_replicates_of_rays",)
 _LIGHT = ("evaluation/test_evaluation", "evaluation/test_preset_error", "receivers/test_truths")
 _SHARES = ("evaluation/test_judged_limits", "targets/test_limit_readings")
-_PIXELS = ("receivers/test_receiver", "receivers/test_plane", "receivers/test_posed", "targets/test_shapes")
+_PIXELS = (
+    "receivers/test_landing_places",
+    "receivers/test_receiver",
+    "receivers/test_plane",
+    "receivers/test_posed",
+    "targets/test_shapes",
+)
 _PICTURES = (
+    "targets/test_light_at_places",
+    "targets/test_patterns_on_pixels",
     "targets/test_light_tables",
     "receivers/test_target_pictures",
     "targets/test_shapes",
@@ -20,12 +34,19 @@ _COLOURS = ("sources/test_spectrum_files", "sources/test_dispersion", "sources/t
 _DISPERSED = ("sources/test_dispersion_account", "sources/test_dispersion", "sources/test_measured_rays")
 _RAY_SETS = ("sources/test_ray_set", "sources/test_measured_rays", "sources/test_large_ray_files")
 _MERIT = (
+    "optimisation/test_terms_by_hand",
     "optimisation/test_image_terms",
     "optimisation/test_receivers",
     "receivers/test_receiver",
     "optimisation/test_constraints",
 )
-_FEASIBLE = ("optimisation/test_constraints", "optimisation/test_feasibility", "optimisation/test_shape_constraints")
+_FIELDS = ("optimisation/test_constraint_fields",)
+_FEASIBLE = (
+    *_FIELDS,
+    "optimisation/test_constraints",
+    "optimisation/test_feasibility",
+    "optimisation/test_shape_constraints",
+)
 _ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
 _FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
 _CHECK = (
@@ -36,27 +57,39 @@ _CHECK = (
 )
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "evaluation/evaluate.py": (*_SHARES, *_LIGHT),
-    "evaluation/light.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
-    "evaluation/light_bounds.py": (*_SHARES, "evaluation/test_light_agreement", *_LIGHT),
-    "evaluation/limit_result.py": _SHARES,
-    "evaluation/limits.py": (*_SHARES, *_LIGHT),
-    "evaluation/metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
-    "evaluation/minimum.py": ("evaluation/test_minimum",),
-    "evaluation/noise_free.py": ("evaluation/test_noise_free",),
-    "evaluation/preset_error.py": _LIGHT,
-    "evaluation/receiver_light.py": (*_SHARES, *_LIGHT),
-    "evaluation/region_light.py": (*_SHARES, *_LIGHT),
-    "evaluation/replicate_metrics.py": ("evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
-    "evaluation/simulate.py": _LIGHT,
+    "evaluation/evaluate.py": (*_FIGURES, "evaluation/test_light_record", *_SHARES, *_LIGHT),
+    "evaluation/light.py": (
+        "evaluation/test_light_record",
+        *_FIGURES,
+        *_SHARES,
+        "evaluation/test_light_agreement",
+        *_LIGHT,
+    ),
+    "evaluation/light_bounds.py": (*_FIGURES, *_SHARES, "evaluation/test_light_agreement", *_LIGHT),
+    "evaluation/limit_result.py": (*_FIGURES, *_SHARES),
+    "evaluation/limits.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/metrics.py": (*_FIGURES, "evaluation/test_noise_free", "evaluation/test_minimum", *_LIGHT),
+    "evaluation/minimum.py": (*_FIGURES, "evaluation/test_minimum"),
+    "evaluation/noise_free.py": (*_FIGURES, "evaluation/test_noise_free"),
+    "evaluation/preset_error.py": (*_REPLICATES, *_LIGHT),
+    "evaluation/receiver_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/region_light.py": (*_FIGURES, *_SHARES, *_LIGHT),
+    "evaluation/replicate_metrics.py": (
+        *_FIGURES,
+        "evaluation/test_light_record",
+        "evaluation/test_noise_free",
+        "evaluation/test_minimum",
+        *_LIGHT,
+    ),
+    "evaluation/simulate.py": (*_REPLICATES, "evaluation/test_light_record", *_LIGHT),
     "targets/beams.py": _PICTURES,
     "targets/lettering.py": _PICTURES,
-    "targets/limits.py": _SHARES,
+    "targets/limits.py": ("targets/test_limit_places", *_SHARES),
     "targets/pattern.py": _PICTURES,
     "targets/region.py": _PICTURES,
     "targets/shapes.py": _PICTURES,
     "targets/tables.py": _PICTURES,
-    "receivers/build.py": _PIXELS,
+    "receivers/build.py": ("receivers/test_built_receivers", *_PIXELS),
     "receivers/cylinder.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/far_field.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/pixels.py": _PIXELS,
@@ -64,6 +97,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "receivers/pose.py": _PIXELS,
     "receivers/posed.py": (*_PIXELS, "receivers/test_possible"),
     "receivers/possible.py": (
+        "receivers/test_bounds_of_light",
         "receivers/test_nearest_picture",
         "receivers/test_possible",
     ),
@@ -112,18 +146,34 @@ TESTS: dict[str, tuple[str, ...]] = {
     "sources/unread_rays.py": ("sources/test_large_ray_files",),
     "optimisation/adam.py": ("optimisation/test_adam",),
     "optimisation/augmented_lagrangian.py": _FEASIBLE,
-    "optimisation/chart_points.py": _ENVELOPE,
+    "optimisation/chart_points.py": ("optimisation/test_chart_operators", *_ENVELOPE),
     "optimisation/collect.py": ("optimisation/test_collect",),
-    "optimisation/constraints.py": _ENVELOPE,
-    "optimisation/feasibility.py": _ENVELOPE,
+    "optimisation/constraints.py": (*_FIELDS, *_ENVELOPE),
+    "optimisation/feasibility.py": ("optimisation/test_projection_rounds", *_ENVELOPE),
     "optimisation/image_terms.py": _MERIT,
-    "optimisation/keep_out.py": _ENVELOPE,
-    "optimisation/limit_terms.py": ("optimisation/test_limit_terms",),
-    "optimisation/limits.py": _ENVELOPE,
-    "optimisation/merit.py": (*_MERIT, "optimisation/test_limit_terms"),
-    "optimisation/source_clearance.py": ("optimisation/test_source_clearance",),
-    "optimisation/surface_shape.py": ("optimisation/test_shape_constraints", "optimisation/test_envelope"),
-    "optimisation/symmetry.py": ("optimisation/test_symmetry", "optimisation/test_limit_terms", *_MERIT),
+    "optimisation/keep_out.py": ("optimisation/test_room_for_parts", *_ENVELOPE),
+    "optimisation/limit_terms.py": (
+        "optimisation/test_terms_by_hand",
+        "optimisation/test_limit_terms",
+    ),
+    "optimisation/limits.py": (*_FIELDS, *_ENVELOPE),
+    "optimisation/merit.py": ("optimisation/test_merit_of_samples", *_MERIT, "optimisation/test_limit_terms"),
+    "optimisation/source_clearance.py": (
+        "optimisation/test_room_for_parts",
+        "optimisation/test_source_clearance",
+    ),
+    "optimisation/surface_shape.py": (
+        "optimisation/test_chart_operators",
+        "optimisation/test_shape_constraints",
+        "optimisation/test_envelope",
+    ),
+    "optimisation/symmetry.py": (
+        "optimisation/test_mirrored_receivers",
+        "optimisation/test_terms_by_hand",
+        "optimisation/test_symmetry",
+        "optimisation/test_limit_terms",
+        *_MERIT,
+    ),
     "manufacturing/advice.py": ("manufacturing/test_cutting_advice",),
     "manufacturing/best_fit_sphere.py": ("manufacturing/test_best_fit_sphere",),
     "manufacturing/check.py": (*_CHECK, "manufacturing/test_tools"),

@@ -74,7 +74,8 @@ def evaluate_traced(
     emitter.
     """
     started = time.perf_counter()
-    receivers = receivers_of(spec, pixels or spec.evaluate.pixels)
+    side = pixels or spec.evaluate.pixels
+    receivers = receivers_of(spec, side)
     simulation = simulate(traced, source, receivers, rays, seed)
     light, reach_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm + traced.grown_mm
     images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
@@ -88,7 +89,7 @@ def evaluate_traced(
         limits=judged_limits(limits, images, [each.name for each in lit]),
         rays=simulation.rays,
         replicates=len(simulation.received[0].images),
-        pixels=lit[0].pixels,
+        pixels=side,
         filter=f"3x3 Gaussian, variance {spec.evaluate.filter_variance:g} pixel^2, hard bins",
         lumens_per_watt=None,
         table_nodes=traced.scene.grid.nodes,

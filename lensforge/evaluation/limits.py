@@ -51,14 +51,14 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
     readings = limit.of(images)
     match limit.quantity:
         case "share":
-            return jackknife_metric(readings, lambda mean: float(mean[0]))
+            return jackknife_metric(readings.sum(axis=1), float)
         case "beam_angle":
             return jackknife_metric(readings, lambda mean: beam_angle(limit, mean), limit.unit)
         case "light":
             return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
         case "min_over_mean":
             means = readings.mean(axis=1, keepdims=True)
-            return _extreme(readings / np.where(means > 0.0, means, 1.0), ">=")
+            return _extreme(readings / np.where(means > 0.0, means, np.inf), ">=")
     whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
     return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
 

@@ -56,7 +56,7 @@ def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver,
         squares.append([float(away @ away), float(both.sum())])
         pictures.append([splat_flux(light.hits, light.flux, receiver.grid) for light in (tabulated, reference)])
         detected = [flux_in(light.hits, light.flux, receiver.window) for light in (tabulated, reference)]
-        lost.append([(detected[0] - detected[1]) / emitted_w])
+        lost.append((detected[0] - detected[1]) / emitted_w)
     return TableError(
         table_error_nm=max(traced.table_error_nm.values()),
         hit_max_mm=largest,
@@ -64,5 +64,5 @@ def _stage(traced: TracedLens, rays: RayBundle, exact: Hits, receiver: Receiver,
             np.array(squares), lambda mean: float(np.sqrt(mean[0] / mean[1])) if mean[1] else 0.0, "mm"
         ),
         irradiance_nmse=jackknife_metric(np.array(pictures), relative_square),
-        efficiency=jackknife_metric(np.array(lost), lambda mean: float(mean[0])),
+        efficiency=jackknife_metric(np.array(lost), float),
     )

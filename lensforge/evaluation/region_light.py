@@ -43,7 +43,7 @@ class RegionLight(Record):
         least, largest = least_without_noise(readings), largest_without_noise(readings)
         return RegionLight(
             region="bright" if mask is None else "uniform",
-            mean=jackknife_metric(means[:, None], lambda mean: float(mean[0]), unit),
+            mean=jackknife_metric(means, float, unit),
             u0=least_without_noise(readings / means[:, None]),
             u1=ratio_of(least, largest),
         )

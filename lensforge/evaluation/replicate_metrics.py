@@ -116,4 +116,4 @@ def _with_one_ray(change: Metric, noisy: Metric | None, rays: int) -> Metric:
 
 def mean_share(shares: Float[np.ndarray, " r"]) -> Metric:
     """Mean of the ``shares`` of each replicate."""
-    return jackknife_metric(shares[:, None], lambda mean: float(mean[0]))
+    return jackknife_metric(shares, float)

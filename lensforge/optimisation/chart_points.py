@@ -121,7 +121,7 @@ def _taps(
     lacks ``h^2 (1/12 - f(1 - f)/2)`` times the fourth derivative, which the fourth difference of the table supplies.
     """
     position = (at - grid.origin) / grid.step
-    cell = np.clip(np.floor(position + 1e-9).astype(int), 1, grid.side - 3)
+    cell = np.floor(position + 1e-9).astype(int)  # on the hemisphere all four coefficients are there
     f = position - cell
     index = cell[:, None] + np.arange(-1, 3)
     factors = np.stack(cubic_basis(f, order), axis=1) / grid.step**order
@@ -130,6 +130,6 @@ def _taps(
     lack = (1.0 / 12.0 - 0.5 * f * (1.0 - f)) / grid.step**2
     for centre, share in ((cell, 1.0 - f), (cell + 1, f)):
         middle = np.clip(centre, 2, grid.side - 3)
-        index = np.concatenate([index, middle[:, None] + np.arange(-2, 3)], axis=1)
+        index = np.concatenate([index, middle[:, None] - 2 + np.arange(5)], axis=1)
         factors = np.concatenate([factors, (lack * share)[:, None] * _FOURTH_DIFFERENCE], axis=1)
     return index, factors

@@ -69,7 +69,7 @@ class SampledLight:
         halves = tuple(
             tuple(emitted_w / part.emitted_w * half for half in each) for part in parts for each in part.halves
         )
-        return SampledLight(images, share * torch.stack([part.terms for part in parts]).sum(dim=0), emitted_w, halves)
+        return SampledLight(images, share * torch.stack([part.terms for part in parts]).sum(), emitted_w, halves)
 
 
 @dataclass(frozen=True)

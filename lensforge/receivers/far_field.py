@@ -42,7 +42,7 @@ class FarField(PosedReceiver):
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
         """Degrees from the axis along x and y: gamma times the cosine and the sine of the azimuth."""
         radius = np.hypot(x, y)
-        scale = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))) / np.where(radius > 0.0, radius, 1.0)
+        scale = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))) / np.where(radius > 0.0, radius, np.inf)
         return scale * x, scale * y
 
     def chart_coordinates(
@@ -50,7 +50,7 @@ class FarField(PosedReceiver):
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
         """Chart of degrees from the axis along x and y."""
         gamma = np.hypot(x, y)
-        scale = 2.0 * np.sin(0.5 * np.radians(gamma)) / np.where(gamma > 0.0, gamma, 1.0)
+        scale = 2.0 * np.sin(0.5 * np.radians(gamma)) / np.where(gamma > 0.0, gamma, np.inf)
         return scale * x, scale * y
 
 

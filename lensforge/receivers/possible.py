@@ -168,9 +168,9 @@ def _filled(target: Float[np.ndarray, "*n"], caps: Float[np.ndarray, "*n"], tota
     """``target`` plus one level, cut at 0 and at ``caps``, with the sum ``total``; ``caps`` where theirs is less."""
     if not target.size:
         return target
-    low, high = -float(target.max()), float(max(np.max(caps - target), 0.0))
+    low, high = -float(target.max()), float(np.max(caps - target))
     if not np.isfinite(high):
-        low, high = -float(target.max()), max(total, 1.0)
+        high = total
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if np.clip(target + middle, 0.0, caps).sum() < total else (low, middle)

@@ -107,6 +107,12 @@ class TargetSection(Section):
         value = self.length(name)
         return (value, value) if isinstance(value, float) else value
 
+    def sides(self, name: str) -> tuple[float, float]:
+        """Length ``name``, which has been given, along x and along y."""
+        value = self.pair(name)
+        assert value is not None, name
+        return value
+
     def about_centre(self, x: _Places, y: _Places) -> tuple[_Places, _Places]:
         """Places on the receiver in the target's own axes; the same bits where it is centred and upright."""
         if self.centre != (0.0, 0.0):

@@ -14,7 +14,7 @@ Degrees = Float[np.ndarray, "..."]
 
 def beam(target: BeamTarget, x: Degrees, y: Degrees) -> Degrees:
     """A beam: its full widths at half maximum are those of the target, along x and along y."""
-    width, height = target.pair("fwhm") or (1.0, 1.0)
+    width, height = target.sides("fwhm")
     ellipse = (2.0 * x / width) ** 2 + (2.0 * y / height) ** 2
     if target.profile == "gaussian":
         return np.asarray(np.exp2(-ellipse))
@@ -22,9 +22,9 @@ def beam(target: BeamTarget, x: Degrees, y: Degrees) -> Degrees:
         return np.asarray(ellipse <= 1.0, dtype=np.float64)
     gamma = np.hypot(x, y)
     # half the width in the direction of each place; on the axis, where no direction is, the power does not count
-    half = np.divide(gamma, np.sqrt(ellipse), out=np.full_like(gamma, 0.5 * width), where=gamma > 0.0)
+    half = np.divide(gamma, np.sqrt(ellipse), out=np.ones_like(gamma), where=gamma > 0.0)
     power = np.log(0.5) / np.log(np.cos(np.radians(half)))
-    return np.asarray(np.maximum(np.cos(np.radians(np.minimum(gamma, 90.0))), 0.0) ** power)
+    return np.asarray(np.where(gamma < 90.0, np.cos(np.radians(gamma)), 0.0) ** power)
 
 
 def batwing(target: BatwingTarget, x: Degrees, y: Degrees) -> Degrees:
@@ -40,7 +40,7 @@ def photometric(intensity: TabulatedIntensity, x: Degrees, y: Degrees) -> Degree
     """A table of intensities, bilinear over C and gamma, 0 beyond its last gamma."""
     gamma, azimuth = np.hypot(x, y), np.degrees(np.arctan2(y, x)) % 360.0
     angles, planes = intensity.gamma_deg, intensity.c_deg
-    row = np.clip(np.interp(gamma, angles, np.arange(len(angles))), 0.0, len(angles) - 1.0)
+    row = np.interp(gamma, angles, np.arange(len(angles)))
     column = np.interp(azimuth, planes, np.arange(len(planes))) if len(planes) > 1 else np.zeros_like(gamma)
     low, left = np.minimum(row.astype(int), len(angles) - 2), np.minimum(column.astype(int), max(len(planes) - 2, 0))
     up, right = row - low, column - left

@@ -28,8 +28,8 @@ def drawn_text(text: str) -> Float[np.ndarray, "h w"]:
     _require_layout(text)
     font = ImageFont.truetype(path, _GLYPH_PIXELS)
     left, top, right, bottom = font.getbbox(text)
-    canvas = Image.new("L", (int(right - left) + 4, int(bottom - top) + 4))
-    ImageDraw.Draw(canvas).text((2 - left, 2 - top), text, fill=255, font=font)
+    canvas = Image.new("L", (int(right - left), int(bottom - top)))
+    ImageDraw.Draw(canvas).text((-left, -top), text, fill=255, font=font)
     box = canvas.getbbox()
     if box is None:
         raise InputError(f"target.text = {text!r}: nothing to draw; give visible characters")

@@ -50,7 +50,7 @@ class LightLimit:
     @property
     def light_per_flux(self) -> float:
         """Light on a pixel per W on it: the reading, at any place, of a picture of ones."""
-        return float(self.readings[[0]].sum())
+        return float(self.readings.sum(axis=1).max())
 
 
 def light_limits(
@@ -118,7 +118,7 @@ def _readings(limit: LimitSection, receiver: PosedReceiver, where: str) -> spars
         case LineLimit():
             (x0, y0), (x1, y1) = (receiver.chart_coordinates(*np.array(end)[:, None]) for end in limit.ends)
             long = np.hypot((x1 - x0) / receiver.grid.pixel[0], (y1 - y0) / receiver.grid.pixel[1])
-            part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * float(long[0])) + 1))
+            part = np.linspace(0.0, 1.0, max(2, ceil(_STEPS_PER_PIXEL * long.item()) + 1))
             (xs, ys), (xe, ye) = limit.ends
             return _bilinear(receiver, *receiver.chart_coordinates(xs + part * (xe - xs), ys + part * (ye - ys)))
         case BeamAngleLimit():
@@ -146,7 +146,7 @@ def _zone(limit: LimitSection, receiver: PosedReceiver) -> Bool[np.ndarray, "h w
 
 def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
     """Angles (deg) from the axis along a cut through the far field."""
-    half_deg = float(receiver.target_coordinates(np.array([receiver.window.radius]), np.zeros(1))[0][0])
+    half_deg = receiver.target_coordinates(np.array([receiver.window.radius]), np.array([0.0]))[0].item()
     steps = _STEPS_PER_PIXEL * max(receiver.grid.shape)
     return np.linspace(-half_deg, half_deg, steps + 1)
 
@@ -154,10 +154,9 @@ def _cut(receiver: PosedReceiver) -> Float[np.ndarray, " k"]:
 def _bilinear(receiver: PosedReceiver, x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> sparse.csr_array:
     """Matrix from pixels to places on the chart, bilinear between their centres, as at the edge beyond the last."""
     grid = receiver.grid
-    column = np.clip((x / grid.width + 0.5) * grid.columns - 0.5, 0.0, grid.columns - 1.0)
-    row = np.clip((y / grid.height + 0.5) * grid.rows - 0.5, 0.0, grid.rows - 1.0)
-    left = np.clip(column.astype(int), 0, max(grid.columns - 2, 0))
-    below = np.clip(row.astype(int), 0, max(grid.rows - 2, 0))
+    column = np.maximum((x / grid.width + 0.5) * grid.columns - 0.5, 0.0)
+    row = np.maximum((y / grid.height + 0.5) * grid.rows - 0.5, 0.0)
+    left, below = column.astype(int), row.astype(int)
     right, up = column - left, row - below
     entries, rows, pixels = [], [], []
     for more_x, share_x in ((0, 1.0 - right), (1, right)):

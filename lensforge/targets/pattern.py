@@ -60,7 +60,7 @@ def _light(targets: Targets, receiver: Receiver, contents: tuple[str, ...]) -> I
     times = max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // longest), _MOST_SUBPIXELS // longest))
     images = [_means(target, receiver, times) for target in targets]
     if len(images) > 1:  # one alone keeps its scale, to the last bit
-        images = [target.level / (image.max() or 1.0) * image for target, image in zip(targets, images, strict=True)]
+        images = [target.level / (image.max() or np.inf) * image for target, image in zip(targets, images, strict=True)]
     wanted: Image = sum(images[1:], start=images[0])
     total = float(wanted.sum())
     if not total >= np.finfo(np.float64).tiny:

@@ -26,7 +26,7 @@ PictureTarget = TextTarget | ImageTarget | ArrayTarget | TableTarget
 
 def flat_top(target: FlatTopTarget, x: Places, y: Places) -> Places:
     """A super-Gaussian."""
-    half_width, half_height = target.pair("half_width") or (1.0, 1.0)
+    half_width, half_height = target.sides("half_width")
     with np.errstate(over="ignore"):  # far outside a narrow pattern: exp(-inf) is the 0 that is meant
         along_x = np.exp(-(np.abs(x / half_width) ** target.exponent))
         along_y = np.exp(-(np.abs(y / half_height) ** target.exponent))
@@ -86,8 +86,9 @@ def _polygon(corners: tuple[tuple[float, float], ...], x: Places, y: Places) -> 
 def in_picture(picture: Float[np.ndarray, "h w"], size: tuple[float, float], x: Places, y: Places) -> Places:
     """A picture of ``size``, nearest pixel, 0 outside; row 0 of it is its top."""
     height, width = picture.shape
-    # clipped to just outside the picture: far from a narrow one the index would overflow
-    column = np.clip(np.floor(x * (width / size[0]) + width / 2.0), -1, width).astype(int)
-    row = np.clip(np.floor(-y * (height / size[1]) + height / 2.0), -1, height).astype(int)
-    inside = ((row >= 0) & (row < height)) & ((column >= 0) & (column < width))
-    return np.where(inside, picture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
+    framed = np.pad(picture, 1)
+    # clipped to the frame: far from a narrow picture the index would overflow
+    column = np.clip(np.floor(x * (width / size[0]) + width / 2.0) + 1.0, 0.0, width + 1.0).astype(int)
+    row = np.clip(np.floor(-y * (height / size[1]) + height / 2.0) + 1.0, 0.0, height + 1.0).astype(int)
+    light: Places = framed[row, column]
+    return light

@@ -83,4 +83,20 @@ def test_bugs_are_counted_without_those_that_are_none(tmp_path, monkeypatch):
 def test_the_page_has_the_kept_outcomes():
     record = Record.load(KEPT, json.loads(KEPT.read_text(encoding="utf-8"))["seed"])
     assert page_part(record) in (ROOT / "docs" / "mutants.md").read_text(encoding="utf-8")
-    assert set(equivalent()) <= set(record.outcomes), "reasons for mutants that were never drawn"
+
+
+def test_each_reason_why_a_change_is_no_bug_is_for_a_line_that_is_there():
+    for key in equivalent():
+        module, _, rest = key.partition(": ")
+        source = (ROOT / "lensforge" / module).read_text(encoding="utf-8")
+        assert module in TESTS and rest.rpartition(" @")[0] in [line.strip() for line in source.split("\n")], key
+
+
+def test_whether_zip_is_strict_is_left_out():
+    source = "for one, other in zip(first, second[3:], strict=True):\n    f(strict=True)\n"
+    places = left_out(source)
+    assert [within((line + 1, text.index("True")), places) for line, text in enumerate(source.split("\n")[:2])] == [
+        True,
+        False,
+    ]
+    assert not within((1, source.index("3")), places)

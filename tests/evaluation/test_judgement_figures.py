@@ -1,0 +1,138 @@
+"""Figures that judge the light of a few known pictures: limits, regions, and changes from lens to lens."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from lensforge.evaluation.light import LightMetrics, light_criteria
+from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE
+from lensforge.evaluation.limit_result import LimitResult
+from lensforge.evaluation.limits import limit_value
+from lensforge.evaluation.metrics import uniformity
+from lensforge.evaluation.minimum import LeastEstimate, least_without_noise
+from lensforge.evaluation.noise_free import PairEstimate
+from lensforge.evaluation.receiver_light import Flux
+from lensforge.evaluation.region_light import RegionLight, bright_region
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask
+from lensforge.records import Metric
+from lensforge.targets.limits import LightLimit
+
+IMAGES = np.array([[[1.0, 2.0, 4.0]], [[3.0, 2.0, 2.0]], [[2.0, 2.0, 3.0]]]) / 10.0  # means 0.2, 0.2, 0.3
+PER_FLUX = 0.5
+
+
+def value_of(quantity: str, sense: str = ">=", rows: int = 3, images: np.ndarray = IMAGES) -> Metric:
+    """The value that decides a limit on the first pixels, each with half its flux as light."""
+    readings = sparse.csr_array(PER_FLUX * np.eye(3)[:rows])
+    limit = LightLimit("a", 0, quantity, sense, 0.3, "lx", readings, np.array([-1.0, 0.0, 2.0])[:rows], 0.5)  # type: ignore[arg-type]
+    return limit_value(limit, images)
+
+
+def test_the_value_that_decides_is_the_least_or_the_largest_of_the_mean() -> None:
+    assert value_of("light").value == pytest.approx(0.1) and value_of("light").unit == "lx"
+    assert value_of("light", "<=").value == pytest.approx(0.15)
+    assert value_of("relative", rows=2).value == pytest.approx(0.2 / 0.3), "the maximum is that of the whole picture"
+    assert value_of("relative", "<=", rows=2).value == pytest.approx(0.2 / 0.3)
+    assert value_of("relative", "<=").value == pytest.approx(1.0)
+    for sense in (">=", "<="):
+        assert value_of("min_over_max", sense, rows=2).value == pytest.approx(1.0)
+        assert value_of("min_over_max", sense).value == pytest.approx(0.2 / 0.3)
+    relative = [image[0] / image[0].mean() for image in IMAGES]
+    assert value_of("min_over_mean", "<=").value == pytest.approx(np.mean(relative, axis=0).min())
+    share = value_of("share", rows=1)
+    assert share.value == pytest.approx(PER_FLUX * 0.2)
+    assert share.standard_error == pytest.approx(PER_FLUX * np.std([0.1, 0.3, 0.2], ddof=1) / np.sqrt(3.0))
+
+
+def test_a_beam_angle_is_read_at_its_level_and_is_0_in_the_dark() -> None:
+    """Light of 0.1, 0.1 and 0.15 at -1, 0 and 2 degrees is above half of its maximum everywhere."""
+    assert value_of("beam_angle") == Metric(value=3.0, unit="lx", standard_error=value_of("beam_angle").standard_error)
+    assert value_of("beam_angle", images=0.0 * IMAGES).value == 0.0
+    one_side = np.array([[[0.0, 1.0, 1.0]]] * 2)
+    assert value_of("beam_angle", images=one_side).value == pytest.approx(2.5), "half-way between 0 and the maximum"
+
+
+def test_replicates_without_light_have_no_even_light() -> None:
+    some_dark = IMAGES * np.array([1.0, 0.0, 1.0])[:, None, None]
+    mean = np.mean([image[0] / image[0].mean() if image.any() else image[0] for image in some_dark], axis=0)
+    assert value_of("min_over_mean", images=some_dark).value == pytest.approx(mean.min())
+
+
+def test_a_limit_says_its_value_and_bound_with_their_unit() -> None:
+    def words(unit: str, sense: str = ">=") -> LimitResult:
+        fields = {"name": "axis", "receiver": "sky", "quantity": "light", "bound": 2.0, "unit": unit}
+        return LimitResult(value=Metric(value=3.0), sense=sense, **fields)  # type: ignore[arg-type]
+
+    assert words("cd").words == "3, must be >= 2 cd"
+    assert words("").words == "3, must be >= 2"
+    assert words("°", "<=").words == "3, must be <= 2°"
+    assert str(words("cd")) == "axis: light 3, must be >= 2 cd"
+    assert (words("cd").excess, words("cd", "<=").excess) == (-1.0, 1.0)
+
+
+def test_the_bounds_of_the_verdict_lie_between_the_shipped_scenes_and_useless_lenses() -> None:
+    """An NMSE of 0.08 and 0.2, and a share in the target of 0.8 and 0.66: docs/results.md."""
+    assert 0.08 < LARGEST_NMSE < 0.2 and 0.66 < LEAST_SHARE < 0.8
+
+
+def test_light_of_a_search_that_gave_up_is_not_tolerated() -> None:
+    names = ("detected", "outside", "missed", "total_reflection", "not_converged", "reflected")
+    for lost, passed in ((0.0, True), (1e-12, False), (0.5, False)):
+        flux = Flux(**dict.fromkeys(names, 0.0) | {"not_converged": lost, "detected": 1.0 - lost})
+        (criterion,) = light_criteria(flux)
+        assert criterion.passed == passed
+
+
+def test_a_region_is_bright_above_half_of_the_maximum_and_not_where_it_has_just_half() -> None:
+    assert bright_region(np.array([[1.0, 0.5, 0.5 + 1e-6, 0.4, 0.0]])).tolist() == [[True, False, True, False, False]]
+
+
+def test_light_of_a_region_is_that_of_its_pixels() -> None:
+    images, target = np.array([[[1.0, 2.0, 9.0]], [[2.0, 6.0, 9.0]]]) / 10.0, np.array([[1.0, 0.8, 0.1]])
+    found = RegionLight.of(images, target, None, "lx")
+    assert found is not None and found.mean.value == pytest.approx(0.275) and found.mean.unit == "lx"
+    assert found.mean.standard_error == pytest.approx(np.std([0.15, 0.4], ddof=1) / np.sqrt(2.0))
+    assert found.u0.value == pytest.approx(np.mean([0.1 / 0.15, 0.2 / 0.4]))
+    assert found.u1.value == pytest.approx(0.15 / 0.4)
+    assert RegionLight.of(images * [[[0.0]], [[1.0]]], target, None, "lx") is None
+    masked = RegionLight.of(images, target, np.array([[False, False, True]]), "lx")
+    assert masked is not None and masked.region == "uniform" and masked.mean.value == pytest.approx(0.9)
+
+
+def test_a_mask_needs_pixels_and_light() -> None:
+    some, none, images = np.array([[True, False]]), np.zeros((1, 2), dtype=bool), np.full((2, 1, 2), 0.01)
+    assert lit_mask(some, images) is some
+    assert lit_mask(None, images) is None and lit_mask(none, images) is None and lit_mask(some, 0.0 * images) is None
+
+
+def test_errors_of_a_change_include_that_of_one_ray() -> None:
+    shares = np.array([0.1, 0.2, 0.3, 0.2])
+    apart, even = np.diag(np.full(4, 0.1)), LeastEstimate(0.5, np.full(4, 0.5))
+    before = ReplicateMetrics(PairEstimate(0.1, apart), even, PairEstimate(0.2, 2.0 * apart), shares)
+    after = ReplicateMetrics(PairEstimate(0.4, apart), even, PairEstimate(0.3, 2.0 * apart), shares + 0.1)
+    noise, change = before.metrics(), after.change_from(before, 100)
+    assert isinstance(noise, LightMetrics) and noise.efficiency.value == pytest.approx(0.2)
+    for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1)):
+        assert getattr(change, name).value == pytest.approx(value)
+        expected = getattr(noise, name).standard_error / 10.0
+        assert getattr(change, name).standard_error == pytest.approx(expected, abs=1e-15)
+    assert change.uniformity == even.change_from(even)
+    scattered = ReplicateMetrics(PairEstimate(0.4), None, None, shares[::-1] * np.array([1.0, 2.0, 1.0, 1.0]))
+    other = scattered.change_from(before, 100)
+    difference = scattered.efficiency - shares
+    own = difference.std(ddof=1) / 2.0
+    assert other.efficiency.standard_error == pytest.approx(np.hypot(own, noise.efficiency.standard_error / 10.0))  # type: ignore[operator]
+    assert other.nmse.standard_error is None and other.uniformity is None and other.rsd is None
+    assert before.change_from(scattered, 100).nmse == Metric(value=0.1 - 0.4)
+    assert before.change_from(scattered, 100).uniformity is None and before.change_from(scattered, 100).rsd is None
+
+
+def test_metrics_of_replicates_are_those_in_the_mask() -> None:
+    images = np.random.default_rng(1).uniform(0.5, 1.5, (5, 2, 3))
+    mask, target = np.array([[True, True, False], [True, False, False]]), np.ones((2, 3))
+    found = ReplicateMetrics.of(images, target, mask, np.full(5, 0.25)).metrics()
+    assert found.uniformity is not None and found.uniformity.value == uniformity(images.mean(axis=0), mask)
+    assert found.efficiency == Metric(value=0.25, standard_error=0.0)
+    alone = ReplicateMetrics.of(images, target, None, np.full(5, 0.25)).metrics()
+    assert alone.uniformity is None and alone.rsd is None and alone.nmse == found.nmse
+    assert least_without_noise(images[:, mask]).value == pytest.approx(images.mean(axis=0)[mask].min())
