@@ -130,6 +130,6 @@ def _taps(
     lack = (1.0 / 12.0 - 0.5 * f * (1.0 - f)) / grid.step**2
     for centre, share in ((cell, 1.0 - f), (cell + 1, f)):
         middle = np.clip(centre, 2, grid.side - 3)
-        index = np.concatenate([index, middle[:, None] - 2 + np.arange(5)], axis=1)
+        index = np.concatenate([index, middle[:, None] + np.arange(-2, 3)], axis=1)
         factors = np.concatenate([factors, (lack * share)[:, None] * _FOURTH_DIFFERENCE], axis=1)
     return index, factors
