@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from keep_outs import ball, box, step_file
 
 from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
+from lensforge.geometry import export
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.keep_out import read_keep_out
@@ -23,6 +25,7 @@ from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
+PROVE, PROOFS = export._prove, {}
 HERE = pytest.mark.usefixtures("cad_read_here")
 
 
@@ -30,7 +33,21 @@ def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
     """Two hemispheres, and the keep-out of a file."""
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base=base or {"kind": "none"})
     limits = {"constraints.keep_out": str(path), "constraints.keep_out_margin_mm": margin_mm}
-    return build_part(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"), rings=24)
+    return built(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
+
+
+def built(lens: Lens) -> Part:
+    """The part of two hemispheres, whose files are proved once for each base: they do not depend on the keep-out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "_prove", _proved_once)
+        return build_part(lens, rings=24)
+
+
+def _proved_once(lens: Lens, *files: Any) -> Any:
+    base = lens.spec.base.model_dump_json()
+    if base not in PROOFS:
+        PROOFS[base] = PROVE(lens, *files)
+    return PROOFS[base]
 
 
 def missed(part: Part) -> list[str]:
@@ -163,7 +180,7 @@ def test_the_remedy_names_the_field_of_the_place(
 
 
 def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
-    part = build_part(make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"}), rings=12)
+    part = built(make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"}))
     assert part.keep_out is None and part.mass_g is None
     assert "keep_out_distance" not in {criterion.name for criterion in part.criteria}
 
@@ -171,7 +188,7 @@ def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
     spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
-    part = build_part(Lens(plain.inner, plain.outer, spec, 0, "draft"), rings=12)
+    part = built(Lens(plain.inner, plain.outer, spec, 0, "draft"))
     shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)
     assert part.mass_g == pytest.approx(1.19e-3 * shell, rel=1e-8)
     heavier = part.model_copy(update={"mass_g": 1.0})
