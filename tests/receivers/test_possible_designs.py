@@ -25,7 +25,6 @@ def starting_lens(spec: Spec) -> Lens:
     return Lens(*starting_surfaces(spec), spec, 0, "draft")
 
 
-@pytest.mark.usefixtures("cad_read_here")
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_the_starting_lens_of_each_shipped_scene_keeps_the_bounds(path: Path) -> None:
     require_possible(lf.evaluate(starting_lens(load_spec(path)), rays=2**13, pixels=32))
