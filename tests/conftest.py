@@ -72,6 +72,21 @@ def undrawn() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def cad_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CAD files are read in this process, by the same code: a child takes a second to load the CAD kernel.
+
+    For tests of what is done with them; that a child reads them, and may crash, is tested elsewhere.
+    """
+    from lensforge.cad_files import step_reading  # not before the import hook is there
+    from lensforge.given_faces import cad_face, cad_sampling
+
+    readers = {Path(step_reading.__file__): step_reading._write_products}
+    readers[Path(cad_sampling.__file__)] = cad_sampling._sample_face
+    for module in (step_reading, cad_face):
+        monkeypatch.setattr(module, "work_in_child", lambda script, folder, *_, **__: readers[script](folder))
+
+
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder of all processes that run these tests together, where they can lock files."""

@@ -1,5 +1,6 @@
 """Rays from the origin on CAD faces: the kernel finds the crossings, Newton steps on its surfaces make them exact."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,20 @@ class FaceCast:
 
     def __init__(self, faces: list[Any], shift_mm: Float[np.ndarray, "3"]) -> None:
         from OCP.BRep import BRep_Tool
+        from OCP.gp import gp_Pnt
         from OCP.IntCurvesFace import IntCurvesFace_Intersector
 
         self._start = -np.asarray(shift_mm, dtype=np.float64)
+        self._start_point = gp_Pnt(*self._start.tolist())
         self._casts = [IntCurvesFace_Intersector(face, _TOLERANCE_MM) for face in faces]
         self._surfaces = [BRep_Tool.Surface_s(face) for face in faces]
 
     def all_mm(self, directions: Float[np.ndarray, "n 3"]) -> list[list[float]]:
         """Distances (mm) at which each ray meets a face, rising."""
         found = []
-        for direction in directions:
+        for crossings in self._crossings(directions):
             distances: list[float] = []
-            for distance in sorted(distance for distance, *_ in self._crossings(direction)):
+            for distance in sorted(distance for distance, *_ in crossings):
                 if not distances or distance - distances[-1] > _SAME_MM:
                     distances.append(distance)
             found.append(distances)
@@ -45,7 +48,7 @@ class FaceCast:
 
         NaN where a ray meets no face.
         """
-        first = [min(self._crossings(direction), default=None) for direction in directions]
+        first = [min(crossings, default=None) for crossings in self._crossings(directions)]
         met = np.array([each is not None for each in first], dtype=bool)
         radius, normals = np.full(len(directions), np.nan), np.full((len(directions), 3), np.nan)
         if met.any():
@@ -82,23 +85,24 @@ class FaceCast:
         from OCP.gp import gp_Pnt, gp_Vec
 
         point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
-        found = np.empty((len(parameters), 3, 3))
-        for k, ((u, v), face) in enumerate(zip(parameters.tolist(), faces.tolist(), strict=True)):
+        rows = []
+        for (u, v), face in zip(parameters.tolist(), faces.tolist(), strict=True):
             self._surfaces[face].D1(u, v, point, along_u, along_v)
-            for row, each in enumerate((point, along_u, along_v)):
-                found[k, row] = each.X(), each.Y(), each.Z()
+            rows.append((point.Coord(), along_u.Coord(), along_v.Coord()))
+        found = np.array(rows).reshape(-1, 3, 3)
         found[:, 0] -= self._start
         return found[:, 0], found[:, 1], found[:, 2]
 
-    def _crossings(self, direction: Float[np.ndarray, "3"]) -> list[tuple[float, float, float, int]]:
-        """Distance (mm), parameters and number of the face of each crossing."""
-        from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+    def _crossings(self, directions: Float[np.ndarray, "n 3"]) -> Iterator[list[tuple[float, float, float, int]]]:
+        """Distance (mm), parameters and number of the face of each crossing, ray by ray."""
+        from OCP.gp import gp_Dir, gp_Lin
 
-        line = gp_Lin(gp_Pnt(*self._start.tolist()), gp_Dir(*direction.tolist()))
-        found = []
-        for index, cast in enumerate(self._casts):
-            cast.Perform(line, 0.0, _FAR_MM)
-            if cast.IsDone():
-                for k in range(1, cast.NbPnt() + 1):
-                    found.append((cast.WParameter(k), cast.UParameter(k), cast.VParameter(k), index))
-        return found
+        casts, start = list(enumerate(self._casts)), self._start_point
+        for direction in directions.tolist():
+            line, found = gp_Lin(start, gp_Dir(*direction)), []
+            for index, cast in casts:
+                cast.Perform(line, 0.0, _FAR_MM)
+                if cast.IsDone():
+                    for k in range(1, cast.NbPnt() + 1):
+                        found.append((cast.WParameter(k), cast.UParameter(k), cast.VParameter(k), index))
+            yield found

@@ -17,12 +17,16 @@ _SIZE = 100.0  # points at which widths are measured
 _ROOM = 1.35  # height of a line's box over that of its capitals: brackets, accents, letters that hang down
 
 
-@cache
 def width_of(text: str, height_mm: float) -> float:
     """Width (mm) of ``text`` with capitals of ``height_mm``."""
+    return _width_points(text) / _SIZE * height_mm / CAPITALS
+
+
+@cache  # the same text is tried at many heights
+def _width_points(text: str) -> float:
     properties = FontProperties(family=TYPEFACE, size=_SIZE)
     width, _, _ = TextToPath().get_text_width_height_descent(text, properties, ismath=False)
-    return float(width) / _SIZE * height_mm / CAPITALS
+    return float(width)
 
 
 def points_of(height_mm: float) -> float:

@@ -9,7 +9,7 @@ from itertools import combinations
 import ezdxf
 import numpy as np
 import pytest
-from shop_lenses import BASE, small_lens
+from shop_lenses import BASE, quick_check, small_lens
 
 from lensforge.drawings.datums import datum_scheme
 from lensforge.drawings.dimension_lines import strokes_of, words_of_dimension
@@ -23,7 +23,11 @@ from lensforge.drawings.sheet_figure import sheet_figure
 from lensforge.drawings.tolerance_table import tolerance_table
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
-from lensforge.manufacturing.check import check_part
+from lensforge.geometry.form import fit_faces
+from lensforge.geometry.part import Faces
+from lensforge.geometry.plan import make_plan
+from lensforge.geometry.signed_step import signed_step
+from lensforge.geometry.solid import build_solid
 from lensforge.spec.drawing import read_drawing
 
 ROUND = {"diameter_mm": 16.0}
@@ -42,15 +46,35 @@ def content_of(lens, part, check, sheet=None):
 
 
 @pytest.fixture(scope="module")
-def check():
-    """Findings on one of the parts: those of the others differ in their base only."""
-    return check_part(build_part(small_lens(BASES["none"]), rings=16))
+def exported():
+    """The part of one lens, with its files."""
+    return build_part(small_lens(BASES["none"]), rings=16)
 
 
 @pytest.fixture(scope="module")
-def parts(check):
+def check(exported):
+    """Findings on one of the parts: those of the others differ in their base only."""
+    return quick_check(exported)
+
+
+@pytest.fixture(scope="module")
+def part_of(exported):
+    """Parts as ``build_part`` makes them, as far as a drawing shows it: faces, author, tolerances."""
+
+    def made(lens, schema="AP214"):
+        solid = build_solid(make_plan(*fit_faces(lens), lens.spec.base))
+        signed = signed_step(solid, lens.spec, "shop", schema)
+        faces = Faces(count=len(solid.faces), names=tuple(sorted(solid.faces)))
+        written = {"faces": faces, "signature": signed.signature, "form_tolerances": signed.tolerances}
+        return exported.model_copy(update={"lens": lens, **written})
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def parts(check, part_of):
     lenses = {name: small_lens(base) for name, base in BASES.items()}
-    return {name: (lens, build_part(lens, rings=16), check) for name, lens in lenses.items()}
+    return {name: (lens, part_of(lens), check) for name, lens in lenses.items()}
 
 
 @pytest.fixture(scope="module")
@@ -169,9 +193,9 @@ def test_the_datums_are_features_of_the_part(parts, drawings, name, faces, absen
     assert sorted(letters) == sorted(datum.letter for datum in scheme.datums), "each symbol once"
 
 
-def test_the_plane_that_the_step_carries_is_datum_a(parts):
+def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
     lens = small_lens(BASES["full"], {"form_tolerance_um": 2.0})
-    part = build_part(lens, rings=16, schema="AP242")
+    part = part_of(lens, "AP242")
     assert part.form_tolerances[0].datum_faces
     content, _ = content_of(lens, part, parts["full"][2])
     plane = content.views.datums.find("A")
@@ -188,7 +212,7 @@ def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
     assert re.fullmatch(r"\d+\.\d{3} ±0\.020", texts["thickness on the axis"]), "the preset's gap_mm"
 
 
-def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not(check):
+def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_does_not(check, part_of):
     words = {
         "part_name": "Kerbside lens",
         "part_number": "LF-0042",
@@ -203,7 +227,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     shop = {"author": "A. Author", "date": "2026-03-31", "organisation": "Works"}
     tolerances = {"gap_mm": 0.07, "outer_form_um": 0.4}
     lens = small_lens(ROUND, shop, drawing=words, tolerances=tolerances)
-    content, sheet = content_of(lens, build_part(lens, rings=16), check, "A3")
+    content, sheet = content_of(lens, part_of(lens), check, "A3")
     stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
     for text in (
         "Kerbside lens", "Number: LF-0042", "Revision: C", "Checked: C. Checker", "Drawn: A. Author",
@@ -214,7 +238,7 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     ):  # fmt: skip
         assert text in stated, text
     assert content.title.title == "Kerbside lens, LF-0042, revision C"
-    _, bare = content_of(small_lens(ROUND), build_part(small_lens(ROUND), rings=16), check)
+    _, bare = content_of(small_lens(ROUND), part_of(small_lens(ROUND)), check)
     stated = " ".join(each.text for each in all_words(bare))
     for text in ("Number: not stated", "Date: not stated", "no tolerance stated", "no break stated", "5/ –"):
         assert text in stated, text
@@ -234,10 +258,10 @@ def test_a_face_that_the_spec_gives_is_not_called_freeform(parts):
     assert content.table[1][0].startswith("sphere") and "freeform" in content.table[1][2]
 
 
-def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(check):
+def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(check, part_of):
     long = "x" * 200
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
-    content, _ = content_of(lens, build_part(lens, rings=16), check)
+    content, _ = content_of(lens, part_of(lens), check)
     sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]), None)
     for words in sheet.words:
         left, _, right, _ = box_of(words)

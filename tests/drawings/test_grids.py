@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,6 +64,14 @@ def written(lens, request, check=None):
     return found
 
 
+@cache
+def files_of(scheme, error_nm, offset):
+    """A rough lens, and every table of it as a reader has them: what rasters and rings are tested with."""
+    lens = lens_of(rough(3.0, 1), rough(6.0, 2))
+    request = GridRequest(error_nm=error_nm, interpolation=scheme, offset_outer_mm=offset, offset_inner_mm=offset)
+    return lens, written(lens, request)
+
+
 def stated_nm(head):
     return float(re.search(r"interpolation error: at most (\S+) nm", head).group(1))
 
@@ -92,9 +101,7 @@ def off_surface_nm(points, surface, offset):
 @pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
 @pytest.mark.parametrize("offset", [0.0, 0.3])
 def test_a_raster_read_back_and_interpolated_is_within_its_stated_error(scheme, error_nm, offset):
-    lens = lens_of(rough(3.0, 1), rough(6.0, 2))
-    request = GridRequest(error_nm=error_nm, interpolation=scheme, offset_outer_mm=offset, offset_inner_mm=offset)
-    files = written(lens, request)
+    lens, files = files_of(scheme, error_nm, offset)
     for name, side in (("outer", 1.0), ("inner", -1.0)):
         head, columns, rows = files[f"grid_raster_{name}.csv"]
         assert columns == "x_mm,y_mm,z_mm"
@@ -121,9 +128,7 @@ def test_a_raster_read_back_and_interpolated_is_within_its_stated_error(scheme, 
 @pytest.mark.parametrize(("scheme", "error_nm"), [("bicubic", 50.0), ("linear", 5000.0)])
 @pytest.mark.parametrize("offset", [0.0, 0.3])
 def test_rings_read_back_and_interpolated_are_within_their_stated_error_down_to_the_rim(scheme, error_nm, offset):
-    lens = lens_of(rough(3.0, 1), rough(6.0, 2))
-    request = GridRequest(error_nm=error_nm, interpolation=scheme, offset_outer_mm=offset, offset_inner_mm=offset)
-    files = written(lens, request)
+    lens, files = files_of(scheme, error_nm, offset)
     for name, side in (("outer", 1.0), ("inner", -1.0)):
         head, columns, rows = files[f"grid_polar_{name}.csv"]
         assert columns == "polar_deg,azimuth_deg,r_mm,z_mm"

@@ -8,7 +8,7 @@ from html import unescape
 import numpy as np
 import pytest
 from round_surfaces import Ball
-from shop_lenses import small_lens
+from shop_lenses import quick_check, small_lens
 
 from lensforge.criteria import Criterion
 from lensforge.drawings.build import make_handover
@@ -17,7 +17,6 @@ from lensforge.drawings.facts import face_facts
 from lensforge.drawings.grids import GridRequest
 from lensforge.errors import InputError, MissingResult
 from lensforge.geometry.export import build_part
-from lensforge.manufacturing.check import check_part
 from lensforge.manufacturing.result import Finding
 from lensforge.results import Results
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -29,7 +28,7 @@ COARSE = GridRequest(spacing_mm=0.4)
 def results():
     lens = small_lens()
     part = build_part(lens, rings=16)
-    return Results(lens, {"export": part, "check": check_part(part)})
+    return Results(lens, {"export": part, "check": quick_check(part)})
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +157,13 @@ def test_a_notebook_shows_the_page_in_a_frame(handed):
     assert handed.html.decode("utf-8") in unescape(frame)
 
 
+@pytest.fixture
+def no_pdf(monkeypatch):
+    """A handover without its PDF, which takes half of the time: for tests of the page and the tables."""
+    monkeypatch.setattr("lensforge.drawings.build.pdf_of", lambda *_: b"")
+
+
+@pytest.mark.usefixtures("no_pdf")
 def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results):
     verdicts = (
         Finding(name="cutter", surface="inner", value=1.0, sense="<=", limit=0.5, unit="mm", reason="no ball fits"),
@@ -194,6 +200,7 @@ def test_the_highest_point_is_found_off_the_apex_and_between_the_samples():
     assert stated["highest point above z = 0"] >= max(apex, (lens.outer.radius(dense) * dense[:, 2]).max())
 
 
+@pytest.mark.usefixtures("no_pdf")
 def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     shop = {
         "make": "insert",
@@ -204,7 +211,7 @@ def test_page_and_tables_name_author_date_tolerance_and_shrinkage():
     }
     lens = small_lens(manufacture=shop)
     part = build_part(lens, rings=16, runout_deg=5.0)
-    results = Results(lens, {"export": part, "check": check_part(part)})
+    results = Results(lens, {"export": part, "check": quick_check(part)})
     handed = make_handover(results, COARSE)
     text = unescape(handed.html.decode("utf-8"))
     for words in ("A. Author", "2026-03-31", "0.0125;", "the lens times 1.0125", "2.5 µm", "its schema carries none"):

@@ -19,6 +19,7 @@ from lensforge.geometry.watertight import check_closed
 from lensforge.spec import BaseSection, load_spec
 
 INNER_MM, OUTER_MM = 0.8, 2.45
+HERE = pytest.mark.usefixtures("cad_read_here")
 NIGHTLY_TOO = pytest.mark.nightly("a case like another one")
 
 
@@ -74,6 +75,7 @@ def test_a_base_from_a_file_is_joined_to_one_solid_and_one_mesh(tmp_path, bore, 
     assert (closure.watertight, closure.genus) == (True, holes)
 
 
+@HERE
 def test_the_union_keeps_every_vertex_of_the_optical_faces(tmp_path):
     _, plan = bare()
     mesh = build_mesh(plan, 24)
@@ -84,6 +86,7 @@ def test_the_union_keeps_every_vertex_of_the_optical_faces(tmp_path):
         assert all(z == 0.0 for _, _, z in after - before), "what is new lies where the base crosses the rim"
 
 
+@HERE
 def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
     shape = plate(3.0)
     faces = {"SEAT": shape.Faces()[0], "HOLD": shape.Faces()[-1]}
@@ -93,6 +96,7 @@ def test_the_names_of_the_file_s_faces_are_kept(tmp_path, bare_solid):
     assert len(joined.faces) == len(joined.shape.Faces())
 
 
+@HERE
 @pytest.mark.parametrize(
     ("shape", "word"),
     [

@@ -99,11 +99,19 @@ def test_rings_and_tolerance_are_knobs():
     assert build_part(lens).triangulation.chord_error_um <= 1.0
 
 
-def test_building_a_part_leaves_no_file_behind(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
-    build_part(make_lens(0.8, 2.45), rings=16, runout_deg=5.0)
-    assert list(tmp_path.iterdir()) == []
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory):
+    """One lens built twice, and the second time's folder, the current one and that of temporary files."""
+    lens, folder = make_lens(0.8, 2.45, 0.01), tmp_path_factory.mktemp("empty")
+    first = build_part(lens, rings=16, runout_deg=8.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tempfile.tempdir", str(folder))
+        patch.chdir(folder)
+        return first, build_part(lens, rings=16, runout_deg=8.0), folder
+
+
+def test_building_a_part_leaves_no_file_behind(twice):
+    assert list(twice[2].iterdir()) == []
 
 
 def test_a_full_or_missing_temporary_folder_is_one_line(tmp_path, monkeypatch):
@@ -112,9 +120,8 @@ def test_a_full_or_missing_temporary_folder_is_one_line(tmp_path, monkeypatch):
         build_part(make_lens(0.8, 2.45), rings=16)
 
 
-def test_the_same_lens_gives_the_same_bytes():
-    lens = make_lens(0.8, 2.45, 0.01)
-    first, second = (build_part(lens, rings=16, runout_deg=5.0) for _ in range(2))
+def test_the_same_lens_gives_the_same_bytes(twice):
+    first, second, _ = twice
     assert first.files == second.files
     assert set(first.files) == {"lens.step", "lens.stl", "lens.3mf", "lens_surfaces.step"}
     assert first.sha256 == second.sha256
@@ -140,9 +147,8 @@ def test_ap242_and_untrimmed_surfaces_on_request():
         np.testing.assert_allclose(radius, surface.radius(to_sphere(edge)), atol=1e-8)
 
 
-def test_untrimmed_faces_are_judged_as_those_of_the_part(monkeypatch):
-    lens = make_lens(0.8, 2.45, 0.01)
-    part = build_part(lens, rings=16, runout_deg=8.0)
+def test_untrimmed_faces_are_judged_as_those_of_the_part(twice, monkeypatch):
+    part = twice[0]
     judged = {criterion.name: criterion for criterion in part.criteria}
     assert judged["surfaces_form_error"].value == part.untrimmed_surfaces.form_error_nm
     assert judged["surfaces_normal_error"].value == part.untrimmed_surfaces.normal_error_mrad
@@ -156,7 +162,7 @@ def test_untrimmed_faces_are_judged_as_those_of_the_part(monkeypatch):
         return fit_extended(scaled(surface, 1.0 + 1e-6), nodes, runout_deg)
 
     monkeypatch.setattr(export, "fit_extended", larger)  # 2 nm on the outer face
-    assert failed(build_part(lens, rings=16, runout_deg=8.0)) == ["surfaces_form_error"]
+    assert failed(build_part(part.lens, rings=16, runout_deg=8.0)) == ["surfaces_form_error"]
 
 
 def test_a_base_that_does_not_hold_the_cavity_is_refused():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from keep_outs import ball, box, step_file
 
 from lensforge.agreement.part import part_contradictions
 from lensforge.errors import InputError
+from lensforge.geometry import export
 from lensforge.geometry.export import build_part
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.keep_out import read_keep_out
@@ -23,19 +25,36 @@ from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 
 INNER_MM, OUTER_MM = 0.8, 2.45
+PROVE, PROOFS = export._prove, {}
+HERE = pytest.mark.usefixtures("cad_read_here")
 
 
 def part_with(path: Path, margin_mm: float = 0.1, **base: object) -> Part:
     """Two hemispheres, and the keep-out of a file."""
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base=base or {"kind": "none"})
     limits = {"constraints.keep_out": str(path), "constraints.keep_out_margin_mm": margin_mm}
-    return build_part(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"), rings=24)
+    return built(Lens(plain.inner, plain.outer, plain.spec.replace(limits), 0, "draft"))
+
+
+def built(lens: Lens) -> Part:
+    """The part of two hemispheres, whose files are proved once for each base: they do not depend on the keep-out."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(export, "_prove", _proved_once)
+        return build_part(lens, rings=24)
+
+
+def _proved_once(lens: Lens, *files: Any) -> Any:
+    base = lens.spec.base.model_dump_json()
+    if base not in PROOFS:
+        PROOFS[base] = PROVE(lens, *files)
+    return PROOFS[base]
 
 
 def missed(part: Part) -> list[str]:
     return [str(criterion) for criterion in part.criteria if not criterion.passed]
 
 
+@HERE
 @pytest.mark.parametrize(
     ("shape", "distance_mm"),
     [
@@ -59,6 +78,7 @@ def test_the_distance_to_a_spherical_cavity_is_that_of_geometry(
     assert list(part_contradictions(part)) == []
 
 
+@HERE
 def test_a_keep_out_too_close_to_the_cavity_misses_and_says_what_to_raise(tmp_path: Path) -> None:
     part = part_with(step_file(tmp_path / "led.step", ball(0.3, (0.45, 0.0, 0.1))))
     (words,) = missed(part)
@@ -83,6 +103,7 @@ def test_the_error_of_a_coarse_mesh_is_that_of_the_polygon_of_its_base() -> None
     assert mesh_error_mm(none, 1, 1e-3) == 1e-3 + FACET_MM
 
 
+@HERE
 def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_out(tmp_path: Path) -> None:
     path = step_file(tmp_path / "led.step", ball(0.3, (0.0, 0.0, 0.1)))
     lens = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
@@ -94,6 +115,7 @@ def test_a_lens_that_is_not_closed_has_no_distance_and_is_no_fault_of_the_keep_o
     assert criterion.value is None and not criterion.passed and "is not closed" in criterion.remedy
 
 
+@HERE
 def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> None:
     """A box of 0.2 mm sides in the wall: 2 V/S = a/3."""
     part = part_with(step_file(tmp_path / "led.step", box((0.2, 0.2, 0.2), (1.6, 0.0, 0.3))), margin_mm=0.0)
@@ -102,6 +124,7 @@ def test_a_keep_out_in_the_body_is_at_less_than_no_distance(tmp_path: Path) -> N
     assert len(missed(part)) == 1
 
 
+@HERE
 def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
     """The board on which the base stands."""
     path = step_file(tmp_path / "board.step", box((8.0, 8.0, 1.0), (0.0, 0.0, -2.5)))
@@ -112,6 +135,7 @@ def test_what_only_touches_is_free_without_a_margin(tmp_path: Path) -> None:
     assert "lower base.height_mm" in missed(part_with(path, diameter_mm=6.0, height_mm=2.0))[0]
 
 
+@HERE
 @pytest.mark.nightly("half a minute")
 def test_a_board_below_z_0_needs_a_pocket_of_its_width(tmp_path: Path) -> None:
     """Base of 2 mm with a bore as wide as the cavity: a board of 2.4 mm at z from -1.9 to -1.4 needs 2.4 sqrt(2)."""
@@ -156,7 +180,7 @@ def test_the_remedy_names_the_field_of_the_place(
 
 
 def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
-    part = build_part(make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"}), rings=12)
+    part = built(make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"}))
     assert part.keep_out is None and part.mass_g is None
     assert "keep_out_distance" not in {criterion.name for criterion in part.criteria}
 
@@ -164,7 +188,7 @@ def test_no_keep_out_has_no_distance_and_no_criterion() -> None:
 def test_the_mass_is_that_of_the_volume(tmp_path: Path) -> None:
     plain = make_lens(INNER_MM, OUTER_MM, 0.0, base={"kind": "none"})
     spec = plain.spec.replace({"lens.density_g_per_cm3": 1.19})
-    part = build_part(Lens(plain.inner, plain.outer, spec, 0, "draft"), rings=12)
+    part = built(Lens(plain.inner, plain.outer, spec, 0, "draft"))
     shell = 2.0 / 3.0 * np.pi * (OUTER_MM**3 - INNER_MM**3)
     assert part.mass_g == pytest.approx(1.19e-3 * shell, rel=1e-8)
     heavier = part.model_copy(update={"mass_g": 1.0})
@@ -181,6 +205,7 @@ def test_an_inch_file_is_read_in_mm(tmp_path: Path) -> None:
     assert np.abs(solid.vertices).max() == pytest.approx(500.0)
 
 
+@HERE
 def test_a_file_without_solids_is_refused_in_one_line(tmp_path: Path) -> None:
     import cadquery as cq
 

@@ -166,7 +166,7 @@ def test_the_errors_of_a_mesh_are_the_largest_anywhere_on_its_facets(chord_mm):
 
 
 @pytest.mark.parametrize("base", [NONE, BaseSection()], ids=["no base", "cylinder"])
-@pytest.mark.parametrize("chord_mm", [0.02, 0.004])
+@pytest.mark.parametrize("chord_mm", [0.02, 0.008])
 def test_split_facets_keep_the_tolerance_and_the_body_closed(base, chord_mm):
     plan = rough_plan(base)
     mesh, equal = build_mesh(plan, 20, chord_mm), build_mesh(plan, 20)

@@ -49,6 +49,7 @@ def test_the_outline_is_the_cut_of_the_body(name):
         assert len(outlines) == 1
 
 
+@pytest.mark.usefixtures("cad_read_here")
 def test_a_base_from_a_file_is_cut_where_it_is(tmp_path):
     import cadquery as cq
 

@@ -10,6 +10,7 @@ TARGET_MM = 300.0
 CORNERS = np.array([[86.3, 50.7], [391.6, 74.2], [370.9, 331.4], [65.8, 295.1]])
 SIZE = (470, 380)
 _SUPERSAMPLED = 3
+_RENDERED = {}
 
 
 def cross(x, y):
@@ -64,7 +65,17 @@ class Scene:
     board: float = 0.0
 
     def light(self, lit):
-        """Linear light by pixel, with (``lit``) or without the LED's."""
+        """Linear light by pixel, with (``lit``) or without the LED's; each picture is rendered once."""
+        fields = {**vars(self), "corners": str(self.corners), "lit": lit}
+        if not lit:
+            fields.update(pattern="", spill=0.0)
+        key = tuple(fields.values())
+        if key not in _RENDERED:
+            _RENDERED[key] = self._rendered(lit)
+            _RENDERED[key].flags.writeable = False
+        return _RENDERED[key]
+
+    def _rendered(self, lit):
         factor, (width, height) = _SUPERSAMPLED, SIZE
         columns, rows = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (width, height))
         u, v = np.meshgrid(columns, rows)
