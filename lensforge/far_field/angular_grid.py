@@ -66,7 +66,7 @@ class AngularGrid:
     ) -> Iterator[tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]]:
         """The four nodes around each direction, one after the other, and the bilinear share of each."""
         nodes = len(self.gamma_deg)
-        azimuth = c_deg / 360.0 % 1.0 * self.planes
+        azimuth = c_deg * (self.planes / 360.0)
         place = np.interp(gamma_deg, self.gamma_deg, np.arange(nodes))
         plane, cell = np.floor(azimuth).astype(int), np.minimum(place.astype(int), nodes - 2)
         right, below = azimuth - plane, place - cell
@@ -119,9 +119,8 @@ class AngularGrid:
     @property
     def _shares(self) -> Float[np.ndarray, " h"]:
         """Place of every second cone between its neighbours, 0 to 1."""
-        shares: Float[np.ndarray, " h"] = (self.gamma_deg[1::2] - self.gamma_deg[:-1:2]) / (
-            self.gamma_deg[2::2] - self.gamma_deg[:-1:2]
-        )
+        even = self.gamma_deg[::2]
+        shares: Float[np.ndarray, " h"] = (self.gamma_deg[1::2] - even[:-1]) / np.diff(even)
         return shares
 
     @cached_property
@@ -177,7 +176,7 @@ class AngularGrid:
 
         beside, own, sums = np.diagonal(self._gram, 1), np.diagonal(self._gram), self._gram.sum(axis=1)
         values = np.zeros_like(flux)
-        bands = np.stack([np.append(0.0, beside[first:]), own[first:]])
+        bands = np.stack([np.pad(beside[first:], (1, 0)), own[first:]])
         right = flux[first:]
         values[first:] = solveh_banded(bands, right, check_finite=False) if len(right) > 1 else right / own[-1]
         inwards = np.arange(len(beside))[::-1]
@@ -214,8 +213,7 @@ _STEPS_PER_10_DEG, _NARROW_STEPS, _OUTSIDE_STEPS = 64, 128, 64
 def finest_grid(beam_deg: float) -> AngularGrid:
     """Grid for light that is within ``beam_deg`` of the axis, but for a little: fine there, coarse beyond."""
     narrow = next((end for end in _NARROW_DEG if beam_deg <= end), None)
-    reach = 10.0 * np.ceil(min(beam_deg, 90.0) / 10.0) if narrow is None else narrow
+    reach = min(10.0 * np.ceil(beam_deg / 10.0), 90.0) if narrow is None else narrow
     steps = _NARROW_STEPS if narrow is not None else round(reach / 10.0) * _STEPS_PER_10_DEG
-    inside = np.linspace(0.0, reach, steps + 1)
-    outside = np.linspace(reach, 90.0, _OUTSIDE_STEPS + 1) if reach < 90.0 else inside[-1:]
-    return AngularGrid(_FINEST_PLANES, np.concatenate([inside, outside[1:]]))
+    inside, outside = np.linspace(0.0, reach, steps + 1), np.linspace(reach, 90.0, _OUTSIDE_STEPS + 1)
+    return AngularGrid(_FINEST_PLANES, np.unique(np.concatenate([inside, outside])))  # the beam's end once

@@ -126,6 +126,8 @@ class CandelaTables:
             return None
         if found.standard_error is None or peak.standard_error is None:
             return found
-        wide, narrow = (width(self.whole, share * (peak.value + side * peak.standard_error)) for side in (-1.0, 1.0))
+        lowest, highest = peak.value - peak.standard_error, peak.value + peak.standard_error
+        wide = width(self.whole, share * lowest) if lowest > 0.0 else self._span_deg  # all of the table is brighter
+        narrow = width(self.whole, share * highest)
         error = min(float(np.hypot(found.standard_error, 0.5 * (wide - narrow))), self._span_deg)
         return found.model_copy(update={"standard_error": error})

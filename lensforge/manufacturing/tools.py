@@ -57,16 +57,15 @@ def tool_reach(
     centres = samples.points + tool.radius_mm * samples.normals
     remaining = np.flatnonzero(ball_fits)
     reached = np.zeros(len(centres), dtype=bool)
-    untilted = 0.0
-    for number, axis in enumerate(tool_axes(away, max_tilt_rad)):
+    shares = []  # by one axis after the other
+    for axis in tool_axes(away, max_tilt_rad):
         clear = _is_clear(centres[remaining], axis, tool, obstacles)
         reached[remaining[clear]] = True
         remaining = remaining[~clear]
-        if number == 0:
-            untilted = samples.fraction(reached)
+        shares.append(samples.fraction(reached))
         if not len(remaining):
             break
-    return Reached(samples.fraction(ball_fits), untilted, samples.fraction(reached))
+    return Reached(samples.fraction(ball_fits), shares[0], shares[-1])
 
 
 def tool_axes(away: Float[np.ndarray, "3"], max_tilt_rad: float) -> Float[np.ndarray, "n 3"]:

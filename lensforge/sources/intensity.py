@@ -70,7 +70,7 @@ class TabulatedIntensity:
     def flux(self) -> float:
         """Integral over all directions, exact for the bilinear interpolation."""
         if len(self.c_deg) == 1:
-            return float(2.0 * np.pi * self.plane_fluxes[0])
+            return float(2.0 * np.pi * self.plane_fluxes.item())
         return float(np.trapezoid(self.plane_fluxes, np.deg2rad(self.c_deg)))
 
     def at(self, c_deg: float) -> Float[np.ndarray, " g"]:
@@ -174,7 +174,7 @@ def _invert(
     before = blend(first)
     share = blend(first + 1) - before
     rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return first, np.clip(rest, 0.0, 1.0)
+    return first, np.minimum(rest, 1.0)
 
 
 def _directions(cosine: Float[np.ndarray, " n"], azimuth: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:

@@ -16,7 +16,7 @@ def choose(
     before = np.where(index > 0, cumulative[index - 1], 0.0)
     share = cumulative[index] - before
     rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.clip(rest, 0.0, 1.0)
+    return index, np.minimum(rest, 1.0)
 
 
 def choose_each(
@@ -28,7 +28,7 @@ def choose_each(
     before = np.where(index > 0, cumulative[each, index - 1], 0.0)
     share = cumulative[each, index] - before
     rest = np.divide(wanted - before, share, out=np.zeros_like(wanted), where=share > 0.0)
-    return index, np.clip(rest, 0.0, 1.0)
+    return index, np.minimum(rest, 1.0)
 
 
 def linear_inverse(
@@ -37,7 +37,7 @@ def linear_inverse(
     """Find the position in [0, 1] up to which a density linear from ``first`` to ``second`` has the share ``rest``."""
     target = rest * (first + second)
     denominator = first + np.sqrt(np.maximum(first**2 + (second - first) * target, 0.0))
-    place: Float[np.ndarray, " n"] = np.clip(
-        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 0.0, 1.0
+    place: Float[np.ndarray, " n"] = np.minimum(
+        np.divide(target, denominator, out=np.zeros_like(rest), where=denominator > 0.0), 1.0
     )
     return place

@@ -36,7 +36,7 @@ class LuminanceImage:
     def _mirrored(self, mirror: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "a b"]:
         upright = self.values[::-1].T  # first index x, second y
         turned = upright.T if mirror[0, 0] == 0.0 else upright
-        signs = mirror[:2, :2].sum(axis=1)
+        signs = mirror.sum(axis=1)
         return turned[:: int(signs[0]), :: int(signs[1])].T[::-1]
 
     def place(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:

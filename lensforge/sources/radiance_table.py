@@ -85,10 +85,10 @@ class RadianceTable:
 
     def _unchanged(self, mirror: Float[np.ndarray, "3 3"]) -> bool:
         """True where the mirror image has the same edges, and the same radiance in each cell and direction."""
-        swapped, signs = mirror[0, 0] == 0.0, mirror[:2, :2].sum(axis=1).astype(int)
+        swapped, signs = mirror[0, 0] == 0.0, mirror.sum(axis=1).astype(int)
         edges = (self.y_mm, self.x_mm) if swapped else (self.x_mm, self.y_mm)
         width = float(np.ptp(self.x_mm) + np.ptp(self.y_mm))
-        for own, image, sign in zip((self.x_mm, self.y_mm), edges, signs, strict=True):
+        for own, image, sign in zip((self.x_mm, self.y_mm), edges, signs[:2], strict=True):
             if len(own) != len(image) or np.abs(own - sign * image[::sign]).max() > _SAME * width:
                 return False
         by_x = np.swapaxes(self._turned(mirror), 0, 1)
@@ -155,6 +155,6 @@ def _problem(arrays: dict[str, np.ndarray]) -> str:
         return f"radiance has the shape {radiance.shape}; cells in y and x, azimuths, polar angles make {wanted}"
     if not 0.0 <= radiance.min() <= radiance.max() < _BRIGHTEST:
         return f"radiances must be finite, none below 0, and below {_BRIGHTEST:g} W/m^2/sr"
-    if len(c) > 1 and not np.array_equal(radiance[:, :, 0], radiance[:, :, -1]):
+    if not np.array_equal(radiance[:, :, 0], radiance[:, :, -1]):
         return "the radiances at c_deg = 360 must be those at 0"
     return ""

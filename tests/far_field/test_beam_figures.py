@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from lensforge.far_field.angular_grid import AngularGrid
 from lensforge.far_field.beam_figures import CandelaTables, Direction
+from lensforge.far_field.resolution import FittedIntensity
 from lensforge.records import Metric
 from lensforge.sources.intensity import TabulatedIntensity
 
@@ -68,6 +70,13 @@ def test_no_width_errs_by_more_than_the_table_and_by_steps_no_more_than_two_of_t
     assert found.standard_error == pytest.approx(min(width(50.0) - width(50.0, 0.6), 2 * 10.0))
 
 
+@pytest.mark.parametrize("error", [100.0, 150.0])
+def test_where_the_peak_may_be_nothing_the_beam_may_be_as_wide_as_the_table(error):
+    """At a level of 0 or below all of the table is brighter: 180 degrees, not a width of 0."""
+    found = tables((1.0, 1.0))._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=error), 0.5)
+    assert found.standard_error == pytest.approx(0.5 * (180.0 - 0.0))
+
+
 def test_without_light_above_the_level_there_is_no_width():
     assert tables()._angle(0.0, Metric(value=3 * PEAK_CD, unit="cd", standard_error=1.0), 0.5) is None
 
@@ -79,3 +88,63 @@ def test_the_peak_is_where_the_table_has_it():
     made = CandelaTables(whole, [], np.stack([values]), whole)
     assert made.peak_direction == Direction(c_deg=135.0, gamma_deg=20.0)
     assert tables().peak_direction == Direction(c_deg=0.0, gamma_deg=0.0)
+    values[3, 1] = 600.0
+    whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=135.0, gamma_deg=10.0)
+    values[3, 0] = 600.0 * (1.0 + 1e-12)  # on the axis, where rounding tells the half-planes apart
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=0.0, gamma_deg=0.0)
+    values[:], values[8, 4] = 0.0, 1.0
+    assert CandelaTables(whole, [], values[None], whole).peak_direction == Direction(c_deg=0.0, gamma_deg=40.0)
+
+
+def samples_of(count):
+    random = np.random.default_rng(3)
+    return random.uniform(1.0, 2.0, (count, 8, 4)) * np.array([4.0, 3.0, 2.0, 0.5])
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_tables_of_all_samples_and_of_all_but_one_are_in_candela_and_turned_over(count):
+    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(count)
+    finer = TabulatedIntensity(np.linspace(0.0, 360.0, 9), grid.gamma_deg, np.arange(36.0).reshape(9, 4))
+    found = CandelaTables.of(FittedIntensity(grid, samples, None, finer), 300.0)
+
+    def expected(some):
+        values = 300.0 * np.mean(some, axis=0)
+        return np.concatenate([values, values[:1]])[::-1]
+
+    np.testing.assert_allclose(found.whole.values, expected(samples), rtol=1e-9)
+    np.testing.assert_allclose(found.whole.c_deg, np.linspace(0.0, 360.0, 9))
+    assert len(found.left_out) == (count if count > 1 else 0)
+    for number, table in enumerate(found.left_out):
+        np.testing.assert_allclose(table.values, expected(np.delete(samples, number, axis=0)), rtol=1e-9)
+    for one, sample in zip(found.samples, samples, strict=True):
+        np.testing.assert_allclose(one, expected(sample[None]), rtol=1e-12)
+    np.testing.assert_allclose(found.finer.values, 300.0 * finer.values[::-1])
+
+
+def test_samples_without_light_but_for_one_leave_no_table_without_that_one():
+    grid, samples = AngularGrid(8, np.array([0.0, 20.0, 50.0, 90.0])), samples_of(3)
+    samples[:2] = 0.0
+    finer = TabulatedIntensity(np.linspace(0.0, 360.0, 9), grid.gamma_deg, np.ones((9, 4)))
+    assert len(CandelaTables.of(FittedIntensity(grid, samples, None, finer), 1.0).left_out) == 2
+
+
+def test_a_plane_has_its_own_peak_and_both_widths():
+    """Twice as bright along C 90 - C 270: the other plane has its own peak, half a level and a tenth of it."""
+    values = cone().values.copy()
+    values[[2, 6]] *= 2.0
+    whole = TabulatedIntensity(C_DEG, cone().gamma_deg, values)
+    made = CandelaTables(whole, [whole, whole], np.stack([values] * 16), whole)
+    for c_deg, peak in ((0.0, PEAK_CD), (90.0, 2.0 * PEAK_CD)):
+        found = made.plane(c_deg)
+        assert found.c_deg == c_deg and found.peak_cd.unit == "cd" and found.beam_angle_deg.unit == "°"
+        assert found.peak_cd.value == pytest.approx(peak)
+        assert found.beam_angle_deg.value == pytest.approx(50.0) and found.field_angle_deg.value == pytest.approx(90.0)
+        assert found.peak_cd.standard_error == pytest.approx(0.0, abs=1e-9)
+        assert found.beam_angle_deg.standard_error == pytest.approx(0.0, abs=1e-9)
+
+
+def test_without_an_error_of_the_peak_that_of_the_width_is_that_of_the_rays():
+    found = tables()._angle(0.0, Metric(value=PEAK_CD, unit="cd"), 0.5)
+    assert found.standard_error == pytest.approx(jackknife([width(50.0, scale) for scale in SCALES]))
+    assert tables(())._angle(0.0, Metric(value=PEAK_CD, unit="cd", standard_error=9.0), 0.5).standard_error is None

@@ -114,3 +114,54 @@ def test_the_published_spectra_of_a_white_led():
         words = [float(word) for word in path.read_text(encoding="latin-1").split()]
         np.testing.assert_array_equal((waves, power), (words[::2], words[1::2]))
         assert abs(float(waves[np.argmax(power)]) - peak_nm) < 8.0
+
+
+@pytest.mark.parametrize(
+    ("content", "rows"),
+    [
+        ("wavelength_nm power20mA\n450 1\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),  # no number in the first word
+        ("# 1 2\n450 1\n# 3 4\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),
+        ("450 1\n", [[450.0, 1.0]]),
+        ("460 2\n450 1\n", [[450.0, 1.0], [460.0, 2.0]]),
+        ("460 2\n450 1\n470 3\n", [[460.0, 2.0], [450.0, 1.0], [470.0, 3.0]]),  # for the spectrum to refuse
+        ("460 2\n450 1\n450 3\n", [[460.0, 2.0], [450.0, 1.0], [450.0, 3.0]]),
+        ("99.9 1\n100 2\n", [[99.9, 1.0], [100.0, 2.0]]),
+        ("450 0.999e12\n", [[450.0, 0.999e12]]),
+        ("OPTIS-Spectrum file\n2\n450 1\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),  # its line of text is empty
+        ("optis - spectrum file\nLED\n1\n450 1\n", [[450.0, 1.0]]),
+        ("# c\nDFAT 1.0\nContinuous\nRadiometric\n450 1\n# d\n460 2\n", [[450.0, 1.0], [460.0, 2.0]]),
+    ],
+)
+def test_rows_are_read_as_they_stand_from_blue_to_red(content, rows, tmp_path):
+    np.testing.assert_array_equal(np.transpose(read(tmp_path, content)), rows)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("450 1e12\n", "not all finite and below 1e"),
+        ("450 -1e12\n", "not all finite and below 1e"),
+        ("98 1\n99.9 2\n", "wavelengths from 98 to 99.9: nm are expected"),
+        ("450 1\nnm power\n", "not two columns of numbers; wavelength"),
+        ("names only\n", "it has none"),
+        ("# comment only\n", "it has none"),
+        ("OPTIS - Spectrum file v1.0\nLED\n0\n", "0 samples announced, 0 found"),
+        ("OPTIS - Spectrum file v1.0\nLED\nmore\n3\n450 1\n", "line 3 of an OPTIS spectrum"),
+        ("x" * 60 + " 1 2\n", "x" * 40 + "': 3 columns"),
+        ("450 \x011 2\n", "450 .1 2': 3 columns"),
+    ],
+)
+def test_other_lines_are_refused_with_what_is_shown_of_them(content, message, tmp_path):
+    content = "450 0\n" * content.startswith("x") + content
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, content)
+
+
+@pytest.mark.parametrize(("lines", "accepted"), [(500_000, True), (500_001, False)])
+def test_half_a_million_lines_are_read(lines, accepted, tmp_path, monkeypatch):
+    monkeypatch.setattr("lensforge.sources.spectrum_file._row", lambda line, path: [500.0, 1.0])
+    if accepted:
+        assert len(read(tmp_path, "5\n" * lines)[0]) == lines
+    else:
+        with pytest.raises(InputError, match="500001 lines, at most 500000 are read"):
+            read(tmp_path, "5\n" * lines)

@@ -1,0 +1,179 @@
+"""Directions of intensity profiles, traced back to the numbers that they were drawn by; emitters ray by ray."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from lensforge.errors import InputError
+from lensforge.sources.areas import Disc, Rectangles
+from lensforge.sources.intensity import CosinePower, TabulatedIntensity, flux_up_to
+from lensforge.sources.planar import PlanarEmitter, planar_emitter
+from lensforge.sources.qmc import sobol
+from lensforge.sources.square import SquareEmitter
+from lensforge.spec.emission import TableIntensity
+from lensforge.spec.source import Chip, ChipArraySource, ChipsSource, DiscSource, RectangleSource
+
+C_DEG, GAMMA_DEG = np.array([0.0, 70.0, 200.0, 360.0]), np.array([10.0, 40.0, 60.0, 80.0, 110.0])
+# dark between 60 and 80 degrees; the planes differ in flux and in shape
+VALUES = np.array(
+    [[5.0, 4.0, 0.0, 0.0, 2.0], [1.0, 7.0, 0.0, 0.0, 2.0], [2.0, 9.0, 0.0, 0.0, 6.0], [5.0, 4.0, 0.0, 0.0, 2.0]]
+)
+TABLE = TabulatedIntensity(C_DEG, GAMMA_DEG, VALUES)
+NUMBERS = np.array([[0.0, 0.0], [0.1, 0.03], [0.35, 0.3], [0.5, 0.5], [0.6, 0.72], [0.93, 0.8], [0.999, 0.999]])
+
+
+def angles(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x, y, z = directions.T
+    return np.rad2deg(np.arctan2(y, x)) % 360.0, np.rad2deg(np.arctan2(np.hypot(x, y), z))
+
+
+def plane(c_deg: float) -> np.ndarray:
+    """The table's values in one half-plane, linear between the two beside it."""
+    return np.array([np.interp(c_deg, C_DEG, column) for column in VALUES.T])
+
+
+def flux_of_plane(c_deg: float, up_to_deg: float = 110.0) -> float:
+    values = plane(c_deg)
+    edges = [each for each in GAMMA_DEG if each < up_to_deg]
+    parts = zip(edges, [*edges[1:], up_to_deg], strict=True)
+    at = [quad(lambda g: np.interp(g, GAMMA_DEG, values) * np.sin(np.deg2rad(g)), *part)[0] for part in parts]
+    return sum(at)
+
+
+def test_a_table_maps_each_number_to_the_angle_below_which_that_share_of_the_flux_is() -> None:
+    c_deg, gamma_deg = angles(TABLE.aim(NUMBERS))
+    fluxes = [flux_of_plane(c) for c in C_DEG]
+    ends = np.concatenate([[0.0], np.cumsum(0.5 * (np.array(fluxes[1:]) + fluxes[:-1]) * np.diff(C_DEG))])
+    for (along, around), c, gamma in zip(NUMBERS, c_deg, gamma_deg, strict=True):
+        sector = min(int(np.searchsorted(C_DEG, c, side="right")) - 1, 2)
+        low, high, width = fluxes[sector], fluxes[sector + 1], C_DEG[sector + 1] - C_DEG[sector]
+        part = (c - C_DEG[sector]) / width
+        passed = ends[sector] + width * (low * part + 0.5 * (high - low) * part**2)
+        assert passed / ends[-1] == pytest.approx(around, abs=1e-9)
+        assert flux_of_plane(c, max(gamma, 10.0 + 1e-9)) / flux_of_plane(c) == pytest.approx(along, abs=2e-5)
+    assert TABLE.flux() == pytest.approx(ends[-1] * np.deg2rad(1.0) ** 2, rel=1e-9)
+    np.testing.assert_allclose(TABLE.plane_fluxes, np.array(fluxes) * np.deg2rad(1.0), rtol=1e-9)
+
+
+def test_a_table_of_revolution_is_turned_by_the_second_number_alone() -> None:
+    table = TabulatedIntensity(np.zeros(1), GAMMA_DEG, VALUES[:1])
+    c_deg, gamma_deg = angles(table.aim(NUMBERS))
+    np.testing.assert_allclose(c_deg, 360.0 * NUMBERS[:, 1], atol=1e-9)
+    for along, gamma in zip(NUMBERS[:, 0], gamma_deg, strict=True):
+        assert flux_of_plane(0.0, max(gamma, 10.0 + 1e-9)) / flux_of_plane(0.0) == pytest.approx(along, abs=2e-5)
+    assert table.flux() == pytest.approx(2.0 * np.pi * flux_of_plane(0.0) * np.deg2rad(1.0), rel=1e-9)
+    np.testing.assert_array_equal(table.at(123.0), VALUES[0])
+
+
+def test_no_ray_is_drawn_in_the_dark() -> None:
+    c_deg, gamma_deg = angles(TABLE.aim(sobol(4096, 2, 1)))
+    assert not ((gamma_deg > 60.3) & (gamma_deg < 79.7)).any()
+    assert gamma_deg.min() >= 10.0 and gamma_deg.max() <= 110.0 and c_deg.max() > 350.0
+
+
+@pytest.mark.parametrize("c_deg", [0.0, 35.0, 70.0, 100.0, 280.0, 359.0, 360.0, -80.0, 430.0, -360.0])
+def test_a_half_plane_is_interpolated_at_any_angle(c_deg: float) -> None:
+    np.testing.assert_allclose(TABLE.at(c_deg), plane(c_deg % 360.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(("differs", "name"), [(0.5e-6, "square"), (2e-6, "mirror_y")])
+def test_half_planes_that_differ_by_a_millionth_of_the_peak_are_alike(differs: float, name: str) -> None:
+    values = np.tile([40.0, 20.0], (5, 1))
+    values[2, 1] += 40.0 * differs  # at C 180
+    assert TabulatedIntensity(np.linspace(0.0, 360.0, 5), np.array([0.0, 30.0]), values).symmetry == name
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 3.0])
+def test_a_power_of_the_cosine_maps_numbers_by_its_closed_form(power: float) -> None:
+    profile = CosinePower(power)
+    directions = profile.aim(NUMBERS)
+    c_deg, _ = angles(directions)
+    np.testing.assert_allclose(c_deg[1:], 360.0 * NUMBERS[1:, 1], atol=1e-9)
+    np.testing.assert_allclose(1.0 - directions[:, 2] ** (power + 1.0), NUMBERS[:, 0], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    total = 2.0 * np.pi * quad(lambda z: float(profile.intensity(np.array([[0.0, 0.0, z]]))[0]), 0.0, 1.0)[0]
+    assert total == pytest.approx(1.0)
+    assert profile.intensity(np.array([[0.6, 0.0, 0.8]]))[0] == pytest.approx((power + 1) / (2 * np.pi) * 0.8**power)
+    assert profile.symmetry == "square"
+
+
+def test_directions_that_rounding_makes_longer_than_1_have_the_intensity_of_the_poles() -> None:
+    ends = np.array([[0.0, 0.0, 1.0 + 1e-15], [0.0, 0.0, -1.0 - 1e-15], [0.0, 0.6, -0.8]])
+    table = TabulatedIntensity(np.zeros(1), np.array([0.0, 180.0]), np.array([[4.0, 1.0]]))
+    gamma = np.rad2deg(np.arccos(-0.8))
+    np.testing.assert_allclose(table.intensity(ends) * table.flux(), [4.0, 1.0, 4.0 - 3.0 * gamma / 180.0])
+
+
+def test_the_flux_up_to_an_angle_never_falls_by_rounding() -> None:
+    random = np.random.default_rng(0)
+    gamma = np.cumsum(random.uniform(1e-12, 1e-9, 2000))
+    assert (np.diff(flux_up_to(gamma, random.uniform(0.0, 1.0, (1, 2000)))[0]) >= 0.0).all()
+
+
+def test_a_planar_emitter_places_by_two_numbers_and_aims_by_two_others() -> None:
+    area = Rectangles(np.array([[1.0, -2.0]]), np.array([[0.5, 3.0]]), np.ones(1))
+    emitter, points = PlanarEmitter(area, TABLE, 2.0), sobol(32, 4, 9)
+    rays = emitter.sample(32, 9)
+    np.testing.assert_array_equal(rays.origins[:, :2], area.place(points[:, :2]))
+    np.testing.assert_array_equal(rays.origins[:, 2], 0.0)
+    np.testing.assert_array_equal(rays.directions, TABLE.aim(points[:, 2:]))
+    np.testing.assert_array_equal(rays.flux, 2.0 / 32)
+    share = TABLE.intensity(rays.directions) / np.abs(rays.directions[:, 2])
+    np.testing.assert_allclose(emitter.radiances(32, 9), 2.0 / 1.5 * share)
+    assert emitter.outline().tolist() == [[*corner, 0.0] for corner in area.corners().tolist()]
+    assert emitter.ray_count is None and emitter.symmetry == "none"
+
+
+@pytest.mark.parametrize(("side", "turns", "name"), [(2.0, 4, "rectangle"), (1.0, 2, "mirror_x"), (1.0, 4, "square")])
+def test_a_planar_emitter_has_the_symmetry_of_both_its_parts(side: float, turns: int, name: str) -> None:
+    planes = {4: np.ones(5), 2: np.array([1.0, 2.0, 1.0, 3.0, 1.0])}[turns]
+    profile = TabulatedIntensity(np.linspace(0.0, 360.0, 5), np.array([0.0, 30.0]), np.outer(planes, [1.0, 1.0]))
+    area = Rectangles(np.zeros((1, 2)), np.array([[side, 1.0]]), np.ones(1))
+    assert PlanarEmitter(area, profile).symmetry == name
+
+
+def test_an_array_of_chips_is_centred_on_the_axis() -> None:
+    area = planar_emitter(ChipArraySource(columns=3, rows=2, width_mm=0.5, height_mm=0.4, pitch_mm=(0.7, 0.6))).area
+    by_hand = [[-0.7, -0.3], [0.0, -0.3], [0.7, -0.3], [-0.7, 0.3], [0.0, 0.3], [0.7, 0.3]]
+    np.testing.assert_allclose(area.centres, by_hand, atol=1e-15)
+    np.testing.assert_array_equal(area.sides, [[0.5, 0.4]] * 6)
+    np.testing.assert_allclose(area.shares, 1.0 / 6.0)
+    alone = planar_emitter(RectangleSource(width_mm=2.0, height_mm=1.0))
+    assert (alone.area.centres.tolist(), alone.area.sides.tolist()) == ([[0.0, 0.0]], [[2.0, 1.0]])
+    assert alone.profile == CosinePower(1.0) and alone.flux_w == 1.0
+
+
+def test_chips_and_discs_and_tables_of_the_spec_are_those_of_the_emitter() -> None:
+    chips = (
+        Chip(x_mm=1.0, y_mm=2.0, width_mm=0.5, height_mm=0.25, flux_w=1.0),
+        Chip(x_mm=-1.0, y_mm=0.5, width_mm=0.75, height_mm=1.5, flux_w=3.0),
+    )
+    area = planar_emitter(ChipsSource(chips=chips)).area
+    assert area.centres.tolist() == [[1.0, 2.0], [-1.0, 0.5]] and area.shares.tolist() == [0.25, 0.75]
+    assert area.sides.tolist() == [[0.5, 0.25], [0.75, 1.5]]
+    profile = TableIntensity(kind="table", gamma_deg=[0.0, 20.0], intensity=[2.0, 1.0])
+    disc = planar_emitter(DiscSource(diameter_mm=3.0, flux_w=4.0, intensity=profile))
+    assert disc.area == Disc(1.5) and disc.flux_w == 4.0 and disc.warnings == ()
+    assert disc.profile.c_deg.tolist() == [0.0] and disc.profile.gamma_deg.tolist() == [0.0, 20.0]
+    assert disc.profile.values.tolist() == [[2.0, 1.0]]
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_square_emitter_maps_four_numbers_by_malley_s_method(count: int) -> None:
+    rays = SquareEmitter(3.0, 5.0).sample(count, 4)
+    for place, way, (x, y, u, v) in zip(rays.origins, rays.directions, sobol(count, 4, 4), strict=True):
+        assert place.tolist() == pytest.approx([3.0 * (x - 0.5), 3.0 * (y - 0.5), 0.0])
+        sine, turn = np.sqrt(u), 2.0 * np.pi * v
+        assert way.tolist() == pytest.approx([sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1.0 - u)])
+    assert rays.flux.tolist() == [5.0 / count] * count
+    with pytest.raises(InputError, match="0 rays: at least 1"):
+        SquareEmitter(3.0).sample(0, 4)
+
+
+def test_a_square_emitter_has_its_radiance_and_its_corners() -> None:
+    square = SquareEmitter(2.0, 3.0)
+    assert square.radiances(2, 0).tolist() == pytest.approx([3.0 / (np.pi * 4.0)] * 2)
+    assert SquareEmitter(0.0).radiances(1, 0).tolist() == [np.inf]
+    corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+    assert square.outline().tolist() == corners
+    assert (square.symmetry, square.ray_count, SquareEmitter(2.0).flux_w) == ("square", None, 1.0)

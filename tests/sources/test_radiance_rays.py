@@ -1,0 +1,208 @@
+"""Rays of a radiance table one by one: traced back to the numbers that they were drawn by, through loops over cells."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.sources.qmc import sobol
+from lensforge.sources.radiance import RadianceEmitter
+from lensforge.sources.radiance_table import RadianceTable, _problem, read_radiance
+
+X_MM, Y_MM = np.array([-1.0, 0.5, 2.0, 3.0]), np.array([0.0, 0.5, 2.0])
+C_DEG, GAMMA_DEG = np.array([0.0, 90.0, 200.0, 360.0]), np.array([5.0, 20.0, 50.0, 85.0])
+
+
+def made(planes: int = 4) -> RadianceTable:
+    """Random radiances, all cells but the first of the lower row lit; some nodes are dark."""
+    random = np.random.default_rng(7)
+    values = random.uniform(0.2, 1.0, (2, 3, planes, 4)) * (random.random((2, 3, planes, 4)) > 0.2)
+    values[0, 0] = 0.0
+    values[:, :, -1] = values[:, :, 0]
+    return RadianceTable(X_MM, Y_MM, C_DEG if planes == 4 else np.zeros(1), GAMMA_DEG, values)
+
+
+def squares(gamma_deg: np.ndarray) -> np.ndarray:
+    return np.sin(np.deg2rad(gamma_deg)) ** 2
+
+
+def up_to(values: np.ndarray, end: float) -> float:
+    """Integral of values linear between the nodes in sin^2 gamma, up to ``end``; none beyond the last."""
+    nodes = squares(GAMMA_DEG)
+    end = min(end, nodes[-1])
+    inside = np.append(nodes[nodes < end], end)
+    return float(np.trapezoid(np.interp(inside, nodes, values), inside))
+
+
+def cell_of(edges: np.ndarray, place: float) -> int:
+    return min(int(np.searchsorted(edges, place, side="right")) - 1, len(edges) - 2)
+
+
+@pytest.mark.parametrize("planes", [1, 4])
+def test_each_ray_stands_where_the_shares_of_light_before_it_are_its_four_numbers(planes: int) -> None:
+    table = made(planes)
+    points = sobol(64, 4, 3)
+    origins, directions = RadianceEmitter(table, 1.0).emit(points)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    assert (origins[:, 2] == 0.0).all() and (directions[:, 2] > 0.0).all()
+    widths, heights = np.diff(X_MM), np.diff(Y_MM)
+    by_plane = np.array([[[up_to(plane, 1.0) for plane in cell] for cell in row] for row in table.radiance])
+    turns = np.deg2rad(table.c_deg)
+    around = 0.5 * (by_plane[..., 1:] + by_plane[..., :-1]) * np.diff(turns) if planes > 1 else 2.0 * np.pi * by_plane
+    fluxes = around.sum(axis=2) * heights[:, None] * widths
+    for (down, across, rise, turned), (x, y, _), (kx, ky, kz) in zip(points, origins, directions, strict=True):
+        row, column = cell_of(Y_MM, y), cell_of(X_MM, x)
+        rows = fluxes.sum(axis=1)
+        in_row = (y - Y_MM[row]) / heights[row]
+        assert (rows[:row].sum() + in_row * rows[row]) / rows.sum() == pytest.approx(down, abs=1e-9)
+        cells, part = fluxes[row], (x - X_MM[column]) / widths[column]
+        assert (cells[:column].sum() + part * cells[column]) / cells.sum() == pytest.approx(across, abs=1e-9)
+        turn = np.arctan2(ky, kx) % (2.0 * np.pi)
+        if planes == 1:
+            assert turn / (2.0 * np.pi) == pytest.approx(turned, abs=1e-9)
+            radiance = table.radiance[row, column, 0]
+        else:
+            low = cell_of(turns, turn)
+            share, sectors = (turn - turns[low]) / (turns[low + 1] - turns[low]), around[row, column]
+            first, second = by_plane[row, column, low : low + 2]
+            passed = (turns[low + 1] - turns[low]) * (first * share + 0.5 * (second - first) * share**2)
+            assert (sectors[:low].sum() + passed) / sectors.sum() == pytest.approx(turned, abs=1e-9)
+            radiance = (1.0 - share) * table.radiance[row, column, low] + share * table.radiance[row, column, low + 1]
+        assert up_to(radiance, 1.0 - kz**2) / up_to(radiance, 1.0) == pytest.approx(rise, abs=1e-7)
+
+
+@pytest.mark.parametrize("planes", [1, 4])
+def test_the_flux_of_each_cell_is_that_of_a_loop_over_its_trapezoids(planes: int) -> None:
+    table, nodes = made(planes), squares(GAMMA_DEG)
+    turns = [2.0 * np.pi] if planes == 1 else np.diff(np.deg2rad(C_DEG))
+    for row, column in np.ndindex(2, 3):
+        flux = 0.0
+        for sector, turn in enumerate(turns):
+            beside = table.radiance[row, column, [sector, min(sector + 1, planes - 1)]].mean(axis=0)
+            flux += turn * sum(
+                0.25 * (beside[g] + beside[g + 1]) * (nodes[g + 1] - nodes[g]) for g in range(len(nodes) - 1)
+            )
+        area_m2 = np.diff(Y_MM)[row] * np.diff(X_MM)[column] * 1e-6
+        assert table.cell_fluxes[row, column] == pytest.approx(flux * area_m2, rel=1e-12, abs=1e-30)
+    assert table.flux() == pytest.approx(table.cell_fluxes.sum(), rel=1e-12)
+
+
+def test_a_sample_has_the_flux_and_the_outline_leaves_out_dark_cells() -> None:
+    table = made()
+    rays = RadianceEmitter(table, 3.0).sample(7, 2)
+    np.testing.assert_array_equal(rays.flux, 3.0 / 7)
+    np.testing.assert_array_equal(rays.origins, RadianceEmitter(table, 1.0).emit(sobol(7, 4, 2))[0])
+    assert RadianceEmitter(table, 1.0).ray_count is None
+    radiance = table.radiance.copy()
+    radiance[0], radiance[:, 0] = 0.0, 0.0
+    lit = RadianceEmitter(RadianceTable(X_MM, Y_MM, C_DEG, GAMMA_DEG, radiance), 1.0)
+    assert lit.outline().tolist() == [[0.5, 0.5, 0.0], [3.0, 0.5, 0.0], [3.0, 2.0, 0.0], [0.5, 2.0, 0.0]]
+    radiance[:, 2] = 0.0
+    lit = RadianceEmitter(RadianceTable(X_MM, Y_MM, C_DEG, GAMMA_DEG, radiance), 1.0)
+    assert lit.outline()[:, 0].tolist() == [0.5, 2.0, 2.0, 0.5]
+
+
+@pytest.mark.parametrize(("moved", "name"), [(0.5e-6, "square"), (2e-6, "mirror_x")])
+def test_what_differs_by_a_millionth_is_symmetric(moved: float, name: str) -> None:
+    """Of the width and the height together for an edge, of the largest radiance for the light."""
+    edges, ones = np.array([-1.0, 1.0]), np.ones((1, 1, 1, 2))
+    gamma = np.array([0.0, 60.0])
+    higher = np.array([-1.0, 1.0 + 4.0 * moved])
+    assert RadianceTable(edges, higher, np.zeros(1), gamma, ones).symmetry == name
+    light = np.full((1, 1, 5, 2), 30.0)
+    light[0, 0, 1] += 30.0 * moved  # at C 90
+    assert RadianceTable(edges, edges, np.linspace(0.0, 360.0, 5), gamma, light).symmetry == name
+
+
+def test_the_images_of_uneven_azimuths_are_interpolated() -> None:
+    """Radiance linear in C from 0 to 180 and back: a mirror in y for any nodes that hold the corners."""
+    c_deg = np.array([0.0, 50.0, 180.0, 250.0, 360.0])
+    light = np.minimum(c_deg, 360.0 - c_deg)[None, None, :, None] * np.ones((1, 1, 1, 2)) + 1.0
+    edges, gamma = np.array([-1.0, 1.0]), np.array([0.0, 60.0])
+    assert RadianceTable(edges, edges, c_deg, gamma, light).symmetry == "mirror_y"
+
+
+def good(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    table = {
+        "x_mm": np.array([0.0, 1.0]),
+        "y_mm": np.array([0.0, 1.0, 2.0]),
+        "c_deg": np.zeros(1),
+        "gamma_deg": np.array([0.0, 90.0]),
+        "radiance": np.ones((2, 1, 1, 2)),
+    }
+    return table | changes
+
+
+LONG = np.arange(4097.0)
+
+
+def around(values: list[float]) -> np.ndarray:
+    return np.array(values)[None, None, :, None] * np.ones((2, 1, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"x_mm": LONG[:-1], "radiance": np.ones((2, 4095, 1, 2))}, ""),
+        ({"x_mm": LONG, "radiance": np.ones((2, 4096, 1, 2))}, "x_mm has 4097 numbers"),
+        ({"gamma_deg": LONG / 50.0, "radiance": np.ones((2, 1, 1, 4097))}, "gamma_deg has 4097 numbers"),
+        ({"x_mm": np.array([-1e9, 1e9])}, ""),
+        ({"x_mm": np.array([-1.001e9, 1e9])}, "x_mm has 2 numbers up to 1.001e"),
+        ({"x_mm": np.array([1.0])}, "x_mm must be a list"),
+        ({"x_mm": np.ones((2, 2))}, "x_mm must be a list"),
+        ({"y_mm": np.array([0.0, np.inf, 2.0])}, "y_mm must be a list"),
+        ({"gamma_deg": np.array([45.0])}, "gamma_deg must be a list"),
+        ({"gamma_deg": np.array([0.0, 0.0])}, "gamma_deg must rise"),
+        ({"c_deg": np.array([0.0, 360.0]), "radiance": np.ones((2, 1, 2, 2))}, ""),
+        ({"c_deg": np.array([0.0, 359.0]), "radiance": np.ones((2, 1, 2, 2))}, "c_deg must run"),
+        ({"radiance": np.ones((1, 1, 1, 2))}, "radiance has the shape"),
+        ({"radiance": np.ones((2, 2, 1, 2))}, "radiance has the shape"),
+        ({"radiance": np.ones((2, 1, 1, 3))}, "radiance has the shape"),
+        ({"x_mm": np.array([-1e9 - 0.5, 1e9])}, "x_mm has 2 numbers"),
+        ({"c_deg": np.array([0.0, 90.0, 360.0]), "radiance": around([1.0, 2.0, 1.0])}, ""),
+        ({"c_deg": np.array([0.0, 90.0, 360.0]), "radiance": around([1.0, 1.0, 2.0])}, "at c_deg = 360 must be"),
+        ({"radiance": np.array([[[[0.0, 1.0]]], [[[2.0, 0.0]]]])}, ""),
+        ({"radiance": np.full((2, 1, 1, 2), 0.99e20)}, ""),
+        ({"radiance": np.full((2, 1, 1, 2), 1e20)}, "radiances must be finite"),
+        ({"radiance": np.array([[[[1.0, 0.0]]], [[[2.0, -1e-9]]]])}, "none below 0"),
+    ],
+)
+def test_a_table_is_whole_or_one_line_says_what_it_lacks(changes: dict[str, np.ndarray], words: str) -> None:
+    found = _problem(good(**changes))
+    assert words in found and bool(found) == bool(words)
+
+
+@pytest.mark.parametrize("flux", [1e-30, 1e12])
+def test_a_flux_at_its_bounds_is_none(flux: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.savez(tmp_path / "led.npz", **good())
+    monkeypatch.setattr(RadianceTable, "flux", lambda table: flux)
+    with pytest.raises(InputError, match="must not be all dark, or huge"):
+        read_radiance(tmp_path / "led.npz")
+
+
+@pytest.mark.parametrize(("nodes", "count", "parts"), [(2, 2**14 + 1, [2**14, 1]), (4096, 2**11 + 1, [2**11, 1])])
+def test_rays_are_drawn_a_block_at_a_time_shorter_for_larger_tables(nodes: int, count: int, parts: list[int]) -> None:
+    """Each ray needs rows of the table: 2^23 numbers at most are in memory at a time."""
+    blocks = []
+
+    class Counted(RadianceEmitter):
+        def emit(self, points):
+            blocks.append(len(points))
+            return np.zeros((len(points), 3)), np.zeros((len(points), 3))
+
+    edges, gamma = np.array([0.0, 1.0]), np.linspace(0.0, 90.0, nodes)
+    table = RadianceTable(edges, edges, np.zeros(1), gamma, np.ones((1, 1, 1, nodes)))
+    assert len(Counted(table, 1.0).sample(count, 0)) == count and blocks == parts
+
+
+@pytest.mark.parametrize(("radiance", "accepted"), [(1e17, True), (1e18, False), (1e-24, True), (1e-25, False)])
+def test_the_flux_of_a_table_has_the_bounds_of_that_of_a_spec(radiance: float, accepted: bool, tmp_path: Path) -> None:
+    """Revolution over a hemisphere: pi times the area times the radiance, 1e-30 to 1e12 W."""
+    np.savez(tmp_path / "led.npz", **good(radiance=np.full((2, 1, 1, 2), radiance)))
+    if accepted:
+        assert read_radiance(tmp_path / "led.npz").flux() == pytest.approx(np.pi * 2e-6 * radiance)
+    else:
+        with pytest.raises(InputError, match="must not be all dark, or huge"):
+            read_radiance(tmp_path / "led.npz")

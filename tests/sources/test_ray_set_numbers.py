@@ -1,0 +1,212 @@
+"""Rays of a ray set ray by ray: which ones a sample has and with which flux, their place, figures, and turns."""
+
+import numpy as np
+import pytest
+
+from lensforge.errors import InputError
+from lensforge.sources.bundle import ChangedSource, RayBundle
+from lensforge.sources.measured_rays import TurnedRays, divided, smoothed
+from lensforge.sources.placement import SourcePose, rotation_about
+from lensforge.sources.ray_set import RaySetEmitter, placed
+from lensforge.sources.ray_set_figures import LightFigures, PlacedFigures
+from lensforge.sources.unread_rays import (
+    ChangedRays,
+    ChosenRays,
+    JoinedRays,
+    blocks_of,
+    changed,
+    chosen,
+    joined,
+    number_type,
+    total_flux,
+    with_flux,
+)  # fmt: skip
+from lensforge.spec.ray_source import Placement
+
+COUNT = 7
+FLUX = np.array([1.0, 2.0, 0.5, 4.0, 0.25, 3.0, 1.25])
+
+
+def bundle(count: int = COUNT) -> RayBundle:
+    random = np.random.default_rng(count)
+    directions = random.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return RayBundle(np.arange(3.0 * count).reshape(count, 3), directions, np.resize(FLUX, count))
+
+
+RAYS = bundle()
+
+
+@pytest.mark.parametrize("count", [1, 3, 6, 7, 8, 14, 17])
+@pytest.mark.parametrize("in_memory", [True, False])
+def test_a_sample_has_each_ray_as_often_as_the_count_goes_round(count: int, in_memory: bool) -> None:
+    """The rest is drawn without replacement; the parts of a ray share its flux."""
+    rays = RAYS if in_memory else ChosenRays(RAYS, np.arange(COUNT))
+    emitter, times = RaySetEmitter(rays, 5.0), [count // COUNT] * COUNT
+    for number in np.random.default_rng(9).choice(COUNT, count % COUNT, replace=False):
+        times[number] += 1
+    expected = [number for number, often in enumerate(times) for _ in range(often)]
+    flux = np.array([FLUX[number] / times[number] for number in expected])
+    for found in (emitter.sample(count, 9), emitter.drawn(count, 9)):
+        taken = found.take(slice(0, count))
+        assert taken.origins[:, 0].tolist() == [3.0 * number for number in expected]
+        np.testing.assert_array_equal(taken.directions, RAYS.directions[expected])
+        np.testing.assert_allclose(taken.flux, 5.0 * flux / flux.sum())
+    assert len(emitter) == emitter.ray_count == COUNT
+
+
+def test_no_ray_at_all_is_refused() -> None:
+    emitter = RaySetEmitter(ChosenRays(RAYS, np.arange(COUNT)), 5.0)
+    for draw in (emitter.sample, emitter.drawn):
+        with pytest.raises(InputError, match="0 rays: at least 1"):
+            draw(0, 1)
+
+
+@pytest.mark.parametrize(("fraction", "training"), [(0.1, 1), (0.5, 4), (0.9, 6), (0.07, None), (0.93, None)])
+def test_the_rays_of_a_split_are_those_of_a_permutation_in_the_order_of_the_file(fraction, training) -> None:
+    emitter = RaySetEmitter(RAYS, 5.0)
+    if training is None or round(fraction * COUNT) in (0, COUNT):
+        with pytest.raises(InputError, match=r"of 7 rays leaves one part empty"):
+            emitter.split(fraction, 2)
+        return
+    order = np.random.default_rng(2).permutation(COUNT)
+    assert training == round(fraction * COUNT)
+    for part, numbers in zip(emitter.split(fraction, 2), (order[:training], order[training:]), strict=True):
+        expected = sorted(numbers.tolist())
+        assert part.rays.origins[:, 0].tolist() == [3.0 * number for number in expected]
+        np.testing.assert_allclose(part.rays.flux, 5.0 * FLUX[expected] / FLUX[expected].sum())
+
+
+@pytest.mark.parametrize("axis", ["+x", "-x", "+y", "-y", "+z", "-z"])
+def test_rays_are_shifted_scaled_turned_to_the_axis_mirrored_and_posed(axis: str) -> None:
+    """In that order, ray by ray: a cyclic change of the coordinates, or half a turn of the opposite axis."""
+    placement = Placement(
+        axis=axis, scale=2.0, mirror="y", rotate_z_deg=20.0, tilt_deg=(5.0, -3.0), position_mm=(1, 2, 3)
+    )
+    origin = np.array([0.5, -1.0, 2.0])
+    found = placed(RAYS, origin, placement)
+    pose = SourcePose.of(placement)
+    for number in range(COUNT):
+        for vector, turned, shift in (
+            (2.0 * (RAYS.origins[number] - origin), found.origins[number], np.array([1.0, 2.0, 3.0])),
+            (RAYS.directions[number], found.directions[number], np.zeros(3)),
+        ):
+            x, y, z = vector
+            cyclic = {"x": (y, z, x), "y": (z, x, y), "z": (x, y, z)}[axis[1]]
+            by_hand = np.array(cyclic) * ([1.0, 1.0, 1.0] if axis[0] == "+" else [1.0, -1.0, -1.0])
+            expected = pose.rotation @ (by_hand * [1.0, -1.0, 1.0]) + shift
+            np.testing.assert_allclose(turned, expected, atol=1e-13)
+    np.testing.assert_array_equal(found.flux, RAYS.flux)
+    plain = placed(RAYS, np.zeros(3), Placement())
+    np.testing.assert_array_equal(plain.origins, RAYS.origins)
+    mirrored = placed(RAYS, np.zeros(3), Placement(mirror="x"))
+    np.testing.assert_array_equal(mirrored.directions, RAYS.directions * [-1.0, 1.0, 1.0])
+
+
+def test_zeros_of_a_file_have_no_sign() -> None:
+    zero = RayBundle(np.full((1, 3), -0.0), np.array([[-0.0, 0.0, 1.0]]), np.ones(1))
+    found = placed(zero, np.zeros(3), Placement())
+    assert not np.signbit(found.origins).any() and not np.signbit(found.directions).any()
+
+
+def test_figures_are_those_of_sums_over_rays() -> None:
+    found = LightFigures.of(RAYS)
+    assert found.effective_rays == pytest.approx(FLUX.sum() ** 2 / (FLUX**2).sum())
+    up = np.array([0.0, 0.0, 1.0])
+    assert LightFigures.of(RayBundle(RAYS.origins, np.tile(up, (COUNT, 1)), RAYS.flux)).focus_mm is None
+    directions = np.array(
+        [[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0], [0, 0, -1.0], [1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]]
+    )
+    origins = np.array(
+        [[0, 5, 0.0], [1, 0, 2.0], [0, 0, 0.0], [-3, 0, -1.0], [0, 2, -1e-9], [0, 0, 1e-9], [0, 0, -2.0]]
+    )
+    some = PlacedFigures.of(RayBundle(origins, directions, FLUX))
+    assert (some.flux, some.backward) == (FLUX.sum(), FLUX[[1, 2, 3, 5]].sum())
+    assert (some.lost, some.below) == (FLUX[[2, 3]].sum(), FLUX[[3, 4, 6]].sum())
+    assert some.side_mm == 5.0
+    assert PlacedFigures.of(RayBundle(origins[:, [2, 0, 1]], directions, FLUX)).side_mm == 5.0
+
+
+def test_rays_that_are_not_in_memory_are_those_that_are() -> None:
+    """Changed, chosen, joined and scaled, taken by a slice or by numbers in any order."""
+    unread, double = ChosenRays(RAYS, np.arange(COUNT)), bundle(3)
+    numbers = np.array([5, 0, 6, 2])
+
+    def twice(rays: RayBundle) -> RayBundle:
+        return RayBundle(rays.origins, rays.directions, 2.0 * rays.flux)
+
+    pairs = [
+        (changed(unread, twice), changed(RAYS, twice), ChangedRays),
+        (chosen(unread, numbers), chosen(RAYS, numbers), ChosenRays),
+        (joined([double, unread]), joined([double, RAYS]), JoinedRays),
+        (joined([unread, double, unread]), joined([RAYS, double, RAYS]), JoinedRays),
+        (with_flux(unread, 3.0), with_flux(RAYS, 3.0), ChangedRays),
+    ]
+    for left, loaded, kind in pairs:
+        assert isinstance(left, kind) and isinstance(loaded, RayBundle) and len(left) == len(loaded)
+        for rows in (slice(0, len(loaded)), slice(1, 4), np.array([3, 0, 2, 2])):
+            one, other = left.take(rows), loaded.take(rows)
+            np.testing.assert_array_equal(one.origins, other.origins)
+            np.testing.assert_array_equal(one.flux, other.flux)
+        assert total_flux(left) == total_flux(loaded) == pytest.approx(loaded.flux.sum())
+        assert sum(len(block) for block in blocks_of(left)) == len(loaded)
+    assert with_flux(RAYS, 3.0).flux.sum() == pytest.approx(3.0)
+    np.testing.assert_allclose(with_flux(RAYS, 3.0).flux, 3.0 * FLUX / FLUX.sum())
+
+
+def test_numbers_of_rays_are_as_short_as_they_may_be() -> None:
+    assert (number_type(2**31 - 1), number_type(2**31)) == (np.int32, np.int64)
+
+
+def turned_by_hand(rays: RayBundle, turns: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """About the crossing with z = 0; rays too flat before, or after, stay as they are."""
+    found = []
+    for start, way, turn in zip(rays.origins, rays.directions, turns, strict=True):
+        other = (way + turn) / np.linalg.norm(way + turn)
+        flat = abs(way[2]) <= 0.1 or other[2] * np.sign(way[2]) <= 0.05
+        crossing = start - start[2] / way[2] * way
+        found.append((start, way) if flat else (crossing + start[2] / other[2] * other, other))
+    return found
+
+
+@pytest.mark.parametrize("posed", [False, True])
+def test_each_ray_is_turned_by_a_normal_number_for_each_coordinate(posed: bool) -> None:
+    count, sigma, seed = 400, 0.15, 5
+    own = bundle(count)
+    pose = SourcePose(rotation_about("x", 0.4), np.array([0.3, -0.2, 1.0])) if posed else None
+    placed_rays = RayBundle(pose.points(own.origins), pose.directions(own.directions), own.flux) if pose else own
+    found = TurnedRays(RaySetEmitter(placed_rays, 1.0, pose=pose), sigma).sample(count, seed)
+    expected = turned_by_hand(own, sigma * np.random.default_rng(seed).standard_normal((count, 3)))
+    same = [np.array_equal(way, before) for (_, way), before in zip(expected, own.directions, strict=True)]
+    assert 20 < sum(same) < 200, "flat ones stay"
+    starts, ways = (np.array(each) for each in zip(*expected, strict=True))
+    if pose:
+        starts, ways = pose.points(starts), pose.directions(ways)
+    np.testing.assert_allclose(found.origins, starts, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.directions, ways, atol=1e-12)
+
+
+def test_rays_at_the_limit_of_flatness_stay() -> None:
+    rise = np.array([0.1, 0.1 + 1e-12, -0.1, -0.1 - 1e-12])
+    ways = np.stack([np.sqrt(1.0 - rise**2), np.zeros(4), rise], axis=1)
+    rays = RayBundle(np.ones((4, 3)), ways, np.ones(4))
+    found = TurnedRays(RaySetEmitter(rays, 1.0), 1e-6).sample(4, 0)
+    assert (found.directions == ways).all(axis=1).tolist() == [True, False, True, False]
+
+
+@pytest.mark.parametrize(("count", "sigma"), [(13_000, 0.15), (30_000, 0.1), (120_000, 0.05)])
+def test_rays_are_turned_by_an_angle_within_which_600_of_them_are(count: int, sigma: float) -> None:
+    """600 / n = 2 sigma^2 for n rays over a hemisphere, at most 0.15 rad."""
+    few = RaySetEmitter(ChosenRays(RAYS, np.zeros(count, dtype=int)), 1.0)
+    turned = smoothed(few)
+    assert turned.sigma_rad == pytest.approx(sigma) and turned.ray_count is None
+    assert turned.flux_w == 1.0 and turned.symmetry == "none"
+
+
+def test_a_measured_source_of_another_kind_is_divided_and_turned_by_its_rays() -> None:
+    source = ChangedSource(RaySetEmitter(RAYS, 5.0, symmetry="mirror_x"))
+    object.__setattr__(source, "sample", source.source.sample)
+    first, second = divided(source, 0.5, 2)
+    assert (len(first), len(second), first.symmetry, second.flux_w) == (4, 3, "mirror_x", 5.0)
+    assert sorted([*first.rays.origins[:, 0], *second.rays.origins[:, 0]]) == RAYS.origins[:, 0].tolist()
+    assert isinstance(smoothed(source), TurnedRays)

@@ -1,0 +1,153 @@
+"""Places of sources: rotations by hand and back again; emitters, bundles and blocks of rays, field by field."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lensforge.materials.catalogue import MATERIALS
+from lensforge.optics.media import Media
+from lensforge.sources.blocks import BLOCK_RAYS, block_slices, total_of
+from lensforge.sources.build import build_source, summarise
+from lensforge.sources.bundle import ChangedSource, RayBundle, drawn
+from lensforge.sources.placement import PlacedSource, SourcePose, placed_source, rotation_about
+from lensforge.sources.square import SquareEmitter
+from lensforge.spec.source import RectangleSource, SquareSource
+
+
+@pytest.mark.parametrize(
+    ("axis", "turned"),
+    [
+        ("x", [[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
+        ("y", [[0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+        ("z", [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
+    ],
+)
+def test_a_quarter_turn_is_right_handed(axis: str, turned: list[list[int]]) -> None:
+    """Images of the three axes; and of any smaller angle, the trace and the determinant of a rotation."""
+    np.testing.assert_allclose(rotation_about(axis, np.pi / 2.0).T, turned, atol=1e-15)
+    some = rotation_about(axis, 0.3)
+    assert np.trace(some) == pytest.approx(1.0 + 2.0 * np.cos(0.3))
+    np.testing.assert_allclose(some @ some.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(some @ some, rotation_about(axis, 0.6), atol=1e-15)
+
+
+SLANTED = SquareSource(side_mm=1.0, rotate_z_deg=25.0, tilt_deg=(15.0, -40.0), position_mm=(0.5, -1.0, 2.0))
+
+
+def test_a_pose_turns_then_tilts_about_x_then_about_y_then_shifts() -> None:
+    pose = SourcePose.of(SLANTED)
+    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
+    about = [rotation_about(axis, np.deg2rad(angle)) for axis, angle in (("z", 25.0), ("x", 15.0), ("y", -40.0))]
+    for point, placed, way in zip(points, pose.points(points), pose.directions(points), strict=True):
+        expected = about[2] @ (about[1] @ (about[0] @ point))
+        np.testing.assert_allclose(way, expected, atol=1e-14)
+        np.testing.assert_allclose(placed, expected + np.array([0.5, -1.0, 2.0]), atol=1e-14)
+    np.testing.assert_allclose(pose.own_points(pose.points(points)), points, atol=1e-14)
+    np.testing.assert_allclose(pose.own_directions(pose.directions(points)), points, atol=1e-14)
+
+
+@pytest.mark.parametrize("tilt", [(30.0, 0.0), (0.0, 30.0)])
+def test_one_of_two_tilts_alone_moves_the_source(tilt: tuple[float, float]) -> None:
+    spec = SquareSource(side_mm=1.0, tilt_deg=tilt)
+    axis = SourcePose.of(spec).directions(np.array([[0.0, 0.0, 1.0]]))[0]
+    a, b = np.deg2rad(tilt)
+    np.testing.assert_allclose(axis, [np.cos(a) * np.sin(b), -np.sin(a), np.cos(a) * np.cos(b)], atol=1e-15)
+    assert isinstance(placed_source(SquareEmitter(1.0), spec), PlacedSource)
+
+
+@pytest.mark.parametrize(
+    ("place", "moves"),
+    [
+        ({}, False),
+        ({"position_mm": (0.0, 0.0, 1e-9)}, True),
+        ({"rotate_z_deg": 1e-6}, True),
+        ({"tilt_deg": (0.0, 1.0)}, True),
+    ],
+)
+def test_what_stays_where_it_is_does_not_move(place: dict, moves: bool) -> None:
+    assert SourcePose.of(SquareSource(side_mm=1.0, **place)).moves == moves
+
+
+def test_a_placed_source_is_the_source_moved() -> None:
+    plain, placed = SquareEmitter(1.0, 3.0), placed_source(SquareEmitter(1.0, 3.0), SLANTED)
+    pose = SourcePose.of(SLANTED)
+    own, found = plain.sample(16, 2), placed.sample(16, 2)
+    np.testing.assert_array_equal(found.origins, pose.points(own.origins))
+    np.testing.assert_array_equal(found.directions, pose.directions(own.directions))
+    np.testing.assert_array_equal(found.flux, own.flux)
+    np.testing.assert_array_equal(placed.outline(), pose.points(plain.outline()))
+    assert (placed.flux_w, placed.ray_count, placed.symmetry) == (3.0, None, "none")
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "name"), [(45.0, "square"), (45.0 + 1e-9, "none"), (30.0, "none"), (180.0, "square")]
+)
+def test_a_turn_keeps_the_mirrors_that_it_maps_to_others_but_for_rounding(turn_deg: float, name: str) -> None:
+    spec = SquareSource(side_mm=1.0, rotate_z_deg=turn_deg)
+    assert placed_source(SquareEmitter(1.0), spec).symmetry == name
+
+
+BUNDLE = RayBundle(
+    np.arange(15.0).reshape(5, 3), np.eye(3)[[0, 1, 2, 0, 1]], np.arange(1.0, 6.0),
+    np.linspace(1.4, 1.5, 5), np.linspace(0.1, 0.5, 5), np.linspace(400.0, 500.0, 5),
+)  # fmt: skip
+PLAIN = RayBundle(BUNDLE.origins, BUNDLE.directions, BUNDLE.flux)
+FIELDS = ("origins", "directions", "flux", "refractive_indices", "absorption_per_mm", "wavelengths_nm")
+
+
+def test_parts_of_a_bundle_have_all_its_fields_and_join_to_it_again() -> None:
+    parts = BUNDLE.divided(3)
+    assert [len(part) for part in parts] == [1, 2, 2]
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(RayBundle.joined(parts), name), getattr(BUNDLE, name))
+        np.testing.assert_array_equal(getattr(BUNDLE.take(slice(1, 3)), name), getattr(BUNDLE, name)[1:3])
+    again = RayBundle.joined(PLAIN.divided(2))
+    assert (again.refractive_indices, again.absorption_per_mm, again.wavelengths_nm) == (None, None, None)
+    np.testing.assert_array_equal(again.origins, BUNDLE.origins)
+
+
+def test_rays_without_what_is_their_own_have_that_of_the_media() -> None:
+    media = Media(1.5, cavity_index=1.1, outside_index=1.2, absorption_per_mm=0.01, wavelength_nm=555.0)
+    assert PLAIN.indices(media).tolist() == [1.5] * 5 and PLAIN.absorptions(media).tolist() == [0.01] * 5
+    assert PLAIN.wavelengths(media).tolist() == [555.0] * 5
+    np.testing.assert_array_equal(BUNDLE.indices(media), BUNDLE.refractive_indices)
+    np.testing.assert_array_equal(BUNDLE.absorptions(media), BUNDLE.absorption_per_mm)
+    np.testing.assert_array_equal(BUNDLE.wavelengths(media), BUNDLE.wavelengths_nm)
+    np.testing.assert_allclose(BUNDLE.entry_ratios(media), media.cavity_index / BUNDLE.refractive_indices)
+    np.testing.assert_allclose(BUNDLE.exit_ratios(media), BUNDLE.refractive_indices / media.outside_index)
+
+
+def test_a_changed_source_passes_on_all_but_its_rays() -> None:
+    square = SquareEmitter(2.0, 4.0)
+    changed = ChangedSource(square)
+    assert (changed.flux_w, changed.symmetry, changed.ray_count) == (4.0, "square", None)
+    np.testing.assert_array_equal(changed.outline(), square.outline())
+    np.testing.assert_array_equal(drawn(square, 8, 1).take(slice(0, 8)).origins, square.sample(8, 1).origins)
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCK_RAYS, BLOCK_RAYS + 1, 3 * BLOCK_RAYS + 5, 2**20 + 24])
+def test_blocks_follow_each_other_and_end_at_the_count(count: int) -> None:
+    slices = list(block_slices(count))
+    assert slices[0].start == 0 and slices[-1].stop == count
+    assert all(one.stop == other.start for one, other in pairwise(slices))
+    assert max(each.stop - each.start for each in slices) <= BLOCK_RAYS == 262_144
+    assert (len(slices) == 1) == (count <= BLOCK_RAYS)
+    values = np.random.default_rng(1).random(count)
+    assert total_of(count, [float(values[each].sum()) for each in slices]) == values.sum()
+    assert total_of(count, [7.5]) == 7.5
+
+
+def test_a_spec_makes_the_emitter_in_its_place_with_its_spectrum_and_its_summary() -> None:
+    line = {"kind": "line", "wavelength_nm": 500.0}
+    spec = RectangleSource(width_mm=2.0, height_mm=1.0, flux_w=3.0, position_mm=(0.0, 0.0, 1.0), spectrum=line)
+    plain, dispersed = build_source(spec), build_source(spec, MATERIALS["PMMA"])
+    assert plain.sample(4, 0).refractive_indices is None
+    np.testing.assert_allclose(dispersed.sample(4, 0).refractive_indices, MATERIALS["PMMA"].index_at(500.0))
+    assert (plain.sample(4, 0).origins[:, 2] == 1.0).all()
+    without, with_index = summarise(plain, spec), summarise(dispersed, spec)
+    assert (without.flux_w, without.symmetry, without.wavelengths_nm) == (3.0, "rectangle", None)
+    assert with_index.wavelengths_nm == (500.0, 500.0) and with_index.flux_w == 3.0
+    assert (
+        build_source(spec.model_copy(update={"spectrum": None}), MATERIALS["PMMA"]).sample(1, 0).wavelengths_nm is None
+    )
