@@ -3,7 +3,7 @@
 Compiled, and of nothing that the design stage computes with: the compiler is all that they share.
 """
 
-from math import copysign, floor, inf
+from math import floor, inf
 
 from lensforge.compiled import inline, kernel
 
@@ -47,7 +47,7 @@ def _within(origin, slope, corner, width):
 
 @inline
 def _slope(component):
-    return component if abs(component) >= _LEAST else copysign(_LEAST, component)
+    return component if abs(component) >= _LEAST else _LEAST  # so flat that its sign does not count
 
 
 @inline

@@ -47,3 +47,15 @@ def test_an_error_is_raised_when_all_work_has_ended(wrong: int) -> None:
     with threads_of_torch(2), pytest.raises(ZeroDivisionError):
         in_parallel(work, 10)
     assert not running and torch.get_num_threads() >= 1
+
+
+def test_an_error_in_another_thread_is_raised_in_this_one() -> None:
+    here, both = threading.current_thread(), threading.Barrier(2, timeout=60.0)
+
+    def work(number: int) -> None:
+        both.wait()  # so that each thread has one
+        if threading.current_thread() is not here:
+            raise ZeroDivisionError(number)
+
+    with threads_of_torch(2), pytest.raises(ZeroDivisionError):
+        in_parallel(work, 2)
