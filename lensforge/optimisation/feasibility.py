@@ -104,7 +104,7 @@ def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Acc
 
 
 class _LBFGS(torch.optim.LBFGS):
-    """That of torch, without the compiler of torch: its start would take seconds."""
+    """Optimiser of torch without the compiler of torch, whose start would take seconds."""
 
     add_param_group = inspect.unwrap(torch.optim.Optimizer.add_param_group)
 
