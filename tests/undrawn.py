@@ -37,7 +37,14 @@ def without_views() -> Iterator[None]:
 @contextmanager
 def undrawn() -> Iterator[None]:
     """Reports whose every picture is an empty element with its title; no function of the report draws."""
-    with without_views(), pytest.MonkeyPatch.context() as patch:
+    with without_views(), without_figures():
+        yield
+
+
+@contextmanager
+def without_figures() -> Iterator[None]:
+    """The same for pictures of two dimensions alone."""
+    with pytest.MonkeyPatch.context() as patch:
         for name, module in list(sys.modules.items()):
             if name.startswith("lensforge.report."):
                 for key, value in list(vars(module).items()):

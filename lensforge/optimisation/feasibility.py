@@ -5,6 +5,7 @@ parameters are projected to the feasible set, a change too small to affect the l
 limits is left as it is, to the bit.
 """
 
+import inspect
 from collections.abc import Iterable
 
 import numpy as np
@@ -102,6 +103,12 @@ def feasible_lens(problem: Problem, found: SearchState, seed: int, accuracy: Acc
     return lens, margins
 
 
+class _LBFGS(torch.optim.LBFGS):
+    """Optimiser of torch without the compiler of torch, whose start would take seconds."""
+
+    add_param_group = inspect.unwrap(torch.optim.Optimizer.add_param_group)
+
+
 def project_to_feasible(
     parametrisation: Parametrisation,
     constraints: AugmentedLagrangian,
@@ -169,10 +176,10 @@ def _least_move(
     for _ in range(_ROUNDS):
         if shortfall <= accepted:
             break
-        optimiser = torch.optim.LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
+        optimiser: torch.optim.LBFGS = _LBFGS([moved], max_iter=_ITERATIONS, line_search_fn="strong_wolfe")
 
-        def closure(optimiser: torch.optim.LBFGS = optimiser) -> Tensor:
-            optimiser.zero_grad()
+        def closure() -> Tensor:
+            moved.grad = None
             loss = 0.5 * torch.sum(moved**2) + constraints.term(fields())
             loss.backward()
             return loss

@@ -12,6 +12,7 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere, ta
 
 import lensforge as lf
 from lensforge.agreement.search import design_contradictions
+from lensforge.cad_files import step_reading
 from lensforge.errors import InputError
 from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
@@ -33,6 +34,16 @@ from lensforge.surfaces.spline import TableGrid
 
 BALL_MM, CENTRE, MARGIN_MM = 1.0, np.array([0.5, 0.0, 0.8]), 0.2
 GROWTH_MM = MARGIN_MM + 2e-3  # and the error of the mesh
+
+
+@pytest.fixture(autouse=True)
+def own_files_are_read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not in a child process, which loads the CAD kernel for each: they are no strangers'."""
+
+    def read_here(_: Path, folder: Path, *__: Any, **___: Any) -> None:
+        step_reading._write_products(folder)
+
+    monkeypatch.setattr(step_reading, "work_in_child", read_here)
 
 
 @pytest.fixture(scope="module")

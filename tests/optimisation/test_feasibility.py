@@ -1,3 +1,6 @@
+import inspect
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -54,6 +57,16 @@ def test_a_sphere_that_is_too_large_shrinks_to_the_limit_and_no_further() -> Non
     largest = 7.0 - measure_constraints(lens).radius_margin_mm
     assert 7.0 * (1.0 - 4e-4) < largest < 7.0
     assert lens.inner.offset_mm == pytest.approx(3.0, abs=1e-9), "the inner face has nothing to do with it"
+
+
+def test_a_projection_does_not_load_the_compiler_of_torch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes seconds. Where another test has loaded it, torch has kept what it needs of it: that goes, too."""
+    for each in (torch.optim.Optimizer.add_param_group, torch.optim.Optimizer.zero_grad):
+        monkeypatch.delattr(inspect.unwrap(each), "__dynamo_disable", raising=False)
+    monkeypatch.setitem(sys.modules, "torch._dynamo", None)
+    parametrisation, constraints, weights, offsets = scene(small_spec(lens__symmetry="square"), 0.0, 7.05 / 6.0)
+    moved = project_to_feasible(parametrisation, constraints, weights, offsets)
+    assert not torch.equal(moved[1], offsets)
 
 
 def test_every_kind_of_violation_is_mended_with_a_small_step() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from page_text import Page, folded, text_of, undrawn_page_of
 from part_files import EXTRAS, whole_agreeing, whole_folder, whole_results
-from result_folders import criterion, make_results, page_of
+from result_folders import criterion, make_results
 
 from lensforge.errors import InputError
 from lensforge.report import surface_figures
@@ -26,7 +26,7 @@ def results():
 
 @pytest.fixture(scope="module")
 def page(results):
-    return Page(page_of(results))
+    return Page(undrawn_page_of(results))
 
 
 def test_a_lens_without_these_results_has_none_of_these_sections():

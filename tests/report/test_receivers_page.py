@@ -5,8 +5,10 @@ import pytest
 from page_text import Page, text_of
 from part_files import whole_results
 from result_folders import make_light, make_results, page_of, small_lens
+from undrawn import undrawn
 
 from lensforge.records import Conditions, Metric
+from lensforge.report import lens_page
 from lensforge.report.asked_light_rows import light_rows as asked_light_rows
 from lensforge.report.cards import cards
 from lensforge.report.compare_page import render_comparison
@@ -45,19 +47,34 @@ def both():
 
 
 @pytest.fixture(scope="module")
-def markup(both):
-    return page_of(both)
+def drawn(both):
+    """The page, and the pictures of the receivers on it: drawn once."""
+    kept = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lens_page, "receiver_pictures", lambda each: kept.append(receiver_pictures(each)) or kept[-1])
+        return page_of(both), kept[0]
 
 
-def test_every_receiver_has_its_pictures_under_its_name(both, markup):
-    first, second = receiver_pictures(both)
+@pytest.fixture(scope="module")
+def markup(drawn):
+    return drawn[0]
+
+
+@pytest.fixture(scope="module")
+def pictures(drawn):
+    return drawn[1]
+
+
+def test_every_receiver_has_its_pictures_under_its_name(pictures, markup):
+    first, second = pictures
     assert (first.heading, second.heading) == ("wall, centred at (100, 0, 200) mm", "sky, in the far field, to 80°")
     for each in (first, second):
         assert [picture.title for picture in each.seen] == [each.heading], (
             "of several receivers the light is seen first"
         )
         assert [picture.title for picture in each.more[0]] == ["Target", "Simulated minus target"]
-    (only,) = receiver_pictures(make_results(("evaluate",)))
+    with undrawn():
+        (only,) = receiver_pictures(make_results(("evaluate",)))
     assert [each.title for each in only.seen] == ["Target", "Simulated", "Simulated minus target"]
     assert [len(each.seen) + sum(map(len, each.more)) for each in (first, second)] == [9, 9]
     text = Page(markup).text
@@ -72,16 +89,16 @@ def test_ids_on_the_page_are_unique_and_those_of_the_first_receiver_have_no_numb
         assert f"{name}-figure_1" in ids and f"{name}-2-figure_1" in ids
 
 
-def test_each_receiver_is_shown_in_its_own_unit(both):
-    first, second = receiver_pictures(both)
+def test_each_receiver_is_shown_in_its_own_unit(pictures):
+    first, second = pictures
     assert "irradiance (W/m²)" in first.seen[0].svg
     assert "intensity (W/sr)" in second.seen[0].svg
     assert "position on the line (°)" in second.more[1][0].svg
     assert "16 × 8 pixels" in first.seen[0].caption and "16 × 16 pixels" in second.seen[0].caption
 
 
-def test_masks_are_named_by_their_size(both):
-    first, second = receiver_pictures(both)
+def test_masks_are_named_by_their_size(pictures):
+    first, second = pictures
     assert "the mask of 40 mm." in first.seen[0].caption
     assert "the mask of 10°." in second.seen[0].caption
 
@@ -105,6 +122,7 @@ def test_the_level_of_a_turned_mask_is_the_mean_in_it():
     assert float(card.value) == pytest.approx(7.5 + 60.0 / 18.75, abs=0.5)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_receiver_in_the_far_field_is_shown_in_degrees_and_per_steradian():
     results = make_results(("evaluate",), far_lens())
     assert unit_of_light(results).symbol == "W/sr"
@@ -178,6 +196,7 @@ def test_the_spec_s_receivers_have_tables_of_what_was_given(markup):
     assert "diameter_deg" not in text, "no target has one"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receiver(both):
     other = make_light(both.lens, conditions=Conditions.of(rays=64), nmse=Metric(value=0.5))
     results = Results(both.lens, both.found, {}, {"evaluate_64rays": other})
@@ -190,6 +209,7 @@ def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receive
     assert len(ids) == len(set(ids))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_designs_on_receivers_of_different_kinds_have_no_common_scale():
     designs = [make_results(("evaluate",)), make_results(("evaluate",), far_lens())]
     pictures = ComparedPictures(("near", "far"), designs)
@@ -213,6 +233,7 @@ def test_far_fields_are_compared_on_one_scale_in_degrees():
     assert "the same angles" in render_comparison(designs)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_every_receiver_is_compared(both):
     designs = [both, make_results(("evaluate",))]
     pictures = ComparedPictures(("both", "one"), designs)
@@ -227,6 +248,7 @@ def test_a_lens_in_a_notebook_names_its_receivers():
     assert "300 mm wide at 150 mm" in small_lens()._repr_html_()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_verification_and_stray_light_are_shown_on_every_receiver():
     results = whole_results(lens=lens_with(WALL, SKY))
     page = Page(page_of(results))

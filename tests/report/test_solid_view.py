@@ -12,10 +12,18 @@ from PIL import Image
 from result_folders import (
     make_results,
 )
+from undrawn import without_figures
 
 from lensforge.errors import InputError
 from lensforge.report import solid_view
 from lensforge.report.lens_page import render_report
+
+
+@pytest.fixture(autouse=True)
+def other_pictures():
+    """None: the part in three dimensions is all that is looked at here."""
+    with without_figures():
+        yield
 
 
 def unpack(data):

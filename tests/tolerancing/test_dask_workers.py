@@ -1,11 +1,14 @@
 """Parts measured by real processes of a Dask cluster: the same bits on one, on four, and after one was killed."""
 
+import multiprocessing
+import operator
 import os
 import re
 import signal
 import socket
 import sys
 import time
+from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,7 @@ from lensforge.lens import Lens
 from lensforge.workers.cluster import versions
 from lensforge.workers.connection import connected, require_scheduler
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 
 
@@ -26,8 +30,17 @@ def small_lens():
 
 @pytest.fixture(scope="module")
 def cluster():
-    """One process at first; a test may ask for more."""
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as found:
+    """One process at first; a test may ask for more.
+
+    They are forked from a process that has loaded what they need, which takes seconds for each that loads it itself.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["distributed", "lensforge.tolerancing.cluster_parts", "lensforge.starts"])
+    forkserver.ensure_running()
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50) as found,
+    ):
         yield found
 
 
@@ -139,11 +152,7 @@ def test_without_dask_one_line_says_what_to_install(monkeypatch):
 
 def test_a_local_cluster_is_closed_to_others_and_ends_with_its_use():
     with connected("local:1") as cluster:
-        assert dict(cluster.map(_doubled, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
+        assert dict(cluster.map(operator.mul, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
         assert cluster._client.scheduler.address.startswith("tls://127.0.0.1")
         process = next(iter(cluster._client.run(os.getpid).values()))
     assert not Path(f"/proc/{process}").exists()
-
-
-def _doubled(shared, item):
-    return shared * item

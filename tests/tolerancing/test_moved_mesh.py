@@ -17,7 +17,7 @@ INDEX, GRID = 1.4936, TableGrid(301)
 INNER, OUTER = random_surface(1, 3.0, 0.01, (9, 25)), random_surface(2, 6.0, 0.01, (9, 25))
 LENS = Displacement((0.08, -0.05, 0.04), (0.02, -0.03))
 FACE = Displacement((-0.05, 0.07, 0.03), (0.03, 0.01))
-_RINGS, _SPOKES = 200, 400
+_RINGS, _SPOKES = 100, 200
 
 
 def _moved(points: np.ndarray, by: Displacement, directions: bool = False) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Parts of a study against closed forms of small errors, and the yield against binomial statistics."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,15 @@ SMALL = {
     "lens_tilt_deg": 0.02, "inner_form_um": 0.1, "outer_form_um": 0.1, "inner_waviness_um": 0.02, "index": 1e-4,
     "shrinkage": 1e-4,
 }  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_rays() -> Iterator[None]:
+    """Of the lens as designed, and of the maps of the worst parts: these tests ask for neither."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("DESIGNED_RAYS", "_WORST_RAYS"):
+            patch.setattr(f"lensforge.tolerancing.yield_study.{name}", 2**13)
+        yield
 
 
 def _landed(study: PartStudy, part) -> tuple[np.ndarray, np.ndarray]:
