@@ -1,0 +1,74 @@
+"""The page on tolerances and yield: each number on it is that of the study, also of limits with a unit of their own."""
+
+import numpy as np
+import pytest
+from made_yield import make_yield
+from page_places import places_of
+from result_folders import make_results, small_lens
+from shown_numbers import problems
+from told_apart import told_apart
+from undrawn import undrawn
+from wanted_yield import yield_numbers
+
+from lensforge.records import Conditions, Metric
+from lensforge.report.yield_page import render_yield
+from lensforge.results import Results
+from lensforge.tolerancing.yield_result import MetricBound, WorstPart
+
+_NAMES = {"nmse": "HV: light", "share_in_target": "wall: efficiency"}
+
+
+def as_specified():
+    """The bounds of the verdict, and a lens that was simulated."""
+    lens = small_lens()
+    return told_apart(make_yield(lens)), make_results(("evaluate",), lens)
+
+
+def limits_of_the_spec():
+    """A limit in W/m², two on another receiver; tolerances that are never small enough; causes that are not certain."""
+    lens, found = small_lens(), make_yield(small_lens())
+    metrics = {_NAMES[name]: each for name, each in found.metrics.items()} | {"wall: nmse": found.metrics["nmse"]}
+    metrics["HV: light"] = metrics["HV: light"].model_copy(update={"unit": "W/m²"})
+    variance = {_NAMES[name]: each for name, each in found.variance.items()} | {"wall: nmse": found.variance["nmse"]}
+    first, *others = variance["HV: light"].causes
+    unsure = first.model_copy(update={"standard_error": 0.4})
+    variance["HV: light"] = variance["HV: light"].model_copy(update={"causes": (unsure, *others)})
+    never = {"at_most": None, "low": None, "high": None}
+    alone = [row.model_copy(update=never) if number == 2 else row for number, row in enumerate(found.budget.alone)]
+    together = found.budget.together.model_copy(update={**never, "unlimited": True})
+    table = np.column_stack([found.table, found.table[:, -2]])
+    changed = found.model_copy(
+        update={
+            "columns": (*found.columns[:-2], *metrics), "table": table, "metrics": metrics, "variance": variance,
+            "bounds": (
+                MetricBound(metric="wall: nmse", sense="<=", bound=0.15, unit=""),  # kept by all
+                MetricBound(metric="HV: light", sense=">=", bound=0.0295, unit="W/m²"),
+                MetricBound(metric="wall: efficiency", sense=">=", bound=0.801, unit=""),
+            ),
+            "budget": found.budget.model_copy(update={"alone": tuple(alone), "together": together}),
+            "worst": (
+                WorstPart(part=3, metrics={"HV: light": 0.0244, "wall: efficiency": 0.817, "wall: nmse": 0.0321}, passes=False),
+                WorstPart(part=27, metrics={"HV: light": 0.0444, "wall: efficiency": 0.823, "wall: nmse": 0.0278}, passes=True),
+            ),
+            "worst_maps": np.ones((2, 16, 16)), "notes": (),
+        }
+    )  # fmt: skip
+    return told_apart(changed), Results(lens, {})
+
+
+def other_conditions():
+    """A study by fewer rays, without causes and without a budget."""
+    lens = small_lens()
+    designed = {name: Metric(value=0.5 * each.p5) for name, each in make_yield(lens).metrics.items()}
+    found = told_apart(make_yield(lens))
+    metrics = {name: each.model_copy(update={"designed": designed[name]}) for name, each in found.metrics.items()}
+    other = {"conditions": Conditions.of(rays=640), "budget": None, "variance": {}, "metrics": metrics, "parts": 12345}
+    return found.model_copy(update=other), make_results((), lens)
+
+
+@pytest.mark.parametrize("make", [as_specified, limits_of_the_spec, other_conditions])
+def test_every_number_of_the_page_on_the_yield_is_that_of_the_study(make):
+    found, results = make()
+    with undrawn():
+        places = places_of(render_yield(found, results, "yield.csv"))
+    assert "\n".join(problems(places, yield_numbers(found, results))) == ""
