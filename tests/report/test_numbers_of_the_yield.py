@@ -47,8 +47,8 @@ def limits_of_the_spec():
             ),
             "budget": found.budget.model_copy(update={"alone": tuple(alone), "together": together}),
             "worst": (
-                WorstPart(part=3, metrics={"HV: light": 0.0244, "wall: efficiency": 0.817, "wall: nmse": 0.0321}, passes=False),
-                WorstPart(part=27, metrics={"HV: light": 0.0444, "wall: efficiency": 0.823, "wall: nmse": 0.0278}, passes=True),
+                WorstPart(part=3, metrics=dict(zip(metrics, (0.0244, 0.817, 0.0321), strict=True)), passes=False),
+                WorstPart(part=27, metrics=dict(zip(metrics, (0.0444, 0.823, 0.0278), strict=True)), passes=True),
             ),
             "worst_maps": np.ones((2, 16, 16)), "notes": (),
         }

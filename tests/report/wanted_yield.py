@@ -73,8 +73,8 @@ def _cards(found):
     yield shown("card / Parts that pass", "{}\u2009%", 100.0 * rate.value)
     yield shown("card / Parts that pass / note", "95 % confidence: {}\u2009% to {}\u2009%", low, high)
     metrics = list(dict.fromkeys(bound.metric for bound in found.bounds))
-    failing = {name: sum(_missed(found, each).sum() for each in found.bounds if each.metric == name) for name in metrics}
-    for name in [name for name in sorted(metrics, key=lambda name: -failing[name]) if name in found.variance][:2]:
+    failing = {each.metric: _missed(found, each).sum() for each in found.bounds}
+    for name in sorted(metrics, key=lambda name: -failing[name])[: 2 if found.variance else 0]:
         cause, words = found.variance[name].causes[0], metric_words(name)
         share, error = 100.0 * cause.share, 100.0 * cause.standard_error
         card = f"card / Main cause, {words if ':' in name else words[0].lower() + words[1:]}"
