@@ -1,5 +1,6 @@
 """Numbers of the study of tolerances that its page and the report must show, by their label, each from its record."""
 
+import numpy as np
 from shown_numbers import shown
 from wanted_frame import task_numbers
 
@@ -105,12 +106,52 @@ def _spreads(found):
         ):
             yield shown(f"{row} / {column}", f"{{}}{unit}", factor * value)
     for bound in found.bounds:
-        (factor, unit), values = _of_metric(found, bound.metric), found.table[:, found.columns.index(bound.metric)]
-        reach = 1.5 * (values.max() - values.min())
-        if not values.min() - reach < bound.bound < values.max() + reach:
+        factor, unit = _of_metric(found, bound.metric)
+        if _is_far(found, bound.metric, bound.bound):
             caption = f"{_SPREADS} / {metric_words(bound.metric)} / figcaption"
             words = f"The bound, {_sign(bound)} {{}}{unit}, is far from all parts"
             yield shown(caption, words, factor * bound.bound)
+
+
+def _is_far(found, name, value):
+    """True for a value so far from all parts that a picture would show little else."""
+    values = curve_of(found, metric_words(name))[:, 0]
+    reach = 1.5 * (values[-1] - values[0])
+    return not values[0] - reach <= value <= values[-1] + reach
+
+
+def curve_of(found, title):
+    """Values of all parts in their order, drawn to their mean until they scatter as without noise; share up to each."""
+    name = next(name for name in found.metrics if metric_words(name) == title)
+    values = np.sort(found.table[:, found.columns.index(name)])
+    away = values - values.mean()
+    drawn = values.mean() + away * found.metrics[name].spread / np.sqrt(away @ away / (len(away) - 1))
+    return np.column_stack([drawn, 100.0 * (np.arange(len(drawn)) + 1) / len(drawn)])
+
+
+def line_numbers(found):
+    """Entries of the lines in the distributions: the value as designed, and the bound with its wrong side in red."""
+    for name, each in found.metrics.items():
+        words, designed, factor = metric_words(name), each.designed.value, _of_metric(found, name)[0]
+        sign = " %" if factor == 100.0 else ""
+        axis = f"{{}}{sign} on {words}" + (f" ({each.unit})" if each.unit else "")
+        if not _is_far(found, name, designed):
+            yield shown(f"{words} / as designed", axis, factor * designed)
+        for bound in found.bounds:
+            if bound.metric == name and not _is_far(found, name, bound.bound):
+                yield shown(f"{words} / bound", axis, factor * bound.bound)
+                side = "above" if bound.sense == "<=" else "below"
+                yield shown(f"{words} / red", f"{side} {{}}{sign}", factor * bound.bound)
+
+
+def bar_numbers(found):
+    """Entries of the bars: the eight largest causes of each metric with a bound, and several together."""
+    for name in {bound.metric: None for bound in found.bounds if bound.metric in found.variance}:
+        variance, title = found.variance[name], metric_words(name)
+        together = ("several together", variance.interactions.value, variance.interactions.standard_error)
+        for words, share, error in (*((c.words, c.share, c.standard_error) for c in variance.causes[:8]), together):
+            label = f"{title} / {words}"
+            yield shown(label, "{} ± {} share of the variance (%)", 100.0 * share, 100.0 * error)
 
 
 def budget_numbers(found, heading):
