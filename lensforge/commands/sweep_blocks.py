@@ -18,7 +18,7 @@ def sweep_block(sweep: "Sweep") -> Block:
 def _design(row: "SweepRow") -> Row:
     even = "" if row.uniformity is None else f", uniformity {measured(row.uniformity)}"
     missed = sum(not criterion.passed for criterion in row.criteria)
-    failed = f"; {missed} criteria missed" if missed else ""
+    failed = f"; {missed} {'criterion' if missed == 1 else 'criteria'} missed" if missed else ""
     return (
         f"{row.value:g}",
         f"NMSE {measured(row.nmse)}{even}, efficiency {in_percent(row.efficiency)}, radius "

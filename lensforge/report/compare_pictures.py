@@ -86,10 +86,13 @@ class ComparedPictures:
         sides = [max(lit.chart.width, lit.chart.height) for lit in self._lit]
         return _spread([lit.peak for lit in self._lit]) <= _APART and _spread(sides) <= _APART
 
-    @cached_property
-    def lengths(self) -> str:
-        """Name on the page of the lengths that maps on one scale share."""
-        return "angles" if self._lit and self._lit[0].chart.far_field else "millimetres"
+    @property
+    def scale_words(self) -> str:
+        """Sentence on the scale of the maps."""
+        lengths = "angles" if self._lit and self._lit[0].chart.far_field else "millimetres"
+        if self.one_scale:
+            return f"All maps have the same colours and the same {lengths}."
+        return f"Each map has its own colours and {lengths}: the designs differ too much for one scale."
 
     @cached_property
     def maps(self) -> list[PagePicture]:

@@ -73,7 +73,7 @@ def _cards(result: Yield) -> list[Card]:
         share = Metric(value=cause.share, standard_error=cause.standard_error)
         certain = cause.share > _CERTAIN * cause.standard_error
         note = cause.words if certain else f"{cause.words}; not certain by so few parts"
-        cards.append(Card(f"Main cause, {_lower(metric_words(name))}", share_words(share), "", note))
+        cards.append(Card(f"Main cause, {_within(name)}", share_words(share), "", note))
     if result.budget is not None:
         together, wanted = budget_lines(result)[-1], percent(result.budget.pass_rate, 0)
         note = f"all tolerances by one factor, so that {wanted} pass; {together.interval}"
@@ -89,8 +89,10 @@ def _first(result: Yield) -> list[str]:
     return sorted(failing, key=lambda name: -failing[name])
 
 
-def _lower(words: str) -> str:
-    return words[:1].lower() + words[1:]
+def _within(name: str) -> str:
+    """Name of a metric within a sentence; those of receivers and limits keep their capitals."""
+    words = metric_words(name)
+    return words if ": " in name else words[:1].lower() + words[1:]
 
 
 def _shown_metrics(result: Yield) -> list[str]:

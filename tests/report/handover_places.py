@@ -42,12 +42,12 @@ class Seen:
         return found
 
 
-def seen(results):
-    """The handover of ``results``, its pictures left out."""
+def seen(results, *, dense=True):
+    """The handover of ``results``, its pictures left out; also its ``dense`` tables where not wanted."""
     kept = {}
 
     def kept_grids(*arguments):
-        kept["grids"] = made = make_grids(*arguments)
+        kept["grids"] = made = make_grids(*arguments) if dense else []
         return made
 
     make_grids = build.make_grids

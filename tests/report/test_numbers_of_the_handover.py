@@ -3,12 +3,26 @@
 import numpy as np
 import pytest
 from handover_places import REQUEST, seen, table_of
-from shown_folders import folder_of
+from shown_folders import based_on, folder_of
 from shown_numbers import problems
 from wanted_handover import handover_numbers
 from wanted_heads import head_numbers
 
 FOLDERS = ("every stage", "limits missed", "moulded")
+_ROOM = {"relief_step_mm": 0.375, "relief_setback_mm": 0.75, "bore_setback_mm": 0.625}
+BASES = {
+    "none": {"kind": "none"},
+    "square": {"kind": "square", "side_mm": 27.5, "height_mm": 2.25, "relief_step_mm": 0.3},
+    "square with room": {
+        "kind": "square",
+        "side_mm": 23.25,
+        "pocket_diameter_mm": 13.5,
+        "pocket_depth_mm": 0.8,
+        **_ROOM,
+    },
+    "narrow": {"diameter_mm": 17.5, "height_mm": 2.75},
+    "cylinder with a flat": {"diameter_mm": 24.5, "flat_mm": 11.75, "flange_diameter_mm": 29.0, **_ROOM},
+}
 
 
 @pytest.fixture(scope="module", params=FOLDERS)
@@ -22,6 +36,23 @@ def made(results):
 
 
 def test_every_number_of_page_pdf_and_drawing_is_that_of_a_record(results, made):
+    assert "\n".join(problems(made.places, handover_numbers(results, made))) == ""
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_every_number_on_a_base_of_any_shape_is_that_of_the_spec(base):
+    results = based_on(BASES[base])
+    made = seen(results, dense=False)
+    assert "\n".join(problems(made.places, handover_numbers(results, made))) == ""
+
+
+def test_every_number_on_a_base_of_a_file_is_that_of_its_solid(tmp_path):
+    import cadquery as cq
+
+    block = cq.Workplane("XY").rect(26.5, 21.25).circle(6.5).extrude(-2.375)
+    cq.exporters.export(block, str(tmp_path / "clamp.step"))
+    results = based_on({"kind": "step", "file": str(tmp_path / "clamp.step")})
+    made = seen(results, dense=False)
     assert "\n".join(problems(made.places, handover_numbers(results, made))) == ""
 
 

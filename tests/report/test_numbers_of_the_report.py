@@ -1,5 +1,6 @@
 """The report on folders of every kind: each number on it is the value of a record that a table here names."""
 
+import numpy as np
 import pytest
 from page_places import places_of
 from page_text import undrawn_page_of
@@ -11,8 +12,11 @@ from wanted_measured import measured_numbers
 from wanted_others import other_numbers
 from wanted_part import part_numbers
 from wanted_records import record_numbers
+from wanted_snapshots import snapshot_numbers, title_of
 from wanted_studies import study_numbers
 from wanted_waterfalls import flux_places, waterfall_numbers
+
+from lensforge.report.snapshots import FOLDER, Snapshot, outer_slope
 
 WANTED = (
     light_numbers, part_numbers, study_numbers, measured_numbers, other_numbers, frame_numbers, record_numbers,
@@ -25,6 +29,27 @@ def test_every_number_of_the_report_is_that_of_a_record(name):
     results = folder_of(name)
     places = [*places_of(undrawn_page_of(results)), *flux_places(results)]
     assert "\n".join(problems(places, [each for wanted in WANTED for each in wanted(results)])) == ""
+
+
+def test_every_number_of_a_snapshot_is_that_of_its_own_level(tmp_path):
+    results = folder_of("search only")
+    surface, slope = outer_slope(results.lens)
+    taken = [
+        Snapshot(
+            inputs={"lens": results.lens.sha256}, level=level, functions=functions, step=step, nmse=nmse,
+            efficiency=efficiency, width=300.0, height=300.0, far_field=False, irradiance=np.eye(8),
+            surface_mm=surface, slope=slope,
+        )
+        for level, functions, step, nmse, efficiency in (
+            (1, 16, 120, 0.3125, 0.6127), (2, 64, 1240, 0.0421, 0.7423), (10, 144, 12350, 0.00123, 0.8129),
+        )
+    ]  # fmt: skip
+    for each in reversed(taken):
+        each.write(tmp_path / FOLDER, f"level-{each.level}")
+    places = [*places_of(undrawn_page_of(results, tmp_path)), *flux_places(results)]
+    wanted = [each for wanted in WANTED for each in wanted(results)]
+    assert "\n".join(problems(places, [*wanted, *snapshot_numbers(taken)])) == ""
+    assert [each.text for each in places if each.text.startswith("Level ")] == list(map(title_of, taken))
 
 
 def test_a_number_that_nothing_is_wanted_of_is_named_and_what_is_shown_nowhere():

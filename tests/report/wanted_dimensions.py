@@ -1,5 +1,7 @@
 """Dimensions that page, PDF and drawing for the shop must show: of the exact surfaces, and of the base by the spec."""
 
+import re
+
 import numpy as np
 from shown_numbers import shown
 
@@ -8,10 +10,13 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 def dimension_numbers(lens):
     """Entries of every dimension: its row, its line in the PDF, and where it is drawn."""
-    scopes = {"axis": "on the axis", "section": "in the section S–S", "largest": "largest about the axis"}
+    scopes = {
+        "axis": "on the axis", "section": "in the section S–S", "largest": "largest about the axis",
+        "base": "of the base, all around", "box": "of the box around the base",
+    }  # fmt: skip
     gap = lens.spec.tolerances.of("gap_mm").amount
     for name, value, scope, drawn in _dimensions(lens):
-        words = scopes.get(scope, "of the base, all around")
+        words = scopes[scope]
         label, line, numbers = f"Datums and dimensions / {name}", f"{{}}  {name}; {words}", (value,)
         text = f"{{}} mm {words}"
         if name == "thickness on the axis":
@@ -20,10 +25,25 @@ def dimension_numbers(lens):
         yield shown("PDF / Dimensions (mm)", line, *numbers)
         if drawn:
             yield shown(f"Drawing / {name}", drawn, *numbers)
+    plane = _plane(lens)
     for label in ("Datums and dimensions / p", "PDF / Datums", "Drawing / notes"):
-        yield shown(label, "Datum A: plane z = 0")
-    yield shown("Datums and dimensions / Notes of the drawing / li", "Datum A: plane z = 0")
-    yield shown("PDF / Notes of the drawing", "Datum A: plane z = 0")
+        yield shown(label, *plane)
+    yield shown("Datums and dimensions / Notes of the drawing / li", *plane)
+    yield shown("PDF / Notes of the drawing", *plane)
+
+
+def _plane(lens):
+    """Words and values of datum A: the top of the base or the rim where it can be touched in z = 0, else the bottom."""
+    base = lens.spec.base
+    if base.kind in ("none", "step"):
+        return ("Datum A: plane z = 0",)
+    half = min(base.side_mm / 2.0 if base.kind == "square" else base.diameter_mm / 2.0, base.flat_mm or np.inf)
+    if base.relief_step_mm or _rim_of(lens.outer).max() > half:
+        return (
+            "Datum A: bottom of the base, BASE_BOTTOM, at z = {}; no face to be touched lies in z = 0",
+            -base.height_mm,
+        )
+    return ("Datum A: plane z = 0",)
 
 
 def _dimensions(lens):
@@ -37,16 +57,52 @@ def _dimensions(lens):
     yield "thickness on the axis", apex - cavity, "axis", "{}"
     yield "width of the dome", 2.0 * float((radius * np.hypot(dome[:, 0], dome[:, 1])).max()), "largest", ""
     for name, face in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
-        turn = np.linspace(0.0, 2.0 * np.pi, 7200, endpoint=False)
-        rim = face.radius(np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1))
+        rim = _rim_of(face)
         yield f"{name} in z = 0, along x", float(rim[0] + rim[3600]), "section", "({})"
         yield f"{name} in z = 0, circle about the axis that holds it", 2.0 * float(rim.max()), "largest", ""
-    base = lens.spec.base
-    yield "height of the base below z = 0", base.height_mm, "base", "{}"
-    yield "diameter of the base", base.diameter_mm, "base", "⌀{}"
+    if lens.spec.base.kind in ("cylinder", "square"):
+        for name, value, drawn in _of_base(lens, lens.spec.base):
+            yield name, value, "base", drawn
+    if lens.spec.base.kind == "step":
+        x, y, z = _box_of(lens.spec.base.file)
+        yield "base below z = 0, in the section", z, "section", "({})"
+        yield "base along x, in the section", x, "section", "({})"
+        for name, value in (("width along x", x), ("width along y", y), ("height below z = 0", z)):
+            yield f"base of {lens.spec.base.file.name}, {name}", value, "box", ""
+
+
+def _box_of(file):
+    """Sides (mm) of the box around the points of a STEP file, whose body is a block with bores."""
+    points = re.findall(r"CARTESIAN_POINT\('[^']*',\(([^)]*)\)\)", file.read_text(encoding="utf-8"))
+    places = [[float(number) for number in point.split(",")] for point in points]
+    return np.ptp([place for place in places if len(place) == 3], axis=0).tolist()  # others are of curves on a face
+
+
+def _of_base(lens, base):
+    """Name, value (mm) and text on the drawing of each size of a built-in base."""
+    yield "height of the base below z = 0", base.height_mm, "{}"
+    if base.kind == "square":
+        yield "side of the base across x", base.side_mm, "□{}"
+        yield "side of the base across y", base.side_mm, "{}"
+    else:
+        yield "diameter of the base", base.diameter_mm, "⌀{}"
+    if base.flat_mm is not None:
+        yield "clocking flat across +x, from the axis", base.flat_mm, "{}"
     if base.flange_diameter_mm is not None:
-        yield "height of the flange", base.flange_height_mm, "base", "{}"
-        yield "diameter of the flange", base.flange_diameter_mm, "base", "⌀{}"
+        yield "height of the flange", base.flange_height_mm, "{}"
+        yield "diameter of the flange", base.flange_diameter_mm, "⌀{}"
     if base.pocket_diameter_mm is not None:
-        yield "depth of the pocket", base.pocket_depth_mm, "base", "{}"
-        yield "diameter of the pocket", base.pocket_diameter_mm, "base", "⌀{}"
+        yield "depth of the pocket", base.pocket_depth_mm, "{}"
+        yield "diameter of the pocket", base.pocket_diameter_mm, "⌀{}"
+    if base.relief_step_mm:
+        yield "depth of the relief step below z = 0", base.relief_step_mm, "{}"
+    if base.relief_setback_mm:
+        yield "diameter of the step's wall", 2.0 * (float(_rim_of(lens.outer).min()) - base.relief_setback_mm), "⌀{}"
+    if base.bore_setback_mm:
+        yield "diameter of the bore", 2.0 * (float(_rim_of(lens.inner).max()) + base.bore_setback_mm), "⌀{}"
+
+
+def _rim_of(face):
+    """Distances (mm) of the rim of ``face`` from the axis, from +x around."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 7200, endpoint=False)
+    return face.radius(np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=-1))

@@ -22,7 +22,7 @@ _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifol
 
 def frame_numbers(results):
     """Entries of what stands before and after the sections."""
-    yield from _task(results.spec)
+    yield from task_numbers(results.spec)
     found = list(reasons(results))
     cutting = [each for part, each in found if part == "Cutting"]
     for part, each in found:
@@ -43,7 +43,8 @@ def frame_numbers(results):
             yield shown("li", warning)
 
 
-def _task(spec):
+def task_numbers(spec):
+    """Entries of the line on source, lens, and targets."""
     lens, source = spec.lens, spec.source
     yield (
         shown("p", getattr(source, "file", None).name)

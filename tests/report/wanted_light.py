@@ -119,17 +119,23 @@ def _mask(receiver, section, where):
             yield shown(f"{ASKED} / {name}{where} / note", f"{meaning} in the mask of {words}", *sides)
 
 
-def _level(light, spec):
-    """Card of the mean in the mask of the first receiver, or of the peak where there is none."""
-    first, mask, several = light.first, mask_of(spec.all_receivers[0]), len(light.receivers) > 1
-    unit, quantity, per_watt = watts_to_shown(light, first)
-    plain = "W/sr" if first.kind == "far_field" else "W/m²"
+def level_of(light, spec):
+    """The mean in the mask of the first receiver, or the peak where there is none: its name, and its value in watts."""
+    first, mask = light.first, mask_of(spec.all_receivers[0])
+    quantity = watts_to_shown(light, first)[1]
     if mask is None:
-        label, watts, words, sides = f"{ASKED} / card / Peak {quantity}", float(first.map.max()), "", ()
-    else:
-        label, words, sides = f"{ASKED} / card / Mean {quantity}", f"in the mask of {mask[0]}", mask[1]
-        words += f" on {first.name}" if several else ""
-        watts = float(first.map[_inside(first, spec.all_receivers[0].size, mask[1][0])].mean())
+        return f"Peak {quantity}", float(first.map.max())
+    return f"Mean {quantity}", float(first.map[_inside(first, spec.all_receivers[0].size, mask[1][0])].mean())
+
+
+def _level(light, spec):
+    """Card of it."""
+    first, mask, several = light.first, mask_of(spec.all_receivers[0]), len(light.receivers) > 1
+    (unit, _, per_watt), (name, watts) = watts_to_shown(light, first), level_of(light, spec)
+    plain, words, sides = "W/sr" if first.kind == "far_field" else "W/m²", "", ()
+    if mask is not None:
+        words, sides = f"in the mask of {mask[0]}" + (f" on {first.name}" if several else ""), mask[1]
+    label = f"{ASKED} / card / {name}"
     yield shown(label, f"{{}} {unit}", per_watt * watts)
     if unit != plain:
         words, sides = f"{words}; {{}} {plain}".removeprefix("; "), (*sides, watts)

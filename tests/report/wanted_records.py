@@ -40,20 +40,27 @@ def _sections(spec):
 
 
 def _entries(table, content):
-    for names, values in _leaves(content, ()):
-        label = f"{table} / {'.'.join(names).replace('.[', '[')}"
-        if isinstance(values, dict):
-            yield from _metric(label, names, values)
-            continue
-        many = values if isinstance(values, list | tuple) else [values]
-        words, numbers = " ".join(map(_words, many)) if many else "–", [each for each in many if _is_number(each)]
-        unit = _unit(names) if numbers else ""
-        if len(many) > _BLOCK:
+    for path, words, numbers, unit, many in entries_of(content):
+        label = f"{table} / {path}"
+        if many > _BLOCK:
             yield shown(f"{label} / note", words, *numbers)
             if unit:
                 yield shown(label, unit)
         else:
             yield shown(label, f"{words} {unit}".rstrip(), *numbers)
+
+
+def entries_of(content):
+    """Path, words, numbers and unit of every entry, and how many values it has."""
+    for names, values in _leaves(content, ()):
+        path = ".".join(names).replace(".[", "[")
+        if isinstance(values, dict):
+            known = [values["value"], *filter(None, [values["standard_error"]])]
+            yield path, " ± ".join("{}" for _ in known), known, values["unit"] or _unit(names), 1
+            continue
+        many = values if isinstance(values, list | tuple) else [values]
+        words, numbers = " ".join(map(_words, many)) if many else "–", [each for each in many if _is_number(each)]
+        yield path, words, numbers, _unit(names) if numbers else "", len(many)
 
 
 def _leaves(content, names):
@@ -66,15 +73,6 @@ def _leaves(content, names):
             yield from _leaves(value, (*names, f"[{index}]"))
     else:
         yield names, content
-
-
-def _metric(label, names, metric):
-    unit = metric["unit"] or _unit(names)
-    if metric["standard_error"]:
-        words, values = f"{{}} ± {{}} {unit}", (metric["value"], metric["standard_error"])
-    else:
-        words, values = f"{{}} {unit}", (metric["value"],)
-    yield shown(label, words.rstrip(), *values)
 
 
 def _is_number(value):

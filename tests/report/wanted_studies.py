@@ -4,15 +4,12 @@ import math
 
 from shown_numbers import shown, with_error
 from wanted_light import ASKED
+from wanted_yield import budget_numbers, passing_numbers
 
 from lensforge.report.yield_rows import metric_words
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.yield_result import Yield
 from lensforge.verification.stray_result import StrayLight
-
-_SHARES = ("efficiency", "share_in_target")
-_IN_PER_CENT = ("source_flux", "source_size", "shrinkage")
-_UNITS = {"deg": "°", "um": " µm", "": ""}
 
 
 def study_numbers(results):
@@ -23,9 +20,9 @@ def study_numbers(results):
     if change is not None:
         yield from _sensitivity(change)
     if found is not None:
-        yield from _passing(found)
+        yield from passing_numbers(found, "Tolerances and yield / p", "Tolerances and yield")
         yield from _causes(found)
-        yield from _budget(found)
+        yield from budget_numbers(found, "Tolerances and yield / How large each tolerance may be")
 
 
 def _stray(stray):
@@ -72,24 +69,6 @@ def _sensitivity(found):
             yield with_error(f"{fold} / {row.name} / {column}", getattr(row.change, name))
 
 
-def _passing(found):
-    rate = found.pass_rate
-    words = (
-        "Of {} parts drawn from the tolerances {} keep every bound: "
-        "{}\u2009% (95\u2009% confidence: {}\u2009% to {}\u2009%)."
-    )
-    shares = [100.0 * share for share in (rate.value, rate.low, rate.high)]
-    yield shown("Tolerances and yield / p", words, found.parts, round(rate.value * found.parts), *shares)
-    for bound in found.bounds:
-        row, designed = f"Tolerances and yield / {metric_words(bound.metric)}", found.metrics[bound.metric].designed
-        factor, unit = (100.0, "\u2009%") if bound.metric in _SHARES else (1.0, "")
-        values = found.table[:, found.columns.index(bound.metric)]
-        kept = (values <= bound.bound) if bound.sense == "<=" else (values >= bound.bound)
-        yield shown(f"{row} / Bound", f"{'≤' if bound.sense == '<=' else '≥'} {{}}{unit}", factor * bound.bound)
-        yield shown(f"{row} / As designed", f"{{}}{unit}", factor * designed.value)
-        yield shown(f"{row} / Parts that keep it", "{}\u2009%", 100.0 * kept.mean())
-
-
 def _causes(found):
     fold = "Tolerances and yield / What the scatter comes from"
     for name, variance in found.variance.items():
@@ -98,27 +77,3 @@ def _causes(found):
         together = variance.interactions
         for words, share, error in (*named, ("several together", together.value, together.standard_error)):
             yield shown(label, f"{words} {{}}\u2009% ± {{}}\u2009%", 100.0 * share, 100.0 * error)
-
-
-def _budget(found):
-    fold, budget = "Tolerances and yield / How large each tolerance may be", found.budget
-    wanted = "The largest amount at which {}\u2009% of the parts pass, the other tolerances as specified; by {} parts."
-    yield shown(f"{fold} / p", wanted, 100.0 * budget.pass_rate, budget.parts)
-    for row in (*budget.alone, budget.together):
-        label = f"{fold} / {row.words}"
-        factor, unit, before = _unit(row)
-        yield shown(f"{label} / Specified", *((f"{before}1",) if before else (f"{{}}{unit}", factor * row.specified)))
-        if row.unlimited:
-            yield shown(f"{label} / At most", f"above {before}{{}}{unit}", factor * row.searched_to)
-            yield shown(f"{label} / Interval", "({} times)", row.searched_to / row.specified)
-            continue
-        yield shown(f"{label} / At most", f"{before}{{}}{unit}", factor * row.at_most)
-        interval = f"{before}{{}}{unit} to {before}{{}}{unit}"
-        yield shown(f"{label} / Interval", interval, factor * row.low, factor * row.high)
-
-
-def _unit(row):
-    """Factor, unit, and what stands before the amount of a tolerance."""
-    if row.tolerance == "all":
-        return 1.0, "", "× "
-    return (100.0, "\u2009%", "") if row.tolerance in _IN_PER_CENT else (1.0, _UNITS.get(row.unit, f" {row.unit}"), "")

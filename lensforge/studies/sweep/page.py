@@ -30,7 +30,6 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         name for name in _METRICS if any(getattr(row, name) is not None for row in sweep.designs)
     ]
     names = [f"{sweep.vary.split('.')[-1]} = {row.value:g}" for row in sweep.designs]
-    compared = ComparedPictures(names, results)
     return template("sweep.html").render(
         name=sweep.spec.name,
         field=sweep.vary,
@@ -40,8 +39,7 @@ def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
         plot=picture("sweep", sweep_figure(sweep), f"Error and efficiency against {_label(sweep)}"),
         head=[sweep.vary, *sweep.scale, *(_METRICS[name] for name in metrics), *_HEAD],
         rows=[(row.folder, _cells(row, metrics)) for row in sweep.designs],
-        maps=compared.maps,
-        sections=compared.sections,
+        pictures=ComparedPictures(names, results),
         version=sweep.version,
     )
 

@@ -37,6 +37,7 @@ _NAMES = {
     "loss": "lost light",
     "chord": "form",
 }
+_UNITS = {"um": "µm"}
 _OTHER = {
     "nodes": "nodes per side",
     "nmse": "NMSE",
@@ -109,7 +110,7 @@ def study_section(study: ConvergenceStudy) -> StudySection:
         study.reference,
         [_order(series, found) for series, found in study.order.items() if found],
         ["method", "setting", "seconds", "MB", *head, *(_OTHER.get(key, key) for key in other), "used by"],
-        [_cells(level, other) for level in study.levels],
+        [_cells(level, list(study.units), other) for level in study.levels],
         [
             picture(f"{study.name}-{error}", pareto(study, error), _title(error, study.against))
             for error in study.plotted
@@ -118,7 +119,8 @@ def study_section(study: ConvergenceStudy) -> StudySection:
 
 
 def _headed(error: str, units: dict[str, str]) -> str:
-    return _named(error) + (f" ({units[error]})" if units[error] else "")
+    unit = _UNITS.get(units[error], units[error])
+    return _named(error) + (f" ({unit})" if unit else "")
 
 
 def _named(error: str) -> str:
@@ -129,12 +131,12 @@ def _order(series: str, found: Errors) -> str:
     return f"{series}: " + ", ".join(f"{_named(error)} {number_with_error(order, 3)}" for error, order in found.items())
 
 
-def _cells(level: RefinementLevel, other: list[str]) -> list[str]:
+def _cells(level: RefinementLevel, errors: list[str], other: list[str]) -> list[str]:
     setting = NOTHING if level.reference and not level.setting else number(level.setting)
     used = "reference" if level.reference else "; ".join(level.used_by)
     costs = [number(level.seconds, 2), number(level.peak_mb, 2)]
-    errors = [number_with_error(error, 3) for error in level.errors.values()]
-    return [level.series, setting, *costs, *errors, *(number(level.other.get(key), 4) for key in other), used]
+    found = [number_with_error(level.errors[name], 3) for name in errors]
+    return [level.series, setting, *costs, *found, *(number(level.other.get(key), 4) for key in other), used]
 
 
 def _title(error: str, against: str) -> str:
