@@ -81,12 +81,12 @@ def made(kind: type, **fields: Any) -> Any:
 def test_rounds_go_on_while_they_help_and_the_margins_are_missing(shortfalls, rounds, monkeypatch) -> None:
     asked = []
 
-    class Noted(torch.optim.LBFGS):
+    class Noted(feasibility._LBFGS):
         def __init__(self, parameters: list[torch.Tensor], **how: Any) -> None:
             asked.append(how)
             super().__init__(parameters, **how)
 
-    monkeypatch.setattr(torch.optim, "LBFGS", Noted)
+    monkeypatch.setattr(feasibility, "_LBFGS", Noted)
     constraints = made(Scripted, keys_=()).begin(shortfalls)
     moved, shortfall = feasibility._least_move(made(Tables), constraints, WEIGHTS, OFFSETS, 0.7)
     assert (constraints.updates, constraints.begun_with) == (rounds, 1e6)

@@ -8,7 +8,7 @@ import numpy as np
 from lensforge.sources.rayfiles import FORMATS, RayFile
 from lensforge.sources.rayfiles.binary import FileImage
 
-SHARED = Path(__file__).parents[2] / ".." / "shared" / "rayfiles"
+SHARED = Path(__file__).parents[1] / ".." / "shared" / "rayfiles"
 
 
 def rays(count=12, unit="W", wavelengths="none", seed=1) -> RayFile:
