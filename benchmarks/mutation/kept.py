@@ -1,11 +1,12 @@
 """Outcomes of mutants, kept in a file after each of them, and what is counted from them."""
 
 import json
-import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from result_tables import between_marks
+
+from lensforge.tolerancing.yield_result import PassRate
 
 from .draw import Mutant
 
@@ -70,7 +71,7 @@ def equivalent() -> dict[str, str]:
 
 
 def table(record: Record) -> str:
-    """The outcomes by package, in Markdown, with the share caught of those that are bugs and its standard error."""
+    """The outcomes by package, in Markdown: the share caught of those that are bugs, and its confidence interval."""
     reasons = equivalent()
     rows = ["| package | possible | drawn | no bug | caught at first | caught now | left |", "|---" * 7 + "|"]
     for package in [*dict.fromkeys(each.package for each in record.outcomes.values()), ""]:
@@ -84,9 +85,11 @@ def table(record: Record) -> str:
 
 
 def share(caught: int, bugs: int) -> str:
-    """Count and share in per cent, with the standard error of a share of that many random draws."""
-    part = caught / bugs if bugs else math.nan
-    return f"{caught} ({100 * part:.1f} ± {100 * math.sqrt(part * (1 - part) / bugs) if bugs else math.nan:.1f} %)"
+    """Count, share in per cent, and its 95 % confidence interval by Wilson's score."""
+    if not bugs:
+        return "0"
+    part = PassRate.of(caught, bugs)
+    return f"{caught} ({100 * part.value:.0f} %, {100 * part.low:.0f} to {100 * part.high:.0f})"
 
 
 def page_part(record: Record) -> str:

@@ -74,8 +74,10 @@ def test_bugs_are_counted_without_those_that_are_none(tmp_path, monkeypatch):
     record.save()
     assert Record.load(record.path, 5) == record
     monkeypatch.setattr("mutation.kept.equivalent", lambda: {"a/4": "the same value"})
-    assert share(2, 4) == "2 (50.0 ± 25.0 %)"  # sqrt(0.5 * 0.5 / 4)
-    assert "| `a` | 40 | 5 | 1 | 2 (50.0 ± 25.0 %) | 3 (75.0 ± 21.7 %) | 1 |" in table(record)
+    z2 = 1.959963984540054**2
+    low, high = ((0.5 + z2 / 8 + sign * (z2 / 16 + z2**2 / 64) ** 0.5) / (1 + z2 / 4) for sign in (-1, 1))  # Wilson
+    assert share(2, 4) == f"2 (50 %, {100 * low:.0f} to {100 * high:.0f})" == "2 (50 %, 15 to 85)"
+    assert "| `a` | 40 | 5 | 1 | 2 (50 %, 15 to 85) | 3 (75 %, 30 to 95) | 1 |" in table(record)
     with pytest.raises(SystemExit, match="has the seed 5"):
         Record.load(record.path, 6)
 

@@ -213,7 +213,7 @@ def test_lights_under_other_conditions_have_a_row_and_a_picture_for_each_receive
 def test_designs_on_receivers_of_different_kinds_have_no_common_scale():
     designs = [make_results(("evaluate",)), make_results(("evaluate",), far_lens())]
     pictures = ComparedPictures(("near", "far"), designs)
-    assert not pictures.one_scale
+    assert not pictures.one_scale and "the designs differ too much for one scale" in pictures.scale_words
     assert [each.caption for each in pictures.maps] == ["At 150 mm.", "In the far field, to 80°."]
     assert [each.title for each in pictures.curves][::3] == [
         "Along y = 0, at a distance",
@@ -228,7 +228,7 @@ def test_far_fields_are_compared_on_one_scale_in_degrees():
     narrow = small_lens(wanted={"target": {**BEAM, "half_angle_deg": 60.0}})
     designs = [make_results(("evaluate",), lens) for lens in (narrow, far_lens())]
     pictures = ComparedPictures(("narrow", "wide"), designs)
-    assert pictures.one_scale and pictures.lengths == "angles"
+    assert pictures.one_scale and pictures.scale_words == "All maps have the same colours and the same angles."
     assert all("position on the line (°)" in each.svg for each in pictures.curves[:2])
     assert "the same angles" in render_comparison(designs)
 
