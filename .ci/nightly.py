@@ -22,14 +22,19 @@ KEPT, PAGE, LOGS = ROOT / "docs" / "nightly.json", ROOT / "docs" / "nightly.md",
 sys.path.append(str(ROOT / "benchmarks"))
 from result_tables import between_marks, table  # noqa: E402
 
-# As many random cases as a night on two cores has time for; some tests would take days with a hundred times as many.
-FACTOR = 10
+_TESTS = ".venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder"
+# Files whose number of cases grows with LENSFORGE_FUZZ. Ten times as many: a hundred times would take days.
+_RANDOM = (
+    "tests/extremes tests/geometry/test_mesh.py tests/geometry/test_base.py tests/tolerancing/test_yield_study.py "
+    "tests/tolerancing/test_sensitivity.py tests/reliability/test_fuzz.py"
+)
 STEPS = {
     "lowest": "make lowest",
     "wheel": "make wheel",
     "docs": "make docs",
     "notebooks": "make notebooks",
-    "tests": f"LENSFORGE_FUZZ={FACTOR} .venv/bin/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder",
+    "random": f"LENSFORGE_FUZZ=10 {_TESTS} -m 'not nightly' {_RANDOM}",
+    "slow": f"LENSFORGE_FUZZ=2 {_TESTS} -m nightly",
     "fuzz": ".venv/bin/python benchmarks/fuzz.py --cases 100000 --foreign 2000",
 }
 _COUNTS = re.compile(r"^=*\s*((?:\d+ \w+,? ?)+) in [\d.]+s|^(\d+ cases.*)$", re.MULTILINE)
@@ -94,11 +99,15 @@ def keep(name: str, found: dict[str, Any]) -> None:
 def rows() -> str:
     """The table of the page."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    lines = [
-        (name, found["date"], found["commit"], f"{found['seconds'] / 60:.1f} min", found["outcome"], found["counts"])
-        for name, found in sorted(kept.items(), key=lambda item: list(STEPS).index(item[0]))
-    ]
-    return table(lines, ("step", "day", "commit", "time", "outcome", "counted"))
+    return table([row(name, kept.get(name)) for name in STEPS], ("step", "day", "commit", "time", "outcome", "counted"))
+
+
+def row(name: str, found: dict[str, Any] | None) -> tuple[str, ...]:
+    """A step's row of the table."""
+    if found is None:
+        return name, "", "", "", "not run yet", ""
+    minutes = f"{found['seconds'] / 60:.1f} min"
+    return name, found["date"], found["commit"], minutes, found["outcome"], found["counts"]
 
 
 if __name__ == "__main__":

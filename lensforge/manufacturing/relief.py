@@ -138,7 +138,7 @@ def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Outer
         smallest_step_mm=_largest_reached(face, step),
         step_clearance_mm=_largest_reached(face, setback),
         flange_clearance_mm=_largest_reached(face, flange),
-        flush_fraction=_clear(face, step + setback + flange),
+        flush_fraction=_clear(face, step, setback, flange),
     )
 
 
@@ -160,7 +160,7 @@ def _inner_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Inner
     return InnerRelief(
         bore_clearance_mm=_largest_reached(face, bore),
         pocket_diameter_mm=_largest_reached(face, pocket),
-        flush_fraction=_clear(face, np.maximum(bore, pocket)),
+        flush_fraction=_clear(face, bore, pocket),
     )
 
 
@@ -173,5 +173,6 @@ def _largest_reached(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float
     return float(retreat[face.reached].max()) if face.reached.any() else None
 
 
-def _clear(face: FaceCheck, retreat: Float[np.ndarray, " k"]) -> float:
-    return face.samples.fraction(face.reached & (retreat == 0.0))
+def _clear(face: FaceCheck, *retreats: Float[np.ndarray, " k"]) -> float:
+    """Share of the face that the ball reaches, and over which nothing of the base must give way."""
+    return face.samples.fraction(face.reached & np.all([retreat == 0.0 for retreat in retreats], axis=0))

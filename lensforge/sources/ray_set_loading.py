@@ -134,15 +134,16 @@ def _bundle(
     elif material is not None:
         with remedy("give source.spectrum"):
             wavelengths_nm = wavelengths_of(rayfile, rays)
+    found: RaysOfFile | RayBundle
     if isinstance(rays, StoredRays):
-        unread = RaysOfFile(rays, factor)
-        if material is None or wavelengths_nm is None:
-            return unread, None
-        return unread.dispersed(wavelengths_nm, material, name)
-    bundle = RayBundle(rays.positions_mm, rays.directions, rays.flux * factor)
+        found = RaysOfFile(rays, factor)
+    else:
+        found = RayBundle(rays.positions_mm, rays.directions, rays.flux * factor)
     if material is None or wavelengths_nm is None:
-        return bundle, None
-    return dispersed(bundle, wavelengths_nm, material, name)
+        return found, None
+    if isinstance(found, RaysOfFile):
+        return found.dispersed(wavelengths_nm, material, name)
+    return dispersed(found, wavelengths_nm, material, name)
 
 
 def _with_name(part: _Loaded) -> tuple[str, ...]:
