@@ -186,7 +186,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "sources/ray_set_loading.py": ("sources/test_dispersion_account", *_RAY_SETS),
     "sources/ray_set_outline.py": ("sources/test_outline_of_rays", *_RAY_SETS),
     "sources/rays_of_file.py": _RAY_SETS,
-    "sources/source_summary.py": ("sources/test_flux", "sources/test_dispersion_account", "sources/test_ray_set"),
+    "sources/source_summary.py": (
+        "sources/test_source_poses",
+        "sources/test_flux",
+        "sources/test_dispersion_account",
+        "sources/test_ray_set",
+    ),
     "sources/spectrum.py": _COLOURS,
     "sources/spectrum_file.py": ("sources/test_spectrum_files",),
     "sources/square.py": _AREAS,

@@ -20,6 +20,7 @@ _HALF_ANGLE, _MOST_HALF_ANGLE_DEG = 4.0 / 3.0, 85.0  # over the beam; and where 
 _AREAS = ("square", "disc", "rectangle", "chip_array")
 _ACROSS = ("width_mm", "diameter_mm", "length_mm", "outer_diameter_mm")
 _LARGEST_MM = 1e9  # of any length of a spec
+_MOST_PLACES = 300  # digits behind the point: ten to this power is a number yet, also for the smallest length
 _GLYPH = 1.6  # height of a narrow glyph over its width
 
 WHY = {
@@ -195,5 +196,5 @@ def _digits(value: float, towards: Any = round) -> float:
     """``value`` to three significant digits."""
     if not 0.0 < value < inf:
         return value
-    places = 2 - floor(log10(value))
+    places = min(2 - floor(log10(value)), _MOST_PLACES)
     return float(round(towards(round(value * 10.0**places, 6)) / 10.0**places, 12))

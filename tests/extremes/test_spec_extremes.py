@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lensforge.accuracy import PRESETS
-from lensforge.errors import InputError
+from lensforge.errors import InputError, WrongFields
 from lensforge.evaluation.evaluate import evaluate_lens
 from lensforge.lens import Lens
 from lensforge.sources.build import build_source
@@ -92,7 +92,9 @@ def _lens(spec: Spec, seed: int, roughness: float) -> Lens:
 
 
 def _one_line(refusal: InputError) -> None:
-    assert "\n" not in str(refusal) and len(str(refusal)) < 400
+    """One line, or where several fields are wrong one for each."""
+    lines = refusal.lines if isinstance(refusal, WrongFields) else (str(refusal),)
+    assert lines and all("\n" not in line and 0 < len(line) < 400 for line in lines)
 
 
 @fuzzed(60, by_day=25)

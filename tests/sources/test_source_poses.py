@@ -11,6 +11,7 @@ from lensforge.sources.blocks import BLOCK_RAYS, block_slices, total_of
 from lensforge.sources.build import build_source, summarise
 from lensforge.sources.bundle import ChangedSource, RayBundle, drawn
 from lensforge.sources.placement import PlacedSource, SourcePose, placed_source, rotation_about
+from lensforge.sources.source_summary import AppliedPlacement
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec.source import RectangleSource, SquareSource
 
@@ -151,3 +152,9 @@ def test_a_spec_makes_the_emitter_in_its_place_with_its_spectrum_and_its_summary
     assert (
         build_source(spec.model_copy(update={"spectrum": None}), MATERIALS["PMMA"]).sample(1, 0).wavelengths_nm is None
     )
+
+
+def test_a_record_from_before_poses_has_its_rays_untilted_at_the_origin() -> None:
+    flat = {"origin_mm": (0.0, 0.0, 1.0), "scale": 1.0, "axis": "+z", "mirror": "none", "rotate_z_deg": 0.0}
+    found = AppliedPlacement.model_validate({**flat, "backward_share": 0.0, "below_plane_share": 0.5})
+    assert (found.tilt_deg, found.position_mm) == ((0.0, 0.0), (0.0, 0.0, 0.0))

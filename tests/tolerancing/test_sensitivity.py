@@ -119,7 +119,7 @@ def test_the_standard_error_of_the_uniformity_is_no_less_than_the_scatter(change
     """That of a minimum is an upper bound; where no ray crosses the edge of the darkest pixel it is that of one ray."""
     values, stated = changes[error, "uniformity"].T
     assert 0.1 < values.std(ddof=1) / np.sqrt(np.mean(stated**2)) < 1.2
-    assert stated.min() > 0.02 * stated.max()
+    assert stated.min() > 0.05 * np.median(stated), "never nothing"
 
 
 def test_common_rays_leave_little_noise(changes):
