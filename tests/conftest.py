@@ -8,9 +8,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-# A thread of OpenBLAS or of torch that waits for another takes a whole core, and the processes of these tests have one
-# each: sums of a source's rays took ten times as long, a search a third more. They read this when they are loaded: the
-# processes of xdist and the commands that tests start obey. Tests of threads say how many they want.
+# A thread of OpenBLAS or of torch that waits for another takes a whole core, and the processes of these tests have
+# one each: sums of a source's rays took ten times as long, tests of the search, run alone, a third more. They read
+# this when they are loaded: the processes of xdist and the commands that tests start obey. Tests of threads say how
+# many they want.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
