@@ -45,12 +45,18 @@ class _Interrupted(Exception):
     """An interrupt on its way through click, which would print an empty line for :class:`KeyboardInterrupt`."""
 
 
+class _CutShort(Exception):
+    """A file that ends too early on its way through click, which would take :class:`EOFError` for an interrupt."""
+
+
 class _Group(CommandGroup):
     def invoke(self, context: click.Context) -> Any:
         try:
             return super().invoke(context)
         except KeyboardInterrupt:
             raise _Interrupted from None
+        except EOFError as error:
+            raise _CutShort from error
 
 
 @click.group(
@@ -108,7 +114,7 @@ def _run(interrupts: Interrupts) -> int:
     except BaseException as error:
         if interrupts.received is not None or isinstance(error, _Interrupted | KeyboardInterrupt | click.Abort):
             return _say(interrupts.words, interrupts.exit_code)  # whatever a library made of it
-        return _failure(error)
+        return _failure(error.__cause__ if isinstance(error, _CutShort) and error.__cause__ else error)
     return 0
 
 
@@ -125,8 +131,19 @@ def _failure(error: BaseException) -> int:
     if isinstance(error, OSError) and error.errno in _FULL_OR_FAILING:
         where = "" if error.filename is None else f"{error.filename}: "
         return _say(f"{where}{error.strerror}; a full disk, or a limit of this machine?", 2)
+    module = _module_cut_short(error)
+    if module is not None:
+        return _say(f"{module}: a compiled module, cut short as a full disk leaves it; delete it and try again", 2)
     # a bug: the user gets a line, the developer the details
     return _say(f"internal error: {type(error).__name__}: {error}; {_details(error)}", 1)
+
+
+def _module_cut_short(error: BaseException) -> str | None:
+    """The file that Python could not load as a compiled module: Python 3.11 keeps one that it could not write whole."""
+    if not isinstance(error, EOFError):
+        return None
+    frames = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return next((str(names["bytecode_path"]) for names in frames if names.get("bytecode_path")), None)
 
 
 def _details(error: BaseException) -> str:

@@ -61,7 +61,7 @@ def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
     u = directions(20000, 77)
     first = 1e3 * error(u) * np.sum(getattr(LENS, side).normal(u) * u, axis=1)
     second = 1e3 * again.along_normals(u)
-    assert np.abs(first).max() > 4.0
+    assert np.abs(first).max() > 3.5
     assert rms(second) < 0.2 and np.abs(second).max() < 1.0
     assert found.deviation_um.rms == pytest.approx(rms(first), rel=0.05)
     assert found.noise_rms_um == pytest.approx(0.3, rel=0.15)
@@ -72,15 +72,18 @@ def test_the_second_cut_is_within_a_micrometre(corrected, side, registration):
 @pytest.mark.parametrize("side", first_by_day(1, ["inner", "outer"]))
 def test_the_second_cut_has_the_light_of_the_design(corrected, side):
     found, again, error = corrected(side, "none" if side == "outer" else "rigid")
-    cuts = ChangedLens(LENS, side, build_source(LENS.spec.source), PRESETS["draft"].evaluate_nodes_per_sigma, 2**17)
+    # The outer face moves half as much light: less than 2^17 rays see. What it moves lowers the NMSE of this lens,
+    # which is that of no search.
+    rays = {"inner": 2**17, "outer": 2**19}[side]
+    cuts = ChangedLens(LENS, side, build_source(LENS.spec.source), PRESETS["draft"].evaluate_nodes_per_sigma, rays)
     design, first, second = cuts.lights(None, Uncorrected(error), again)
     changes = [each.replicates.change_from(design.replicates, cuts.rays) for each in (first, second)]
     uncorrected, left, lost = changes[0].nmse, changes[1].nmse, changes[1].efficiency
-    assert uncorrected.value > 3.0 * uncorrected.standard_error
+    assert abs(uncorrected.value) > 3.0 * uncorrected.standard_error
     assert abs(left.value) <= 2.0 * design.metrics.nmse.standard_error
     assert abs(lost.value) <= 2.0 * design.metrics.efficiency.standard_error
     # Common rays see less than that: with 2^20 of them 0.00047 of the first cut, 0.00007 +- 0.00002 of the second.
-    assert abs(left.value) <= 0.2 * uncorrected.value + 2.0 * left.standard_error
+    assert abs(left.value) <= 0.2 * abs(uncorrected.value) + 2.0 * left.standard_error
     off = [np.sum((cut.map - design.map) ** 2) for cut in (first, second)]
     assert off[1] < 0.1 * off[0]
     assert abs(found.change.nmse.value) <= 3.0 * found.change.nmse.standard_error

@@ -1,7 +1,9 @@
 """Streams that close or are full, folders that cannot be written, full disks, and pages that belong to others."""
 
 import errno
+import importlib
 import os
+import py_compile
 import resource
 import shutil
 import subprocess
@@ -14,7 +16,7 @@ import pytest
 from nightly import first_by_day
 
 import lensforge as lf
-from lensforge import compiled, kernels
+from lensforge import cli, compiled, kernels
 from lensforge.commands.printing import printable
 from lensforge.errors import InputError
 from lensforge.files import replacing, require_writable
@@ -267,6 +269,40 @@ def test_a_home_without_room_for_compiled_kernels_is_no_failure(
         compiled.cache_folder(Path(kernels.__file__).parent)
 
 
+def test_a_compiled_module_that_a_full_disk_has_cut_short_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It was "interrupted": click takes every early end of a file for one."""
+    (tmp_path / "cut_short.py").write_text("LENGTHS_MM = (1.0, 2.0, 3.0)", encoding="utf-8")
+    compiled_module = Path(py_compile.compile(str(tmp_path / "cut_short.py"), doraise=True))
+    os.truncate(compiled_module, compiled_module.stat().st_size // 2)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(cli.cli.commands["examples"], "callback", lambda **_: importlib.import_module("cut_short"))
+    monkeypatch.setattr(sys, "argv", ["lensforge", "examples"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    said = (
+        f"lensforge: {compiled_module}: a compiled module, cut short as a full disk leaves it; delete it and try again"
+    )
+    assert (end.value.code, capfd.readouterr().err) == (2, f"{said}\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(EOFError("ends"), "internal error: EOFError: ends"), (KeyboardInterrupt(), "interrupted")]
+)
+def test_the_end_of_a_file_is_no_interrupt(
+    error: BaseException, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def end(**_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(cli.cli.commands["examples"], "callback", end)
+    monkeypatch.setattr(sys, "argv", ["lensforge", "examples"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert capfd.readouterr().err.startswith(f"lensforge: {said}")
+
+
 COMMANDS = [
     "check",
     "photometry --rays 4096",
@@ -290,7 +326,8 @@ def test_a_full_disk_is_one_line_and_old_files_stay(command: str, small_run: lf.
         [sys.executable, "-m", "lensforge", name, folder, *options],
         capture_output=True,
         encoding="utf-8",
-        env={**os.environ, "TMPDIR": str(temporary)},
+        # Python 3.11 keeps a compiled module that the limit has cut short: no later command would start.
+        env={**os.environ, "TMPDIR": str(temporary), "PYTHONDONTWRITEBYTECODE": "1"},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500)),
         timeout=300,
         check=False,
