@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -48,6 +49,7 @@ SWEEP = (
 )  # fmt: skip
 _EXAMPLE = Path(__file__).parents[1] / "examples" / "quickstart.toml"
 _TIMES = ("seconds", "cast_seconds", "rate", "content_sha256")  # computing times, and the checksum that covers them
+_MOMENT = re.compile(rb"\d{4}-\d\d-\d\d \d\d:\d\d UTC|\b\d+\.\d s\b")  # on a page; two may be alike by chance
 _LIMIT_SECONDS = 3600.0
 _GRACE_SECONDS = 5.0  # within which the children of a killed process must have ended
 
@@ -204,6 +206,7 @@ def _masked(name: str, content: bytes, wanted: bytes, same_again: bytes) -> obje
         return _without_times(json.loads(content))
     if wanted == same_again:
         return content
+    content, wanted, same_again = (_MOMENT.sub(b"", each) for each in (content, wanted, same_again))
     lines, others = content.split(b"\n"), (wanted.split(b"\n"), same_again.split(b"\n"))
     if len({len(lines), len(others[0]), len(others[1])}) > 1:
         return content
