@@ -174,7 +174,7 @@ worker.work(Numbered("fake", None, read, lambda: [{{"x": b""}}]), first, count, 
 def test_a_case_that_ends_its_process_hangs_prints_or_takes_all_memory_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "_PATIENCE", 0.6)
+    monkeypatch.setattr(driver, "_PATIENCE", 0.3)
     script = tmp_path / "worker.py"
     script.write_text(WORKER.format(benchmarks=str(BENCHMARKS)))
     (tally,) = driver.run([fake(lambda folder: None)], [12], 0, 1, [sys.executable, str(script)])

@@ -17,6 +17,14 @@ pytestmark = browser.needed
 HIGHEST = {1280: 6000, 400: 12_000}  # pixels, before anything is unfolded
 # Of a picture its name counts, for whoever does not see it; its lines and labels are many thousands.
 DRAWN = {"exclude": [["svg[role=img] > g"]]}
+# Rows of one table with the same markup look alike: one of them stands for all.
+FEWER_ROWS = """document.querySelectorAll('tbody').forEach(body => {
+  const seen = new Set();
+  for (const row of [...body.rows]) {
+    const markup = row.outerHTML.replace(/>[^<]*</g, '><').replace(/(href|id|title|aria-label)="[^"]*"/g, '');
+    seen.has(markup) ? row.remove() : seen.add(markup);
+  }
+})"""
 UNFOLD = "document.querySelectorAll('details').forEach(each => each.open = true)"
 WALL = {
     "kind": "plane", "name": "wall", "centre_mm": (100.0, 0.0, 200.0), "width_mm": 300.0, "height_mm": 150.0,
@@ -67,6 +75,7 @@ def test_axe_finds_nothing_against_the_page(started, page, width, scheme):
     Each width and each scheme by day: no rule of the page's style asks for both.
     """
     with browser.opened(started, page, width, scheme) as window:
+        window.evaluate(FEWER_ROWS)
         for unfold in ("", UNFOLD):
             window.evaluate(unfold)
             found = Axe().run(window, DRAWN, {"resultTypes": ["violations"]}).response["violations"]

@@ -9,6 +9,7 @@ import pytest
 from rayfile_samples import SHARED, rays
 
 from lensforge.errors import InputError
+from lensforge.materials.catalogue import MATERIALS
 from lensforge.sources.build import build_source, summarise
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.ray_set import RaySetEmitter, placed
@@ -17,7 +18,7 @@ from lensforge.sources.rayfiles import write_rayfile
 from lensforge.sources.rayfiles.virtual_focus import virtual_focus
 from lensforge.sources.source_summary import SourceSummary
 from lensforge.spec import load_spec
-from lensforge.spec.ray_source import Placement, RayfileSource, RayfilesSource
+from lensforge.spec.ray_source import Placement, RayfileSource, RayfilesSource, RaySource
 from lensforge.spec.source import SquareSource
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -27,10 +28,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def load(tmp_path):
     """Load the emitter of a ray file with the fields of the spec's source section."""
 
-    def _load(rayfile, **fields):
+    def _load(rayfile, material=None, **fields):
         path = tmp_path / "led.rays"
         write_rayfile(path, rayfile, "csv" if rayfile.flux_unit == "lm" else "tm25")
-        return load_ray_set(RayfileSource(kind="rayfile", file=path, **fields))
+        return load_ray_set(RayfileSource(kind="rayfile", file=path, **fields), material)
 
     return _load
 
@@ -45,6 +46,21 @@ def test_origin_and_rotation(load):
     expected = np.column_stack([-directions[:, 1], directions[:, 0], directions[:, 2]])
     np.testing.assert_allclose(emitter.rays.directions, expected, atol=1e-7)
     np.testing.assert_allclose(load(original).rays.origins, original.positions_mm)
+
+
+@pytest.mark.parametrize("wavelengths_nm", [None, np.full(50, 600.0)])
+def test_rays_bring_an_index_only_where_the_lens_disperses_and_their_wavelengths_are_known(load, wavelengths_nm):
+    original, pmma = replace(rays(50), wavelengths_nm=wavelengths_nm), MATERIALS["PMMA"]
+    places = {"positions_mm": original.positions_mm, "directions": original.directions}
+    spec = RaySource(**places, flux_w=1.0, wavelengths_nm=wavelengths_nm)
+    one_index = load(original).rays.refractive_indices
+    for found in (load_ray_set(spec, pmma), load(original, material=pmma)):
+        if wavelengths_nm is None:
+            assert found.rays.refractive_indices is None and found.summary.wavelengths_nm is None
+        else:
+            np.testing.assert_allclose(found.rays.refractive_indices, pmma.index_at(600.0))
+            assert found.summary.wavelengths_nm == (600.0, 600.0)
+    assert one_index is None
 
 
 AXES = {"+x": [1, 0, 0], "-x": [-1, 0, 0], "+y": [0, 1, 0], "-y": [0, -1, 0], "+z": [0, 0, 1], "-z": [0, 0, -1]}
