@@ -115,14 +115,14 @@ def small_run(shared: Path) -> lensforge.Run:
     The report has no pictures, which take ten seconds, and the part few triangles, which every reader of the folder
     adds up. It is made on one thread, one stage after another.
     """
-    from coarse_mesh import coarse_mesh  # not before the import hook is there
+    from coarse_part import coarse_part  # not before the import hook is there
     from scenes import small_spec
     from undrawn import undrawn
 
     from lensforge.arguments import threads_of_torch
 
     spec = small_spec(optimise__steps_per_level=[40, 40])
-    with undrawn(), coarse_mesh(), threads_of_torch(1):
+    with undrawn(), coarse_part(), threads_of_torch(1):
         return made_once(shared / "small_run", lambda folder: lensforge.run(spec, folder, accuracy="draft"))
 
 

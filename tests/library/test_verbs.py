@@ -8,7 +8,7 @@ from pathlib import Path
 import cadquery
 import numpy as np
 import pytest
-from coarse_mesh import coarse_mesh
+from coarse_part import coarse_part
 from matplotlib.axes import Axes
 from nightly import NIGHTLY
 from scenes import small_spec, sphere
@@ -50,7 +50,7 @@ def test_verbs_write_nothing_and_give_what_a_run_gives(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     design = lf.design(small_spec(optimise__steps_per_level=[40, 40]), accuracy="draft")
-    with coarse_mesh():  # like the run
+    with coarse_part():  # like the run
         run, made = small_run, [lf.evaluate(design.lens), lf.build(design.lens)]
     if NIGHTLY:  # half a minute
         made += [lf.check(made[1]), lf.verify(made[1], made[0])]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 from click.testing import CliRunner
-from coarse_mesh import coarse_mesh
+from coarse_part import coarse_part
 from foreground import default_signals
 from undrawn import undrawn
 
@@ -112,7 +112,7 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Killed:
     checkpoint = folder / "cad_out" / "small" / "checkpoint.bin"
     assert checkpoint.exists() and not checkpoint.with_name("lens.json").exists(), "cut during the search"
     # In this process, and on one thread, which needs no second process: twenty seconds less.
-    with pytest.MonkeyPatch.context() as patch, undrawn(), coarse_mesh(), threads_of_torch(1):
+    with pytest.MonkeyPatch.context() as patch, undrawn(), coarse_part(), threads_of_torch(1):
         patch.chdir(folder)
         resumed = lensforge_here("design", spec, "--accuracy", "draft", "--resume")
     return Killed(folder / "cad_out" / "small", spec, process.returncode, stderr, resumed)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from coarse_mesh import coarse_mesh
+from coarse_part import coarse_part
 from nightly import first_by_day
 from scenes import hemisphere_directions, small_spec
 from undrawn import undrawn
@@ -49,7 +49,7 @@ def dark(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
     small_spec(optimise={"steps_per_level": [1, 1], "rays": 1024, "pixels": 16}).replace(target=TARGET).save(
         folder / "dark.toml"
     )
-    with undrawn(), coarse_mesh(), threads_of_torch(1):
+    with undrawn(), coarse_part(), threads_of_torch(1):
         done = lensforge("design", folder / "dark.toml", "--accuracy", "draft", "--out", folder / "out")
     return folder / "out", *done
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import torch
-from coarse_mesh import coarse_mesh
+from coarse_part import coarse_mesh
 from scenes import small_spec
 
 import lensforge as lf
@@ -16,7 +16,7 @@ from lensforge.arguments import threads_of_torch
 from lensforge.commands.progress import DesignProgress
 from lensforge.commands.stage_clock import StageClock
 from lensforge.later_stages import Told, process_for_later_stages, run_later_stages
-from lensforge.pipeline import write_design
+from lensforge.pipeline import run_check, write_design
 from lensforge.run_folder import renew
 from lensforge.workers import second_process
 
@@ -61,18 +61,20 @@ def test_one_thread_and_two_make_the_same_files(
 ) -> None:
     """Side by side, no stage reads the files as if somebody else had made them: that takes a child, and its limits.
 
-    The small run was made on one thread.
+    The small run was made on one thread; its check is made again, as the second process knows of no coarse one.
     """
     monkeypatch.setattr("lensforge.verification.apart._cast_in_child", None)
+    shutil.copytree(small_run.folder, tmp_path / "one")
     with coarse_mesh():  # like the small run
         told = in_a_copy(small_run, tmp_path / "two", threads=2)
+        run_check(tmp_path / "one")
     assert [name for what, name in told if what == "begins"] == ["export", "evaluate", "photometry", "check", "verify"]
     assert sorted(name for what, name in told if what == "ended") == sorted(LATER)
     assert told.index(("ended", "evaluate")) < told.index(("ended", "export")), "beside it"
 
-    one, two = files(small_run.folder), files(tmp_path / "two")
+    one, two = files(tmp_path / "one"), files(tmp_path / "two")
     assert sorted(one) == sorted(two) and [name for name in one if one[name] != two[name]] == []
-    assert lf.load(tmp_path / "two").verdict == small_run.verdict
+    assert lf.load(tmp_path / "two").verdict == lf.load(tmp_path / "one").verdict
 
 
 def test_on_one_thread_a_stage_begins_when_the_one_before_it_has_ended(
