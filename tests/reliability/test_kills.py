@@ -11,7 +11,7 @@ from kills import DESIGN, SWEEP, differences, killed, uninterrupted
 @pytest.mark.parametrize("commands", [DESIGN, SWEEP], ids=["design", "sweep"])
 def test_killed_commands_end_in_the_same_bits(commands: tuple[tuple[str, ...], ...], tmp_path: Path) -> None:
     (one, seconds), (two, _) = (uninterrupted(tmp_path / name, commands) for name in ("one", "two"))
-    assert one.failures == two.failures == []
+    assert one.failures == two.failures == differences(two.files(), one.files(), two.files()) == []
     found = killed(tmp_path / "killed", 1, commands, seconds, most=3, of_one=8)
     assert found.kills, "some come before the command has ended"
     assert found.failures + differences(found.files(), one.files(), two.files()) == []
@@ -38,5 +38,6 @@ def test_what_differs_is_seen() -> None:
         differences({"c.html": later[0] + b"\n<i>1</i>"}, {"c.html": later[1]}, {"c.html": later[1][:-4] + b"9</i>"})
         == []
     )
+    assert differences({"c.dxf": b"1"}, {"c.dxf": b"0"}, {"c.dxf": b"1"}) == ["other bits: c.dxf"], "each time another"
     assert seen(left=b"") == ["left over: .writing-x"]
     assert differences({}, {"b.npz": b"01"}, {"b.npz": b"01"}) == ["missing: b.npz"]
