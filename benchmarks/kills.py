@@ -7,7 +7,8 @@ its commands is killed (SIGKILL; every fifth time SIGTERM or SIGINT) at a random
 changes in its folder, writes included; then it runs again, with ``--resume`` where there is something to resume. At the
 end every file must have the bits of an uninterrupted chain; records apart from their computing times, pages and
 checkpoints except where two uninterrupted chains differ from each other (times, and hashes of files that state them).
-No file may be left over in the folders or in TMPDIR, and no process may run. The seed of each chain is printed: ``--chain SEED`` runs it again.
+No file may be left over in the folders or in TMPDIR, and no process may run. The seed of each chain is printed:
+``--chain SEED`` runs it again.
 """
 
 import argparse
