@@ -29,6 +29,8 @@ except ImportError:  # not on Windows
 
 # That a file outlasts a power cut is not what tests see, and waiting for the disk takes 3 ms for each of thousands.
 os.fsync = lambda _: None
+# By default Python searches for garbage at 700 new objects: a seventh of the time in which a page is drawn.
+gc.set_threshold(20_000, 20, 20)
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",
@@ -45,9 +47,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is loaded stays: the search for garbage need not walk through it again and again, and is rare."""
+    """What is loaded stays: the search for garbage need not walk through it again and again."""
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)  # by default at 700 new objects: a seventh of the time in which a page is drawn
 
 
 @pytest.hookimpl(tryfirst=True)

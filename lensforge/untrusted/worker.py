@@ -5,6 +5,7 @@ imports from the standard library alone, since nothing else may be loaded before
 """
 
 import ctypes
+import gc
 import os
 import runpy
 import signal
@@ -13,6 +14,9 @@ import sys
 _MIB = 2**20
 # Libraries that are mapped, not allocated, count for the address space only: the CAD kernel and VTK have 1 GiB.
 _MAPPED_MIB = 4096
+# Nearly all new objects are those of libraries, which stay: with Python's own 700 a search among them takes a fifth of
+# the seconds in which torch and the CAD kernel are loaded.
+_NEW_OBJECTS = 20_000
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
@@ -42,6 +46,11 @@ def limit_itself(memory_mib: int, seconds: float, parent: int) -> None:
     end_with_parent(parent)
 
 
+def collect_garbage_seldom() -> None:
+    """Have Python search for garbage after so many new objects that loading libraries hardly waits for it."""
+    gc.set_threshold(_NEW_OBJECTS, 20, 20)
+
+
 def end_with_parent(parent: int) -> None:
     """Have this process end with its parent, whose number is given, on Linux."""
     if sys.platform == "linux":
@@ -53,6 +62,7 @@ def end_with_parent(parent: int) -> None:
 if __name__ == "__main__":
     package, script, folder, memory_mib, seconds, parent = sys.argv[1:]
     limit_itself(int(memory_mib), float(seconds), int(parent))
+    collect_garbage_seldom()
     sys.path.append(package)  # last: where the package is installed, this folder is in the path already
     sys.argv = [script, folder]
     runpy.run_path(script, run_name="__main__")

@@ -15,7 +15,7 @@ if __name__ == "__main__":
 
 import lensforge
 from lensforge.freed_memory import return_freed_memory
-from lensforge.untrusted.worker import end_with_parent
+from lensforge.untrusted.worker import collect_garbage_seldom, end_with_parent
 from lensforge.untrusted.working_folder import ignore_settings_in_working_folder
 
 
@@ -71,6 +71,7 @@ if __name__ == "__main__":
     if Path(lensforge.__file__).resolve().parents[1] != Path(sys.argv[1]):
         os._exit(1)  # another version is installed: its parent would get other bits
     end_with_parent(int(sys.argv[2]))
+    collect_garbage_seldom()
     ignore_settings_in_working_folder()
     answer_calls(*_own_pipes())
     os._exit(0)  # nothing to be saved; the CAD kernel would take a second to end
