@@ -9,8 +9,9 @@ unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start com
 demo: setup  ## the main job: from examples/quickstart.toml to cad_out/quickstart/report.html
 	@$(BIN)/lensforge design examples/quickstart.toml
 
+# Three processes on two cores: tests wait, too, for children, browsers and clocks, a fifth of their time.
 test: setup  ## the whole test suite
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 nightly: setup  ## what takes longer than the suite, step by step; the outcomes go to docs/nightly.md: hours
 	$(BIN)/python .ci/nightly.py

@@ -14,6 +14,7 @@ from lensforge.optimisation.design import Design
 from lensforge.records import Count, NotNegative, Record, Sha256, StageResult, Text
 from lensforge.records.result import SCHEMA_VERSION
 from lensforge.records.stored import read_object, require_checksum, validated, with_checksum
+from lensforge.records.validation import shortened
 from lensforge.results import Results, is_own
 from lensforge.spec import Accuracy
 from lensforge.verdict import Verdict, unjudged_files
@@ -118,11 +119,14 @@ def _require_summary(record: RunRecord, results: Results, path: Path) -> None:
     wanted = {"name": results.spec.name, "accuracy": results.lens.accuracy, "seed": results.lens.seed}
     for name, value in wanted.items():
         if getattr(record, name) != value:
-            raise InputError(f"{path}: {name} = {getattr(record, name)!r}, but lens.json has {value!r}; {_RENEW}")
+            stated, of_lens = (shortened(repr(each)) for each in (getattr(record, name), value))
+            raise InputError(f"{path}: {name} = {stated}, but lens.json has {of_lens}; {_RENEW}")
     for name in ("light", "files", "cutting", "reasons"):
         stated, derived = getattr(record.verdict, name), getattr(results.verdict, name)
         if stated != derived:
-            raise InputError(f"{path}: verdict.{name} = {str(stated)[:60]!r}, its results say otherwise; {_RENEW}")
+            raise InputError(
+                f"{path}: verdict.{name} = {shortened(str(stated))!r}, its results say otherwise; {_RENEW}"
+            )
 
 
 def _all(results: Results) -> Iterator[tuple[str, StageResult]]:

@@ -299,6 +299,17 @@ def test_a_verdict_in_run_json_is_that_of_its_results(folder: Path) -> None:
             pipeline.run_report(folder)
 
 
+def test_a_long_value_of_run_json_is_shortened_in_its_refusal(folder: Path) -> None:
+    """It was a line of ten thousand characters."""
+    record, long = record_in(folder, "run"), "y" * 10_000
+    reasons = record["verdict"]["reasons"] | {"light": [long]}
+    for change in ({"name": long}, {"verdict": record["verdict"] | {"reasons": reasons}}):
+        write(folder, "run", record | change)
+        with pytest.raises(lf.InputError, match="run.json: ") as refused:
+            lf.load(folder)
+        assert "yyy" in str(refused.value) and len(str(refused.value)) < 500
+
+
 def test_the_next_command_takes_over_no_result_but_its_own(folder: Path) -> None:
     """A light that was made better is not vouched for by the next stage; its own command mends it."""
     light = lf.load(folder).light
