@@ -305,7 +305,7 @@ def test_a_long_value_of_run_json_is_shortened_in_its_refusal(folder: Path) -> N
     reasons = record["verdict"]["reasons"] | {"light": [long]}
     for change in ({"name": long}, {"verdict": record["verdict"] | {"reasons": reasons}}):
         write(folder, "run", record | change)
-        with pytest.raises(lf.InputError, match="run.json: ") as refused:
+        with pytest.raises(lf.InputError, match=r"run\.json: ") as refused:
             lf.load(folder)
         assert "yyy" in str(refused.value) and len(str(refused.value)) < 500
 
