@@ -2,9 +2,8 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 PACKAGE = Path(__file__).parents[1] / "lensforge"
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -16,16 +15,15 @@ NO_BEGINNING = {
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
+@cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_docstrings_begin_with_a_noun_or_a_verb(path: Path) -> None:
-    for node in ast.walk(_tree(path)):
-        if isinstance(node, _DOCUMENTED) and (text := ast.get_docstring(node)):
-            first = text.split()[0].rstrip(",:;")
-            assert first not in NO_BEGINNING, f"{getattr(node, 'name', 'module')}: {text.splitlines()[0]}"
+def test_docstrings_begin_with_a_noun_or_a_verb() -> None:
+    nodes = [(path, node) for path in MODULES for node in ast.walk(_tree(path)) if isinstance(node, _DOCUMENTED)]
+    texts = [(path.relative_to(PACKAGE), ast.get_docstring(node) or "It") for path, node in nodes]
+    assert [f"{path}: {text}" for path, text in texts if text.split()[0].rstrip(",:;") in NO_BEGINNING] == []
 
 
 def test_every_class_has_a_name_of_its_own() -> None:
