@@ -21,6 +21,7 @@ import pytest
 from nightly import skip_by_day
 
 import lensforge
+from lensforge.untrusted.worker import collect_garbage_seldom
 
 try:
     import fcntl
@@ -30,7 +31,7 @@ except ImportError:  # not on Windows
 # That a file outlasts a power cut is not what tests see, and waiting for the disk takes 3 ms for each of thousands.
 os.fsync = lambda _: None
 # By default Python searches for garbage at 700 new objects: a seventh of the time in which a page is drawn.
-gc.set_threshold(20_000, 20, 20)
+collect_garbage_seldom()
 
 _PACKAGES = [
     "surfaces", "optics", "sources", "tracing", "receivers", "targets", "evaluation", "far_field", "optimisation",

@@ -52,8 +52,8 @@ def test_verbs_write_nothing_and_give_what_a_run_gives(
     design = lf.design(small_spec(optimise__steps_per_level=[40, 40]), accuracy="draft")
     with coarse_part():  # like the run
         run, made = small_run, [lf.evaluate(design.lens), lf.build(design.lens)]
-    if NIGHTLY:  # half a minute
-        made += [lf.check(made[1]), lf.verify(made[1], made[0])]
+        if NIGHTLY:  # half a minute
+            made += [lf.check(made[1]), lf.verify(made[1], made[0])]
     assert not list(tmp_path.iterdir()) and capfd.readouterr() == ("", "")
     assert run.design.lens == design.lens
     for one, other in zip(made, (run.light, run.part, run.check, run.proof), strict=False):
