@@ -67,9 +67,7 @@ def _require_covered(directions: Float[np.ndarray, "n 3"], path: Path) -> None:
     tree = KDTree(directions)
     typical = float(np.median(tree.query(directions, 2)[0][:, 1]))
     typical = max(typical, float(np.sqrt(2.0 * np.pi / len(directions))))  # points that are twice there count once
-    azimuth = 2.0 * np.pi * np.arange(_CHECKED // 4) / (_CHECKED // 4)
-    rim = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)])
-    wanted = np.concatenate([fibonacci_hemisphere(_CHECKED), rim])
+    wanted = fibonacci_hemisphere(_CHECKED)  # the lowest lie on the rim to a thirtieth of a degree
     gap = tree.query(wanted)[0]
     worst = int(gap.argmax())
     if gap[worst] > _SMALLEST_GAP * typical:

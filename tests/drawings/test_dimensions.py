@@ -2,6 +2,7 @@
 
 from math import hypot, sqrt
 
+import numpy as np
 import pytest
 from round_surfaces import Ball
 from shop_lenses import BASE, small_lens
@@ -48,6 +49,18 @@ def test_the_sizes_of_two_spheres_are_in_closed_form():
         circle = found.pop(f"{name} in z = 0, circle about the axis that holds it")
         assert circle == pytest.approx(2.0 * (off + radius), abs=1e-4)
     assert not found
+
+
+def test_a_size_that_is_drawn_ends_where_the_part_does():
+    """Ends (z, x) of the rims and of the apexes in the section at y = 0 of two spheres off the axis."""
+    lens = OfSpheres(INNER, OUTER, small_lens({"kind": "none"}).spec, 0, "draft")
+    ends = {each.name: each.ends for each in dimensions(lens) if each.ends is not None}
+    for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
+        half = sqrt(rim(ball)[1] ** 2 - ball.centre[1] ** 2)
+        wanted = ((0.0, ball.centre[0] - half), (0.0, ball.centre[0] + half))
+        assert np.array(ends[f"{name} in z = 0, along x"]) == pytest.approx(np.array(wanted)), name
+    wanted = ((apex(INNER), 0.0), (apex(OUTER), 0.0))
+    assert np.array(ends["thickness on the axis"]) == pytest.approx(np.array(wanted))
 
 
 @pytest.mark.parametrize(

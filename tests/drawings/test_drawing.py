@@ -21,6 +21,7 @@ from lensforge.drawings.pdf import pdf_of
 from lensforge.drawings.sheet import shown
 from lensforge.drawings.sheet_dxf import sheet_dxf
 from lensforge.drawings.sheet_figure import sheet_figure
+from lensforge.drawings.title_block import scale_words
 from lensforge.drawings.tolerance_table import tolerance_table
 from lensforge.errors import InputError
 from lensforge.geometry.export import build_part
@@ -160,6 +161,11 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
         sheet = make_sheet(content, wanted)
         assert (sheet.name, sheet.size_mm) == (wanted, size)
     assert make_sheet(content, "A4").scale < make_sheet(content, "A3").scale
+
+
+@pytest.mark.parametrize(("scale", "words"), [(10.0, "10 : 1"), (1.0, "1 : 1"), (0.5, "1 : 2"), (0.2, "1 : 5")])
+def test_a_scale_is_written_as_iso_5455_does(scale, words):
+    assert scale_words(scale) == words
 
 
 def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):

@@ -203,6 +203,15 @@ def test_a_given_spacing_is_kept_and_its_error_stated():
             assert 0.3 < measured.grid.spacing_mm < 0.6
 
 
+def test_the_stated_error_is_that_of_the_interpolation_and_of_the_spline(monkeypatch):
+    lens, request = lens_of(rough(3.0, 1), rough(6.0, 2)), GridRequest(spacing_mm=0.5, error_nm=1.0)
+    before = make_grids(lens, check_of(), request)
+    splines = [measured.grid.face.spline_error_nm for measured in before]
+    monkeypatch.setattr(OffsetFace, "spline_error_nm", property(lambda _: 5e4))
+    for one, other, spline in zip(before, make_grids(lens, check_of(), request), splines, strict=True):
+        assert other.error_nm - one.error_nm == pytest.approx(5e4 - spline)
+
+
 def test_the_tables_of_a_mould_are_scaled_and_their_air_is_where_the_lens_has_material():
     plain = lens_of(Ball((0.0, 0.0, 0.0), 3.0), Ball((0.0, 0.0, 0.0), 6.0), make="insert")
     shrunk = replace(plain, spec=plain.spec.replace({"manufacture.shrinkage": 0.005}))

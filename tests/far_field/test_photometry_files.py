@@ -66,6 +66,14 @@ def test_the_ray_file_has_the_version_of_its_layout_and_says_simulated(tmp_path)
     assert read_rayfile(tmp_path / "x.tm25ray").header["creation_method"] == "simulated"
 
 
+def test_the_ray_file_states_the_wavelengths_of_its_source(tmp_path):
+    spectrum = {"kind": "table", "wavelength_nm": [450, 520, 640], "weight": [1, 3, 1]}
+    lens = replace(ROUGH, spec=small_spec(source__spectrum=spectrum))
+    measured(lens, rays=2**10).save(tmp_path / "x.tm25ray")
+    header = read_rayfile(tmp_path / "x.tm25ray").header
+    assert (header["wavelength_min_nm"], header["wavelength_max_nm"]) == (450.0, 640.0)
+
+
 def test_the_library_and_the_command_write_older_editions(tmp_path):
     old = lf.photometry(ROUGH, rays=2**10, lumens=90.0, ies_version=1986)
     assert old.ies.startswith(b"lensforge ")

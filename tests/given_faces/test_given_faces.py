@@ -61,6 +61,32 @@ def test_a_sphere_given_in_five_ways_is_one_lens(step: Path, tmp_path: Path) -> 
         assert nm < 1.0 and urad < 1.0, name
 
 
+@pytest.mark.parametrize("coordinates", ["cartesian", "polar"])
+def test_points_are_moved_by_their_shift(coordinates: str, tmp_path: Path) -> None:
+    """Points on a sphere whose centre is off in three directions, measured about another origin."""
+    shift = np.array([0.3, -0.2, 0.5])
+    u = 2.0 * fibonacci_hemisphere(8000) - [0.0, 0.0, 0.8]
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    rows = RADIUS * u  # about the sphere's own centre
+    if coordinates == "polar":
+        turn = np.degrees([np.arccos(u[:, 2]), np.arctan2(u[:, 1], u[:, 0])])
+        rows = np.column_stack([*turn, np.full(len(u), RADIUS)])
+    np.savetxt(tmp_path / "cloud.txt", rows, fmt="%.12g")
+    given = FixedPoints(file=tmp_path / "cloud.txt", coordinates=coordinates, shift_mm=tuple(shift)).resolved()
+    points = U * given.surface.radius(U)[:, None]
+    assert np.abs(np.linalg.norm(points - shift, axis=1) - RADIUS).max() < 1e-5
+
+
+def test_a_lens_file_that_was_changed_is_no_given_face(tmp_path: Path) -> None:
+    lens = Lens(random_surface(1, 3.0), random_surface(2, 6.0), small_spec(), 0, "draft")
+    lens.save(tmp_path / "lens.json")
+    text = (tmp_path / "lens.json").read_text(encoding="utf-8")
+    assert text.count('"offset_mm": 3.0') == 1
+    (tmp_path / "lens.json").write_text(text.replace('"offset_mm": 3.0', '"offset_mm": 3.1'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"lens\.json: .*name the folder of a result, or its lens\.json"):
+        FixedLensFace(file=tmp_path, face="inner").resolved()
+
+
 @HERE
 @pytest.mark.nightly("its pole on the axis by day, in the five ways")
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)])

@@ -18,6 +18,7 @@ from lensforge.geometry.form import face_points
 from lensforge.geometry.patch import fit_patch
 from lensforge.geometry.step import parse_step
 from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
+from lensforge.measurement.cutter_limit import limited_by_cutter
 from lensforge.records.stored import with_checksum
 from lensforge.report.lens_page import render_report
 from lensforge.surfaces.scaled import scaled
@@ -131,12 +132,22 @@ def test_bad_input_is_said_in_a_line(
     assert message in done.output + str(done.exception)
 
 
-def test_an_insert_is_judged_as_large_as_it_is_cut_and_its_file_is_signed(tmp_path: Path) -> None:
+def test_an_insert_is_judged_as_large_as_it_is_cut_and_its_file_is_signed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A mould of a lens that shrinks by 5 %: its radii are those of the scaled face, the file is that of the lens."""
     shop = {"make": "insert", "shrinkage": 0.05, "author": "Ada", "date": "2026-01-31", "form_tolerance_um": 5.0}
     mould = replace(LENS, spec=LENS.spec.replace({"manufacture": shop}))
     np.savetxt(tmp_path / "points.csv", measured(LENS.outer, lambda u: machine_error(u, 13.0, wave_mm=6.0), 1200))
+    balls = []
+
+    def limited(*given):
+        balls.append(given[-1])
+        return limited_by_cutter(*given)
+
+    monkeypatch.setattr("lensforge.measurement.correction.limited_by_cutter", limited)
     made = lf.correct(mould, points=tmp_path / "points.csv", surface="outer", wavelength_mm=4.0, rays=64)
+    assert balls == [mould.spec.manufacture.cutter_radius_mm / 1.05], "the ball on the face as large as the lens"
     cut = OpticalFace(fit_patch(scaled(LENS.outer, 1.05)), AirSide.INSIDE)
     assert made.scale == 1.05
     assert made.cutter.concave_radius_before_mm == pytest.approx(-1.0 / sample_face(cut, 161).lowest_curvature(), 1e-3)

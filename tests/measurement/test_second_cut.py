@@ -94,6 +94,7 @@ def test_half_a_gain_leaves_half(corrected):
     u = directions(5000, 5)
     first = error(u) * np.sum(LENS.inner.normal(u) * u, axis=1)
     assert np.polyfit(first, again.along_normals(u), 1)[0] == pytest.approx(0.515, abs=0.02)  # of the wave, 0.885 pass
+    assert found.expected_um.rms == pytest.approx(1e3 * rms(again.along_normals(u)), rel=0.1)
     assert found.gain == 0.5 and found.wavelength_given and found.conditions.rays == 64
 
 

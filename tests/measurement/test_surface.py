@@ -137,6 +137,10 @@ def test_a_deformed_part_makes_other_light(compared, tmp_path):
     assert found.irradiance_measured.shape == (24, 24)
     assert found.point_count == 3000
     assert np.nanmax(found.deviation_um) == pytest.approx(found.form_deviation_um.max)
+    square = found.deviation_um**2
+    by_area = np.sqrt(np.nansum(found.area_mm2 * square) / np.nansum(found.area_mm2))
+    assert found.form_deviation_um.rms == pytest.approx(by_area, rel=1e-9)
+    assert by_area != pytest.approx(np.sqrt(np.nanmean(square)), rel=0.02), "a map that could not tell"
     peak = np.unravel_index(np.nanargmax(found.deviation_um), found.deviation_um.shape)
     chart = found.chart[peak[1]], found.chart[peak[0]]
     towards = np.array([0.5, 0.3, 0.8]) / np.linalg.norm([0.5, 0.3, 0.8])

@@ -11,6 +11,7 @@ from lensforge.evaluation.receiver_light import Possible
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Finding
 from lensforge.records import Metric
+from lensforge.report.headline import headline
 from lensforge.results import Results
 from lensforge.spec import parse_spec
 from lensforge.verdict import LARGEST_NMSE, LEAST_SHARE, Verdict
@@ -153,6 +154,18 @@ def test_cutting_is_said_and_fails_a_run_only_where_it_is_required(name: str) ->
         with pytest.raises(CriterionMissed, match=f"cutting: {name} of inner"):
             cut(required, finding(name)).verdict.require(required.spec, parts)
     cut(required, finding(name)).verdict.require(required.spec, ("light",))
+
+
+def test_the_headline_is_red_where_what_is_required_fails() -> None:
+    lens = with_manufacture()
+    assert headline(cut(lens)).shown == "pass"
+    assert headline(cut(lens, finding("cutter"))).shown == "open"
+    assert headline(cut(with_manufacture(required=True), finding("cutter"))).shown == "fail"
+    assert headline(cut(with_manufacture(required=True))).shown == "pass"
+    for stem in ("export", "verify"):
+        worse = {stem: {"criteria": (criterion("something", 2.0, 1.0),)}}
+        assert headline(make_results(lens=lens, **worse)).shown == "fail"
+    assert headline(make_results(lens=lens, evaluate={"nmse": metric(0.9)})).shown == "fail"
 
 
 def test_draft_counts_where_a_mould_is_asked_for_and_the_wall_where_a_part_is_cut() -> None:

@@ -89,6 +89,43 @@ def test_ratings_are_those_of_the_tables(lumens: dict[str, float], rating: str, 
     assert str(found) == rating
 
 
+# ANSI/IES TM-15-11, addendum A, tables A-1 to A-3, typed a second time: most lumens of each zone for ratings 0 to 4.
+_TM15 = [
+    ("backlight", "back_low", False, (110, 500, 1000, 2500, 5000)),
+    ("backlight", "back_mid", False, (220, 1000, 2500, 5000, 8500)),
+    ("backlight", "back_high", False, (110, 500, 1000, 2500, 5000)),
+    ("uplight", "up_low", False, (0, 10, 50, 500, 1000)),
+    ("uplight", "up_high", False, (0, 10, 50, 500, 1000)),
+    ("glare", "forward_very_high", False, (10, 100, 225, 500, 750)),
+    ("glare", "forward_very_high", True, (10, 100, 225, 500, 750)),
+    ("glare", "back_very_high", False, (10, 100, 225, 500, 750)),
+    ("glare", "back_very_high", True, (10, 100, 225, 500, 750)),
+    ("glare", "forward_high", False, (660, 1800, 5000, 7500, 12000)),
+    ("glare", "forward_high", True, (660, 1800, 5000, 7500, 12000)),
+    ("glare", "back_high", False, (110, 500, 1000, 2500, 5000)),
+    ("glare", "back_high", True, (660, 1800, 5000, 7500, 12000)),
+]
+
+
+@pytest.mark.parametrize(("rating", "zone", "symmetric", "most"), _TM15)
+def test_every_bound_of_tm_15_is_seen_from_both_sides(
+    rating: str, zone: str, symmetric: bool, most: tuple[float, ...]
+) -> None:
+    for number, lumens in enumerate(most):
+        for given, wanted in ((lumens, number), (lumens + 0.5, number + 1)):
+            assert getattr(BugRating.of(_zones(**{zone: given}), symmetric=symmetric), rating) == wanted, given
+
+
+def test_zones_that_a_rating_does_not_look_at_leave_it() -> None:
+    for rating, zones in (
+        ("backlight", {"back_low", "back_mid", "back_high"}),
+        ("uplight", {"up_low", "up_high"}),
+        ("glare", {"forward_high", "forward_very_high", "back_high", "back_very_high"}),
+    ):
+        others = dict.fromkeys(set(ZoneLumens.model_fields) - zones, 1e5)
+        assert getattr(BugRating.of(_zones(**others), symmetric=False), rating) == 0
+
+
 def test_a_rating_near_its_bound_is_uncertain() -> None:
     zones = _zones(up_low=-10.0, up_high=-10.0, back_low=109.0)
     assert str(BugRating.of(zones, symmetric=False)) == "B0 U0 G0 (uncertain)"
@@ -161,20 +198,43 @@ def test_noise_is_not_in_the_least_illuminance() -> None:
         assert abs(value.value - wanted.value) < 4.0 * value.standard_error
 
 
+# EN 13201-2:2015, table 4 (mean and least illuminance in lx), table 2 (mean), typed a second time, the strictest first.
+_P = [("P1", 15.0, 3.0), ("P2", 10.0, 2.0), ("P3", 7.5, 1.5), ("P4", 5.0, 1.0), ("P5", 3.0, 0.6), ("P6", 2.0, 0.4)]
+_C = [("C0", 50.0), ("C1", 30.0), ("C2", 20.0), ("C3", 15.0), ("C4", 10.0), ("C5", 7.5)]
+
+
+@pytest.mark.parametrize(("name", "mean", "least"), _P)
+def test_p_classes(name: str, mean: float, least: float) -> None:
+    """Each figure on both sides of its bound, and the mean at most 1.5 times what the class asks for."""
+    easier = next((other for other, lower, low in _P if lower < mean <= 1.5 * lower and low <= least), "none")
+    assert p_class(mean, least) == name
+    assert p_class(1.5 * mean, least) == name
+    assert p_class(mean - 0.01, least) == easier
+    assert p_class(mean, least - 0.01) == easier
+    assert p_class(1.5 * mean + 0.01, least) == next(
+        (other for other, lower, low in _P if lower < 1.5 * mean + 0.01 <= 1.5 * lower and low <= least), "none"
+    )
+
+
+@pytest.mark.parametrize(("number", "name", "mean"), [(number, *row) for number, row in enumerate(_C)])
+def test_c_classes(number: int, name: str, mean: float) -> None:
+    easier = _C[number + 1][0] if number + 1 < len(_C) else "none"
+    assert c_class(mean, 0.4) == name and c_class(mean - 0.01, 0.4) == easier
+    assert c_class(mean, 0.39) == "none"
+
+
+# EN 13201-2:2015, table A.1, typed a second time: most cd/klm from 70 and from 80 degrees; G*4 to G*6 have the same 80.
 @pytest.mark.parametrize(
-    ("mean", "least", "wanted"),
-    [(15.0, 3.0, "P1"), (15.0, 2.9, "P2"), (14.9, 3.0, "P2"), (16.0, 2.9, "none"), (7.5, 1.0, "P4"), (1.9, 1.0, "none"),
-     (30.0, 10.0, "none"), (2.9, 0.4, "P6")],
+    ("at_70", "at_80", "wanted"),
+    [
+        (349.0, 99.0, "G*6"), (351.0, 99.0, "G*4"), (499.0, 99.0, "G*4"), (501.0, 99.0, "G*3"), (9e3, 99.0, "G*3"),
+        (349.0, 101.0, "G*2"), (9e3, 149.0, "G*2"), (9e3, 151.0, "G*1"), (349.0, 199.0, "G*1"), (9e3, 199.0, "G*1"),
+        (9e3, 201.0, "none"), (349.0, 201.0, "none"),
+    ],
 )  # fmt: skip
-def test_p_classes(mean: float, least: float, wanted: str) -> None:
-    assert p_class(mean, least) == wanted
-
-
-@pytest.mark.parametrize(
-    ("mean", "uniformity", "wanted"), [(50.0, 0.4, "C0"), (49.9, 0.4, "C1"), (7.5, 0.5, "C5"), (20.0, 0.39, "none")]
-)
-def test_c_classes(mean: float, uniformity: float, wanted: str) -> None:
-    assert c_class(mean, uniformity) == wanted
+def test_glare_classes_ask_for_both_angles(at_70: float, at_80: float, wanted: str) -> None:
+    lamp = _lamp(lambda lateral, gamma: np.where(gamma < np.deg2rad(79.9), at_70, at_80) + 0.0 * lateral)
+    assert glare_intensities(lamp, 1000.0).glare_class == wanted
 
 
 def test_glare_is_candela_per_thousand_lumens() -> None:

@@ -138,6 +138,18 @@ def test_the_lines_of_eulumdat(tmp_path):
     assert (back.catalogue, back.generated, back.lamp_lumens) == ("L 1", UNDEFINED, 417.25)
 
 
+def test_the_conversion_factor_of_eulumdat_multiplies_the_intensities(tmp_path):
+    write_photometric(tmp_path / "x.ldt", far_field("none", 417.25))
+    lines = (tmp_path / "x.ldt").read_text(encoding="ascii").split("\n")
+    assert float(lines[23]) == 1.0  # line 24 of the format
+    found = {}
+    for factor in ("1", "2.5", "0"):  # 0: not stated
+        (tmp_path / "y.ldt").write_text("\n".join([*lines[:23], factor, *lines[24:]]), encoding="ascii")
+        found[factor] = read_photometric(tmp_path / "y.ldt").intensity.values
+    np.testing.assert_allclose(found["2.5"], 2.5 * found["1"], rtol=1e-12)
+    np.testing.assert_array_equal(found["0"], found["1"])
+
+
 # Children of each element in the order of the schema of TM-33-23; 1: required.
 SCHEMA = {
     "IESTM33-22": {"Version": 1, "Header": 1, "Luminaire": 0, "Equipment": 0, "Emitter": 1, "CustomData": 0},
@@ -196,6 +208,19 @@ def test_a_date_that_tm_33_cannot_hold_is_a_comment(tmp_path):
             [] if issued == date else [f"date of the report: {issued or 'not stated'}; {date} stands for none"]
         )
         assert read_photometric(tmp_path / "x.iesxml").issued == (issued if issued == date else "")
+
+
+@pytest.mark.parametrize(("word", "is_true"), [("true", True), ("1", True), ("false", False), ("0", False)])
+def test_both_spellings_of_an_xml_boolean_are_read(word, is_true, tmp_path):
+    """xs:boolean: absolute photometry has no lamp lumens, a simulation says so."""
+    write_photometric(tmp_path / "x.iesxml", far_field("none", 417.25))
+    text = (tmp_path / "x.iesxml").read_text(encoding="utf-8")
+    for before in ("<AbsolutePhotometry>false<", "<Simulation>true<"):
+        assert before in text
+        text = text.replace(before, f"{before[: before.index('>') + 1]}{word}<")
+    (tmp_path / "x.iesxml").write_text(text, encoding="utf-8")
+    found = read_photometric(tmp_path / "x.iesxml")
+    assert (found.lamp_lumens is None, found.generated == SIMULATED) == (is_true, is_true)
 
 
 def test_tm_33_of_other_programs(tmp_path):

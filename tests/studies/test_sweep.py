@@ -139,16 +139,20 @@ def test_an_interrupted_sweep_goes_on_within_the_design(tmp_path):
 
 def test_another_sweep_is_not_resumed(swept):
     folder, _ = swept
-    for changed, settings in ((SPEC, {"accuracy": "draft", "seed": 4}), (small_spec(), SETTINGS)):
-        with pytest.raises(InputError, match="another"):
-            run_sweep(
-                changed,
-                parse_variation("constraints.max_radius_mm=6.5,8", SCALED),
-                folder,
-                Designer(),
-                **settings,
-                resume=True,
-            )
+    vary = parse_variation("constraints.max_radius_mm=6.5,8", SCALED)
+    other, unscaled = (
+        parse_variation("lens.outer_offset_mm=5.5,6"),
+        parse_variation("constraints.max_radius_mm=6.5,8"),
+    )
+    for words, spec, variation, settings in (
+        ("seed", SPEC, vary, SETTINGS | {"seed": 4}),
+        ("accuracy", SPEC, vary, SETTINGS | {"accuracy": "standard"}),
+        ("spec", small_spec(), vary, SETTINGS),
+        ("field", SPEC, other, SETTINGS),
+        ("scaled fields", SPEC, unscaled, SETTINGS),
+    ):
+        with pytest.raises(InputError, match=f"a sweep with another {words}"):
+            run_sweep(spec, variation, folder, Designer(), **settings, resume=True)
 
 
 @pytest.mark.parametrize(

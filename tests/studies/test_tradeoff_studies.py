@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from scenes import random_surface, small_spec, table_of
+from scipy.stats import linregress
 
 from lensforge.evaluation.simulate import TracedLens
 from lensforge.lens import Lens
@@ -193,6 +194,11 @@ def test_an_order_is_the_slope_and_knows_its_error():
         for k in range(300)
     ]
     assert np.std([order.value for order in found]) == pytest.approx(found[0].standard_error, rel=0.15)
+    y = np.array([0.31, 0.12, 0.02, 0.014])  # the textbook's error, from residuals with two degrees of freedom less
+    for count in (3, 4):
+        line = linregress(np.log(n[:count]), np.log(y[:count]))
+        seen = order_of(n[:count], y[:count])
+        assert (seen.value, seen.standard_error) == pytest.approx((line.slope, line.stderr))
 
 
 @pytest.mark.nightly("a study of seven seconds")

@@ -153,6 +153,7 @@ def test_without_dask_one_line_says_what_to_install(monkeypatch):
 def test_a_local_cluster_is_closed_to_others_and_ends_with_its_use():
     with connected("local:1") as cluster:
         assert dict(cluster.map(operator.mul, 2.0, [1.0, 3.0])) == {0: 2.0, 1: 6.0}
+        assert dict(cluster.map(operator.mul, 5.0, [1.0, 3.0])) == {0: 5.0, 1: 15.0}, "what all items share now"
         assert cluster._client.scheduler.address.startswith("tls://127.0.0.1")
         process = next(iter(cluster._client.run(os.getpid).values()))
     assert not Path(f"/proc/{process}").exists()

@@ -92,6 +92,34 @@ def test_a_part_without_errors_has_the_numbers_of_the_design_to_the_last_bit() -
     assert values[:, 0].tolist() == [metric.value for metric in study.of_design.values()]
 
 
+_WHITE = {"kind": "table", "wavelength_nm": [450.0, 550.0, 650.0], "weight": [1.0, 2.0, 1.0]}
+_SOURCES = {
+    "of one index": {"kind": "square", "side_mm": 1.0},
+    "of a spectrum": {"kind": "square", "side_mm": 1.0, "spectrum": _WHITE},
+}
+
+
+@pytest.mark.parametrize("source", _SOURCES)
+def test_every_tolerance_moves_the_light_of_every_kind_of_ray(source: str) -> None:
+    """Also of rays that carry an index of their own each; the flux of the LED alone changes no landing."""
+    amounts = SMALL | {"source_flux": 0.1, "outer_waviness_um": 0.02, "inner_ripple_um": 0.1, "outer_ripple_um": 0.1}
+    amounts |= {"inner_roughness_mrad": 1.0, "outer_roughness_mrad": 1.0}
+    glass = {"material": "PMMA"} if source == "of a spectrum" else {}
+    study = PartStudy(Recipe(lens_with(amounts, source=_SOURCES[source], lens=glass), 2, 512, 0, 512))
+    assert (study.light.held.rays.refractive_indices is None) == (source == "of one index")
+    hits, _ = _landed(study, None)
+    assert {factor.name for factor in study.factors} == set(amounts)
+    for factor in study.factors:
+        deviation = {factor.name: factor.amount * factor.to_internal * np.ones(factor.numbers)}
+        part = study.maker.part(deviation)
+        moved, _ = _landed(study, part)
+        if factor.name == "source_flux":
+            assert (moved == hits).all() and part.flux == pytest.approx(1.1)
+        else:
+            assert moved.shape != hits.shape or np.abs(moved - hits).max() > 1e-7, factor.name
+            assert part.flux == 1.0
+
+
 def test_flux_of_the_source_scales_light_and_no_share() -> None:
     limit = {"kind": "points", "name": "axis", "at_mm": [[0, 0]], "at_least_w_per_m2": 1.0}
     study = PartStudy(Recipe(lens_with({"source_flux": 0.5}, limits=[limit]), 8, 2048, 0, 2048))
@@ -167,6 +195,8 @@ def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_pa
     ("tolerances", "words"),
     [
         ({"gap_mm": 4.0}, "tolerances.gap_mm = 4: parts at its end move by 4 mm, but the faces are"),
+        # x and y at their ends together
+        ({"outer_shift_mm": 2.5}, "tolerances.outer_shift_mm = 2.5: parts at its end move by 3.54 mm, but the faces"),
         ({"source_height_mm": 4.9}, "the source is .* mm from the inner face at its closest; at most"),
     ],
 )

@@ -14,6 +14,7 @@ from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.square import SquareEmitter
 from lensforge.spec import Spec
 from lensforge.verification import emission
+from lensforge.verification.acceptance import proof_criteria
 from lensforge.verification.own_rays import RAYS, emission_apart
 from lensforge.verification.own_rays_criteria import MOST_APART
 
@@ -165,6 +166,31 @@ def test_a_broken_sampler_is_many_standard_errors_off(broken: type) -> None:
     own = independent_rays(spec, emitter, RAYS, 1)
     assert emission_apart(own, emitter.sample(RAYS, 2)) < MOST_APART
     assert emission_apart(own, broken.sample(emitter, RAYS, 2)) > 3.0 * MOST_APART
+
+
+def test_their_light_is_among_what_every_proof_is_judged_by(small_run: lf.Run) -> None:
+    """On the first receiver and on further ones, on both sides of each limit."""
+    proof = small_run.proof
+    assert {each.name for each in proof.criteria} >= OWN
+    first = proof.first
+    own = first.own_rays
+    assert own is not None and own.nmse_less_noise is not None
+    second = first.model_copy(update={"name": "wall"})
+    limits = {each.name: each.limit for each in proof.criteria}
+    for factor, passed in ((0.99, True), (1.01, False)):
+        light = own.efficiency_design.value + factor * limits["own_rays_efficiency"]
+        worse = {
+            "efficiency": own.efficiency.model_copy(update={"value": light}),
+            "nmse_less_noise": own.nmse_less_noise.model_copy(update={"value": factor * limits["own_rays_nmse"]}),
+        }
+        far = second.model_copy(update={"own_rays": own.model_copy(update=worse)})
+        found = proof.model_copy(
+            update={"receivers": (first, far), "emission_apart": factor * limits["own_rays_emission"]}
+        )
+        judged = {each.name: each.passed for each in proof_criteria(found)}
+        assert judged["own_rays_efficiency"] and judged["own_rays_nmse"]
+        for name in ("own_rays_emission", "wall: own_rays_efficiency", "wall: own_rays_nmse"):
+            assert judged[name] == passed, name
 
 
 @pytest.mark.parametrize("broken", first_by_day(0, [Narrower, TwiceAsLarge], "half a minute each"))

@@ -5,7 +5,8 @@ import pytest
 from lens_meshes import Quadric, lambertian, lens_mesh, oracle
 
 from lensforge.errors import InputError
-from lensforge.optics.media import Media
+from lensforge.optics.media import CoverGlass, Media
+from lensforge.verification.acceptance import BALANCE, stray_criteria
 from lensforge.verification.nonsequential import Limits
 from lensforge.verification.screen import Screen
 from lensforge.verification.stray import trace_stray
@@ -74,6 +75,28 @@ def test_a_cut_off_that_leaves_too_much_out_fails():
     (missed,) = [criterion for criterion in found.criteria if not criterion.passed]
     assert missed.name == "stray_too_dim"
     assert "lens.absorption_per_mm" in missed.remedy and "--base black" in missed.remedy
+
+
+def test_the_budget_must_close_on_every_receiver():
+    found = run(screens=[SCREEN, Screen.square(90.0, 200.0, PIXELS, 0.0)], names=("far", "near"))
+    assert all(criterion.passed for criterion in stray_criteria(found))
+    for number in (0, 1):
+        for error, passed in ((0.99 * BALANCE, True), (1.01 * BALANCE, False)):
+            receivers = list(found.receivers)
+            receivers[number] = receivers[number].model_copy(update={"balance_error": error})
+            balance = stray_criteria(found.model_copy(update={"receivers": tuple(receivers)}))[0]
+            assert (balance.name, balance.passed) == ("stray_balance", passed)
+
+
+def test_the_cover_glass_takes_of_stray_light_what_it_takes_of_all_light():
+    """Direct light is that of the sequential path, whose cover glass other tests know; the rest is in the budget."""
+    bare, covered = (run(media=Media(INDEX, cover_glass=glass)) for glass in (None, CoverGlass(1.52, 2.0, 30.0, 0.01)))
+    seen = covered.first
+    np.testing.assert_allclose(seen.direct, seen.sequential, rtol=1e-9, atol=1e-12)
+    assert covered.flux.detected_direct == pytest.approx(covered.efficiency_sequential, rel=1e-9)
+    assert covered.flux.cover_glass > 0.08 > bare.flux.cover_glass == 0.0
+    assert covered.flux.detected_stray < 0.95 * bare.flux.detected_stray
+    assert seen.balance_error < 1e-9
 
 
 def test_a_base_of_no_kind_is_input_error():

@@ -57,8 +57,8 @@ def design_irradiance():
 def verify(design_irradiance):
     right = Expected(SCREEN, design_irradiance, HITS, WEIGHTS)
 
-    def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, **changes):
-        given = {"rays": RAYS, "media": Media(index), "plain_rays": plain_rays, "inputs": inputs}
+    def run(mesh, plain_rays=20, index=INDEX, inputs=None, step=None, rays=RAYS, **changes):
+        given = {"rays": rays, "media": Media(index), "plain_rays": plain_rays, "inputs": inputs}
         return verify_part(mesh.export(file_type="stl"), expected=[replace(right, **changes)], step=step, **given)
 
     return run
@@ -161,6 +161,20 @@ def test_rays_that_the_design_loses_are_counted(verify):
     assert result.first.fate_disagreements == 100
     assert result.first.fate_disagreement_flux == pytest.approx(100 / 8000)
     assert "fate_disagreement_flux" in failed(result)
+
+
+def test_light_that_meets_the_wall_of_the_opening_is_lost_at_the_base(verify):
+    """A thousand rays go level half a millimetre below z = 0, where the base's opening has its wall."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 1000)
+    origins, directions = RAYS.origins.copy(), RAYS.directions.copy()
+    origins[:1000, 2] = -0.5
+    directions[:1000] = np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    hits, flux = HITS.copy(), WEIGHTS.copy()
+    hits[:1000], flux[:1000] = np.nan, 0.0
+    rays = replace(RAYS, origins=origins, directions=directions)
+    first = verify(right(), landings=hits, flux=flux, plain_rays=1, rays=rays).first
+    assert first.missed_by_cause.base == pytest.approx(0.125, abs=2e-3)  # others meet it as they did
+    assert sum(first.flux.model_dump().values()) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_window_smaller_than_the_receiver_counts_less(verify):
