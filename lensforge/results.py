@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from lensforge.agreement import contradiction
 from lensforge.criteria import Criterion
 from lensforge.errors import InputError, MissingResult, OutdatedResult
 from lensforge.evaluation.light import Light
@@ -25,7 +24,6 @@ from lensforge.tolerancing.yield_result import Yield
 from lensforge.verdict import Verdict, verdict_on
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
-from lensforge.version import __version__
 
 REPORT_FILE = "report.html"
 # Results of a whole run, each after those that it is made from.
@@ -184,10 +182,6 @@ def load_results(folder: Path, *, damaged_too: bool = False) -> Results:
             outdated[stem] = str(error)
             continue
         why = _mismatch(result, lens, found) or _foreign_conditions(result, stem)
-        if not why and (wrong := contradiction(result, lens, found)):
-            if result.version == __version__ and not damaged_too:
-                raise InputError(f"{folder / stem}.json: {wrong}; {kind.again()}")
-            why = wrong  # another version of the program may have had other limits
         if why:
             outdated[stem] = f"{why}; {kind.again()}"
         elif stem in _FILES:

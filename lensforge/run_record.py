@@ -14,7 +14,6 @@ from lensforge.optimisation.design import Design
 from lensforge.records import Count, NotNegative, Record, Sha256, StageResult, Text
 from lensforge.records.result import SCHEMA_VERSION
 from lensforge.records.stored import read_object, require_checksum, validated, with_checksum
-from lensforge.records.validation import shortened
 from lensforge.results import Results, is_own
 from lensforge.spec import Accuracy
 from lensforge.verdict import Verdict, unjudged_files
@@ -80,7 +79,7 @@ def _readable_record(folder: Path) -> RunRecord | None:
 
 
 def require_recorded(results: Results, folder: Path) -> None:
-    """Raise :class:`InputError` where ``results`` are not those that ``run.json`` states, or its verdict is not theirs.
+    """Raise :class:`InputError` where ``results`` are not those that ``run.json`` states.
 
     A file of the part that is not the one in export.json is refused with or without ``run.json``, unless it has been
     verified as it is.
@@ -97,8 +96,6 @@ def require_recorded(results: Results, folder: Path) -> None:
         why = _unrecorded(stem, result, record.hashes)
         if why and not _is_altered(result):
             raise InputError(f"{folder / stem}.json: {why}; {type(result).again()}")
-    if record.version == __version__ and not results.outdated and set(record.hashes) == {s for s, _ in _all(results)}:
-        _require_summary(record, results, folder / RUN_FILE)
 
 
 def require_none_lost(results: Results, folder: Path) -> None:
@@ -112,21 +109,6 @@ def require_none_lost(results: Results, folder: Path) -> None:
     for stem, why in results.outdated.items():
         if stem in record.hashes and stem not in record.outdated:
             raise InputError(f"{folder}: run.json states the result of {stem}, which does not count any more: {why}")
-
-
-def _require_summary(record: RunRecord, results: Results, path: Path) -> None:
-    """Raise :class:`InputError` where ``record`` does not say what follows from the same ``results``."""
-    wanted = {"name": results.spec.name, "accuracy": results.lens.accuracy, "seed": results.lens.seed}
-    for name, value in wanted.items():
-        if getattr(record, name) != value:
-            stated, of_lens = (shortened(repr(each)) for each in (getattr(record, name), value))
-            raise InputError(f"{path}: {name} = {stated}, but lens.json has {of_lens}; {_RENEW}")
-    for name in ("light", "files", "cutting", "reasons"):
-        stated, derived = getattr(record.verdict, name), getattr(results.verdict, name)
-        if stated != derived:
-            raise InputError(
-                f"{path}: verdict.{name} = {shortened(str(stated))!r}, its results say otherwise; {_RENEW}"
-            )
 
 
 def _all(results: Results) -> Iterator[tuple[str, StageResult]]:

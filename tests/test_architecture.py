@@ -21,7 +21,7 @@ ORDER = [
     "cad_files", "optics", "materials", "given_faces", "spec", "accuracy", "lens", "lens_at_temperature", "figures",
     "sources", "tracing", "receivers", "targets", "geometry", "deviations", "optimisation", "evaluation", "workers",
     "tolerancing", "roadway", "far_field", "manufacturing", "verification", "screens", "emissions", "measurement",
-    "agreement", "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts",
+    "verdict", "results", "report", "drawings", "arguments", "other_conditions", "stages", "starts",
     "cast_stages", "tolerance_stages", "measured_part", "corrected_part", "run_record", "run_folder", "compared_folder",
     "toleranced_folder", "later_stages", "pipeline", "studies", "verbs", "api", "commands", "cli", "__main__",
 ]  # fmt: skip

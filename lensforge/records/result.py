@@ -213,7 +213,7 @@ class StageResult(Record):
             if (own := marker(info, InFile)) is not None:
                 file = folder / own.beside(cls.stage, name)
                 content[field] = read_bytes(file, info.is_required(), own.most_bytes, cls.again())
-        result = validated(cls, content, path, cls.again(), cls.stored_elsewhere())
+        result = validated(cls, content, path, cls.again())
         missing = next((f"inputs.{name}" for name in cls.made_from if name not in result.inputs), "")
         if missing:
             raise InputError(f"{path}: {missing}: missing; {cls.again()}")

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -69,39 +69,12 @@ def _require_schema(content: Mapping[str, object], schema: str, path: Path, reme
     raise kind(f"{path}: {what}, must be {schema!r}; {remedy}")
 
 
-def validated(
-    kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str, stored_elsewhere: Collection[str] = ()
-) -> _Record:
-    """``content`` of a file as a record; every field must be there, defaults too, except those ``stored_elsewhere``."""
+def validated(kind: type[_Record], content: Mapping[str, object], path: Path, remedy: str) -> _Record:
+    """``content`` of a file as a record. Raises :class:`InputError`, which names the wrong field."""
     try:
-        record = kind.model_validate(content)
+        return kind.model_validate(content)
     except ValidationError as error:
         raise input_error(error, str(path), remedy=remedy, unions=kind.unions) from None
-    missing = _first_missing(record, content, frozenset(stored_elsewhere))
-    if missing:
-        raise InputError(f"{path}: {missing}: missing; {remedy}")
-    return record
-
-
-def _first_missing(whole: object, content: object, ignored: frozenset[str] = frozenset()) -> str:
-    """Dotted name of the first field of ``whole``, ``ignored`` left out, that ``content`` lacks; "" for none."""
-    if isinstance(whole, Record) and isinstance(content, Mapping):
-        for name in (*type(whole).model_fields, *type(whole).model_computed_fields):
-            if name in ignored:
-                continue
-            if name not in content:
-                return name
-            if deeper := _first_missing(getattr(whole, name), content[name]):
-                return f"{name}.{deeper}"
-    elif isinstance(whole, dict) and isinstance(content, Mapping):
-        for name, value in whole.items():
-            if deeper := _first_missing(value, content.get(name)):
-                return f"{name}.{deeper}"
-    elif isinstance(whole, tuple) and isinstance(content, list | tuple):
-        for index, (value, given) in enumerate(zip(whole, content, strict=False)):
-            if deeper := _first_missing(value, given):
-                return f"{index}.{deeper}"
-    return ""
 
 
 def read_bytes(path: Path, required: bool, most_bytes: int, remedy: str) -> bytes | None:

@@ -7,7 +7,6 @@ import pytest
 from scenes import random_surface, small_spec, sphere
 
 import lensforge as lf
-from lensforge.agreement.light import light_contradictions
 from lensforge.lens import Lens
 from lensforge.lens_at_temperature import at_temperature
 from lensforge.materials.catalogue import MATERIALS
@@ -147,14 +146,3 @@ def test_a_finished_lens_takes_the_constants_of_a_data_sheet() -> None:
     plain, lens = lens_of(small_spec()), lens_of(small_spec(**PLASTIC))
     given = {name.removeprefix("lens__"): value for name, value in PLASTIC.items()}
     assert replace(plain, spec=plain.spec.replace(lens=given)) == lens
-
-
-def test_a_record_states_a_temperature_that_the_lens_can_have() -> None:
-    """What physics leaves possible is that of the warm lens, and no other temperature's."""
-    lens = lens_of(small_spec(**PLASTIC))
-    light = lf.evaluate(lens, temperature_c=-40.0)
-    assert light.conditions is not None and not list(light_contradictions(light, lens))
-    for celsius, words in ((20.0, "possible.share_in_target"), (900.0, "must be -100 to 400")):
-        conditions = light.conditions.model_copy(update={"temperature_c": celsius})
-        found = light_contradictions(light.model_copy(update={"conditions": conditions}), lens)
-        assert any(words in each for each in found)

@@ -1,38 +1,28 @@
-"""No page claims a pass that the numbers of a folder do not carry, whatever was changed in its files.
+"""No page claims a pass that the numbers of a folder do not carry.
 
-Every number, flag and text of every record is changed, one at a time and in groups that agree with each other; lists
-lose entries, files bytes. Each record gets the checksum of its new content, so that it is damaged for no reader.
-Report and handover must refuse it (exit 2) where ``run.json`` holds the hash of what was written. Without ``run.json``
-they may take a number that nothing contradicts, but every criterion must be judged by its own value and its own limit,
-of which there is a list here that shares no code with the program.
+``run.json`` holds the hash of every result as its command wrote it; report, handover and library refuse any other.
+Every criterion is judged by its own value and its own limit, of which there is a list here that shares no code with
+the program.
 """
 
 import json
-import random
 import shutil
-from collections.abc import Iterator
 from math import isclose
 from pathlib import Path
 from typing import Any
 
 import pytest
-from nightly import NIGHTLY
 
 import lensforge as lf
 from lensforge import pipeline
-from lensforge.criteria import Criterion
 from lensforge.records.stored import with_checksum
 from lensforge.results import EXTRAS, STAGES
 from lensforge.run_folder import open_run, renew
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
-Where = tuple[str | int, ...]
-
-SAMPLE = 30  # changes of the daily run; nightly all of them, about 2,000
 NEVER = ("compare_outer", "correct_outer")
 RECORDS = [stem for stem in ({kind.stage: kind for kind in STAGES} | EXTRAS) if stem not in NEVER]
-UNHASHED = {"seconds", "cast_seconds", "rate", "version"}  # differ between runs with the same result
 
 # The value of each criterion in its record, and its limit; None: nothing else in the folder states it.
 DISTANCE_MM = 100.0
@@ -102,83 +92,14 @@ def write(folder: Path, stem: str, content: dict[str, Any]) -> None:
     (folder / f"{stem}.json").write_text(json.dumps(with_checksum(content)), encoding="utf-8")
 
 
-def places(content: Any, path: Where = ()) -> Iterator[Where]:
-    """The way to every value and every entry of a list of tables; of long lists of numbers the first and the last."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from places(value, (*path, key))
-    elif isinstance(content, list):
-        tables = any(isinstance(entry, dict | list) for entry in content)
-        for index, value in enumerate(content):
-            if tables or index in (0, len(content) - 1):
-                yield from places(value, (*path, index))
-        if tables:
-            yield from ((*path, index) for index in range(len(content)))
-    else:
-        yield path
-
-
-def at(content: Any, path: Where) -> Any:
+def at(content: Any, path: tuple[str | int, ...]) -> Any:
     for key in path:
         content = content[key]
     return content
 
 
-def way_of(source: str) -> Where:
+def way_of(source: str) -> tuple[str | int, ...]:
     return tuple(int(part) if part.isdigit() else part for part in source.split("."))
-
-
-def others(value: Any) -> list[Any]:
-    """Values in place of ``value``: better ones, worse ones, of its own type."""
-    if isinstance(value, bool):
-        return [not value]
-    if isinstance(value, int):
-        return [value + 1, 0 if value else 7]
-    if isinstance(value, float):
-        return [0.5 * value if value else 1e-3, 1e9]
-    return [f"{value}!"] if isinstance(value, str) else [1.0]
-
-
-def mutants(content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Each change of a record in words, and the changed record."""
-    for path in places(content):
-        if path[0] in ("schema", "content_sha256", "arrays_sha256"):
-            continue
-        value, name = at(content, path), ".".join(map(str, path))
-        changes = ["delete"] if isinstance(value, dict | list) else others(value)
-        for change in changes:
-            copy = json.loads(json.dumps(content))
-            holder = at(copy, path[:-1])
-            if change == "delete":
-                del holder[path[-1]]
-            else:
-                holder[path[-1]] = change
-            yield f"{name} = {change!r}", copy
-    yield from agreeing_groups(content)
-
-
-def agreeing_groups(content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Criteria and findings beyond their limits, whose limits were moved so that they pass."""
-    for table in ("criteria", "verdicts"):
-        for index, entry in enumerate(content.get(table, ())):
-            outcome = "passed" if table == "criteria" else "holds"
-            for value, sense, limit in ((1e9, "<=", 2e9), (-1e9, ">=", -2e9), (1e9, "<=", None), (0.0, "<=", 1.0)):
-                copy = json.loads(json.dumps(content))
-                copy[table][index] = entry | {"value": value, "sense": sense, "limit": limit, outcome: True}
-                yield f"{table}.{index}: {value} {sense} {limit}", copy
-            source = VALUES.get(entry.get("name"), (None, "", None))[0]
-            if table == "criteria" and source is not None:
-                yield f"{source} and its criterion = 1e9 <= 2e9", _with_its_field(content, index, source)
-
-
-def _with_its_field(content: dict[str, Any], index: int, source: str) -> dict[str, Any]:
-    copy: dict[str, Any] = json.loads(json.dumps(content))
-    copy["criteria"][index] |= {"value": 1e9, "sense": "<=", "limit": 2e9, "passed": True}
-    for path in (way_of(source), way_of(source.removeprefix("receivers.0."))):  # of a receiver the record states some
-        holder, last = at(copy, path[:-1]) if path[0] in copy else {}, path[-1]
-        if last in holder:
-            holder[last] = 1e9 if isinstance(holder[last], float) else True if isinstance(holder[last], bool) else 10**9
-    return copy
 
 
 def refusal(command: Any, folder: Path) -> str:
@@ -193,84 +114,40 @@ def refusal(command: Any, folder: Path) -> str:
     return lines[0]
 
 
-def require_own_judgement(folder: Path) -> None:
-    """Every criterion that the pages show is there, and is judged by its own value and its own limit."""
-    run = lf.load(folder)
-    for stem, criterion in run.criteria():
+def test_every_criterion_is_judged_by_its_own_value_and_limit(whole_run: lf.Run) -> None:
+    for stem, criterion in whole_run.criteria():
         source, sense, limit = VALUES[criterion.name]
         assert criterion.sense == sense, criterion
         if limit is not None:
             assert isclose(criterion.limit, limit, rel_tol=1e-9, abs_tol=1e-12), criterion
         if source is not None:
-            assert criterion.value == at(record_in(folder, stem), way_of(source)), criterion
-        assert criterion.passed is passes(criterion)
-    for finding in run.check.verdicts:
-        assert finding.holds is (
-            finding.limit is None
-            or (finding.value is not None and (finding.value <= finding.limit) == (finding.sense == "<="))
-            or finding.value == finding.limit
-        )
+            assert criterion.value == at(record_in(whole_run.folder, stem), way_of(source)), criterion
+        within = criterion.value <= criterion.limit if sense == "<=" else criterion.value >= criterion.limit
+        assert criterion.passed is within, criterion
 
 
-def passes(criterion: Criterion) -> bool:
-    if criterion.value is None:
-        return False
-    return criterion.value <= criterion.limit if criterion.sense == "<=" else criterion.value >= criterion.limit
+@pytest.mark.parametrize("stem", RECORDS)
+def test_a_changed_record_is_refused_where_run_json_knows_it(folder: Path, stem: str) -> None:
+    """Also with a checksum of its new content, so that the file is damaged for no reader."""
+    content = record_in(folder, stem)
+    first = next(key for key, value in content["inputs"].items() if isinstance(value, str))
+    write(folder, stem, content | {"inputs": content["inputs"] | {first: "0" * 64}})
+    commands = (pipeline.run_report, pipeline.run_handover)
+    for command in commands:
+        message = refusal(command, folder)
+        assert (stem in message and "again" in message) or "does not count any more" in message, message
 
 
-@pytest.fixture(scope="module")
-def changes(whole_run: lf.Run) -> list[tuple[str, str, dict[str, Any]]]:
-    """All changes of all records; by day a sample of them, always the same."""
-    every = [
-        (stem, words, content) for stem in RECORDS for words, content in mutants(record_in(whole_run.folder, stem))
-    ]
-    assert len(every) > 1317  # as many as were tried on version 0.1.0
-    return every if NIGHTLY else random.Random(16).sample(every, SAMPLE)
-
-
-@pytest.mark.parametrize("command", [pipeline.run_report, pipeline.run_handover])
-def test_no_change_of_a_record_is_taken_where_run_json_knows_it(
-    whole_run: lf.Run, folder: Path, changes: list[tuple[str, str, dict[str, Any]]], command: Any
-) -> None:
-    for stem, words, content in changes if NIGHTLY else changes[::2]:
-        before = (folder / f"{stem}.json").read_bytes()
-        write(folder, stem, content)
-        if not UNHASHED & set(words.split(" ")[0].split(".")):
-            message = refusal(command, folder)
-            assert stem in message and "again" in message, (stem, words, message)
-        (folder / f"{stem}.json").write_bytes(before)
-    assert lf.load(folder).verdict == whole_run.verdict
-
-
-def test_without_run_json_every_criterion_is_judged_by_its_own_value_and_limit(
-    folder: Path, changes: list[tuple[str, str, dict[str, Any]]]
-) -> None:
-    (folder / "run.json").unlink()
-    taken = 0
-    for stem, words, content in changes:
-        before = (folder / f"{stem}.json").read_bytes()
-        write(folder, stem, content)
-        if not refusal(lf.load, folder):
-            taken += 1
-            require_own_judgement(folder)
-            assert not words.startswith(("criteria", "verdicts")) or "remedy" in words, (stem, words)
-        (folder / f"{stem}.json").write_bytes(before)
-    assert taken < (0.5 if NIGHTLY else 0.6) * len(changes)  # 30 by day: two standard errors more
-
-
-def test_the_value_of_the_issue_is_refused(folder: Path) -> None:
-    """1e9 nm of form error "passed": with or without run.json, by every command that shows it."""
+def test_an_outcome_that_its_value_does_not_carry_is_refused_with_or_without_run_json(folder: Path) -> None:
+    """1e9 nm of form error "passed"; without run.json an honest failure fails the files."""
     content = record_in(folder, "export")
-    content["form_error_nm"]["max"] = content["criteria"][0]["value"] = 1e9
+    content["criteria"][0]["value"] = 1e9
     write(folder, "export", content)
     for path in ("run.json", "report.html"):
         for command in (pipeline.run_report, pipeline.run_handover, lf.load):
             assert "passed = True, but its value and limit say False" in refusal(command, folder)
         (folder / path).unlink()
-    content["criteria"][0]["limit"] = 1e10
-    write(folder, "export", content)
-    assert "criteria: form_error: limit = 1e+10, but it must be 1" in refusal(lf.load, folder)
-    content["criteria"][0] |= {"limit": 1.0, "passed": False}
+    content["criteria"][0]["passed"] = False
     write(folder, "export", content)
     pipeline.run_report(folder)
     assert "form error" in (folder / "report.html").read_text(encoding="utf-8")
@@ -286,28 +163,6 @@ def test_a_file_with_other_bytes_is_refused(folder: Path, name: str) -> None:
     for command in (pipeline.run_report, pipeline.run_handover, lf.load):
         assert "run `lensforge" in refusal(command, folder)
     assert before == {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-
-
-def test_a_verdict_in_run_json_is_that_of_its_results(folder: Path) -> None:
-    for state in ("pass", "fail", "undecided"):
-        content = record_in(folder, "run")
-        if content["verdict"]["light"] != state:
-            content["verdict"]["light"] = state
-            write(folder, "run", content)
-            assert "verdict.light" in refusal(pipeline.run_report, folder)
-            (folder / "run.json").unlink()
-            pipeline.run_report(folder)
-
-
-def test_a_long_value_of_run_json_is_shortened_in_its_refusal(folder: Path) -> None:
-    """It was a line of ten thousand characters."""
-    record, long = record_in(folder, "run"), "y" * 10_000
-    reasons = record["verdict"]["reasons"] | {"light": [long]}
-    for change in ({"name": long}, {"verdict": record["verdict"] | {"reasons": reasons}}):
-        write(folder, "run", record | change)
-        with pytest.raises(lf.InputError, match=r"run\.json: ") as refused:
-            lf.load(folder)
-        assert "yyy" in str(refused.value) and len(str(refused.value)) < 500
 
 
 def test_the_next_command_takes_over_no_result_but_its_own(folder: Path) -> None:

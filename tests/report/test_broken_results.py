@@ -56,13 +56,11 @@ def test_a_file_that_is_no_record_is_one_line(tmp_path, file, text):
     ("file", "path", "value"),
     [
         ("design.json", ("history", 0, "nmse"), None),
-        ("evaluate.json", ("flux",), None),
         ("evaluate.json", ("receivers", 0, "width"), 0.0),
         ("evaluate.json", ("receivers", 0, "efficiency"), None),
         ("evaluate.json", ("nmse",), "bad"),
         ("export.json", ("form_error_nm", "max"), None),
         ("check.json", ("inner", "cutter"), None),
-        ("verify.json", ("deviation_mm",), None),
     ],
 )
 def test_a_broken_record_is_one_line(tmp_path, file, path, value):
@@ -71,6 +69,13 @@ def test_a_broken_record_is_one_line(tmp_path, file, path, value):
         load_results(tmp_path)
     assert "\n" not in str(caught.value)
     assert ".".join(map(str, path)) in str(caught.value)
+
+
+@pytest.mark.parametrize(("file", "entry"), [("evaluate.json", "flux"), ("verify.json", "deviation_mm")])
+def test_an_entry_that_follows_from_others_is_in_the_checksum(tmp_path, file, entry):
+    changed(make_folder(tmp_path), file, entry)
+    with pytest.raises(InputError, match=rf"{re.escape(file)}: content_sha256: .*run `lensforge"):
+        load_results(tmp_path)
 
 
 BROKEN_ARRAYS = {

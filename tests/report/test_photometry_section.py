@@ -6,9 +6,7 @@ from made_photometry import make_photometry
 from page_text import text_of
 from result_folders import make_results, small_lens
 
-from lensforge.agreement.studies import photometry_contradictions
 from lensforge.evaluation.region_light import RegionLight
-from lensforge.far_field.beam_figures import Direction
 from lensforge.records import Metric
 from lensforge.report.photometry_figures import ground_diagram, isocandela_diagram, polar_diagram
 from lensforge.report.photometry_section import photometry_section
@@ -116,24 +114,3 @@ def test_isolux_lines_of_a_lamp_lie_where_its_illuminance_is():
     assert np.allclose(np.hypot(*fifth.T), np.sqrt(np.sqrt(5.0) - 1.0), atol=0.02)
     words = [line.get_label() for line in axes.lines]
     assert f"{0.2 * 24 * 1000.0 / np.pi / 64.0:.2g} lx" in words
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"axis_cd": Metric(value=300.0, unit="cd", standard_error=2.0)}, "axis_cd = 300"),
-        ({"peak_direction": Direction(c_deg=0.0, gamma_deg=30.0)}, "peak_direction"),
-        ({"exit_lm": Metric(value=900.0, unit="lm", standard_error=0.5)}, "exit_lm = 900"),
-    ],
-)
-def test_a_figure_that_its_table_does_not_have_is_named(change, words):
-    record = make_photometry(small_lens())
-    assert list(photometry_contradictions(record)) == []
-    assert any(words in each for each in photometry_contradictions(record.model_copy(update=change)))
-
-
-def test_a_beam_angle_that_its_table_does_not_have_is_named():
-    record = make_photometry(small_lens())
-    narrow = record.beam_c0.model_copy(update={"beam_angle_deg": Metric(value=60.0, unit="°", standard_error=0.1)})
-    found = list(photometry_contradictions(record.model_copy(update={"beam_c0": narrow})))
-    assert found == ["beam_c0.beam_angle_deg = 60, but its table of candela say 120"]

@@ -4,7 +4,6 @@ import pytest
 from page_text import Page, undrawn_page_of
 from result_folders import make_results
 
-from lensforge.agreement.studies import sensitivity_contradictions
 from lensforge.errors import InputError
 from lensforge.evaluation.light import LightMetrics
 from lensforge.records import Metric
@@ -39,11 +38,6 @@ def test_changes_are_shown_with_their_errors():
     ]
     page = Page(undrawn_page_of(results))
     assert "sensitivity" in page.ids and "decentre in x" in page.text
-
-
-def test_a_change_that_is_no_difference_is_a_contradiction():
-    assert list(sensitivity_contradictions(study())) == []
-    assert "change.nmse" in next(sensitivity_contradictions(study(2e-4)))
 
 
 def test_a_metric_without_a_region_is_not_drawn_as_unchanged():
