@@ -1,4 +1,4 @@
-"""What faces transmit of light of either polarisation, and the adjoints.
+"""Transmittances of faces for light of either polarisation, of pairs of faces, and their adjoints.
 
 ``ratio`` is n_before / n_after, ``c`` and ``q`` the cosines before and behind a face. What it transmits of light
 polarised across (s) and in (p) its plane of incidence comes as ``(t_s, t_p, excess)``: ``t_p - t_s`` is ``excess``
