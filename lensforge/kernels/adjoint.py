@@ -8,32 +8,30 @@ from jaxtyping import Float
 from lensforge.kernels.fates import Fate
 from lensforge.kernels.hit_adjoint import hit_adjoint
 from lensforge.kernels.jit import inline, kernel
-from lensforge.kernels.packets import COEFFICIENTS, SIZE, fetch_table, fields, in_whole_vectors, jet_at, mark_cell
-from lensforge.kernels.placement import place, rough_normal, rough_normal_adjoint, turn, turn_back
-from lensforge.kernels.refraction import (
-    coated_transmittance,
-    outward_normal,
-    refract,
-    refract_adjoint,
-    transmittance,
-)
+from lensforge.kernels.packets import COEFFICIENTS, SIZE, fetch_table, fields, in_whole_vectors, jet_at, mark_hit, three
+from lensforge.kernels.placement import place, rough_normal, rough_normal_adjoint, turn, turn_back, z_axis
+from lensforge.kernels.polarisation import dot, scaled, through, through_both
+from lensforge.kernels.refraction import outward_normal, refract, refract_adjoint, unit
 from lensforge.kernels.spline import scatter
 
 # A ray's number; its point and direction in the inner face's frame, and its path lengths; sensitivities to the exit
-# point, the direction, the flux and the squared sine; whether it left the lens; flux, index ratios and absorption.
+# point, the direction, the flux, that along z and the squared sine; whether it left the lens; flux, index ratios and
+# absorption.
 (
-    RAY, PX, PY, PZ, AX, AY, AZ, T1, T2, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_SIN2, LEFT,
+    RAY, PX, PY, PZ, AX, AY, AZ, T1, T2, EX, EY, EZ, FX, FY, FZ, BY_FLUX, BY_AXIAL, BY_SIN2, LEFT,
     EMITTED, INTO, OUT_OF, ABSORPTION,
-) = fields(COEFFICIENTS, 22)  # fmt: skip
-# At the inner face: the table's five derivatives, the cosine before it, its transmittance, the slope of that, and the
-# sensitivity to the cosine.
-JET, _, _, _, _, COSINE, THROUGH, THROUGH_SLOPE, BY_COSINE = fields(COEFFICIENTS + 22, 9)
+) = fields(COEFFICIENTS, 23)  # fmt: skip
+# At the inner face: the table's five derivatives, the cosine before it, its transmittances with their excess, slopes of
+# these; the unit normal in the outer face's frame, and the sensitivities to the cosine and to it.
+JET, _, _, _, _, COSINE, FIRST, _, _, SLOPES, _, _, NORMAL, _, _, BY_COSINE, BY_NORMAL, _, _ = fields(
+    COEFFICIENTS + 23, 19
+)
 # In the outer face's frame: the hit there, and the direction before it; whether the ray has a derivative at all.
-SX, SY, SZ, VX, VY, VZ, SMOOTH = fields(COEFFICIENTS + 31, 7)
+SX, SY, SZ, VX, VY, VZ, SMOOTH = fields(COEFFICIENTS + 42, 7)
 # The table's cells at both hits, the sensitivities to its value and slopes there.
-INNER_CELL, OUTER_CELL = fields(COEFFICIENTS + 38, 8)[::4]
-BY_INNER, BY_OUTER = fields(COEFFICIENTS + 46, 6)[::3]
-ADJOINT_NUMBERS = (COEFFICIENTS + 52) * SIZE
+INNER_CELL, OUTER_CELL = fields(COEFFICIENTS + 49, 8)[::4]
+BY_INNER, BY_OUTER = fields(COEFFICIENTS + 57, 6)[::3]
+ADJOINT_NUMBERS = (COEFFICIENTS + 63) * SIZE
 
 
 def empty_adjoint() -> Float[np.ndarray, " k"]:
@@ -44,7 +42,7 @@ def empty_adjoint() -> Float[np.ndarray, " k"]:
 @inline
 def load(
     origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
-    by_points, by_directions, by_flux, by_sin2, first, last, rays,
+    by_points, by_directions, by_flux, by_axial, by_sin2, first, last, rays,
 ):  # fmt: skip
     """Put those of the rays ``first`` to ``last`` into a packet that matter to anything. Returns their number."""
     _, cavity_index, outside_index, _, _ = scene
@@ -71,6 +69,8 @@ def load(
         rays[AX + count], rays[AY + count], rays[AZ + count] = ax, ay, az
         rays[T1 + count], rays[T2 + count] = lengths[k, 0], lengths[k, 1]
         rays[BY_FLUX + count], rays[BY_SIN2 + count] = by_flux[k] if left else 0.0, by_sin2[k]
+        if by_axial is not None:
+            rays[BY_AXIAL + count] = by_axial[k] if left else 0.0
         rays[INTO + count], rays[OUT_OF + count] = cavity_index / index, index / outside_index
         if len(absorptions) > 0:
             rays[ABSORPTION + count] = absorptions[min(k, len(absorptions) - 1)]
@@ -82,13 +82,6 @@ def load(
 def put(rays, place, three):
     """Write three numbers into as many fields."""
     rays[place], rays[place + SIZE], rays[place + 2 * SIZE] = three
-
-
-@inline
-def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
-    """The table's cell at a hit."""
-    per_shift = 1.0 / (sqrt(x * x + y * y + z * z) + z)
-    mark_cell(rays, cell + k, x * per_shift, y * per_shift, side, origin, inverse_step)
 
 
 @inline
@@ -109,16 +102,6 @@ def jet_in(rays, k, cell, inverse_step):
 
 
 @inline
-def through(c, q_squared, ratio, fresnel, coating, rows, k):
-    """Transmittance of a face, coated or not, and its derivative by the cosine before it."""
-    if not fresnel:
-        return 1.0, 0.0
-    if coating is None:
-        return transmittance(c, sqrt(q_squared), ratio)
-    return coated_transmittance(c, sqrt(q_squared), ratio, coating, rows[min(k, len(rows) - 1)])
-
-
-@inline
 def to_outer(rays, count, side, scene, coating, rows, placed, rough):
     """Refract all rays at the inner face, and follow them to the outer one."""
     fresnel, _, _, origin, inverse_step = scene
@@ -130,11 +113,18 @@ def to_outer(rays, count, side, scene, coating, rows, placed, rough):
         px, py, pz = rays[PX + k], rays[PY + k], rays[PZ + k]
         nx, ny, nz = outward_normal(px, py, pz, jet[0], jet[1])
         nx, ny, nz = rough_normal(nx, ny, nz, rough, number, 0)
+        nx, ny, nz = unit(nx, ny, nz)
         vx, vy, vz, c, q_squared = refract(rays[AX + k], rays[AY + k], rays[AZ + k], nx, ny, nz, ratio)
-        put(rays, COSINE + k, (c, *through(c, q_squared, ratio, fresnel, coating, rows, number)))
+        (t_s, t_p, excess), slopes = through(c, sqrt(q_squared), ratio, fresnel, coating, rows, number)
+        per_behind = 1.0 / (ratio * ratio)
+        rays[COSINE + k] = c
+        put(rays, FIRST + k, (t_s, t_p, excess * per_behind))
+        put(rays, SLOPES + k, (slopes[0], slopes[1], slopes[2] * per_behind))
         if placed is not None:
             px, py, pz = place(placed[0][1], 1.0, px, py, pz)
             vx, vy, vz = turn(placed[0][1], vx, vy, vz)
+            nx, ny, nz = turn(placed[0][1], nx, ny, nz)
+        put(rays, NORMAL + k, (nx, ny, nz))
         t = rays[T2 + k]
         px, py, pz = px + t * vx, py + t * vy, pz + t * vz
         put(rays, SX + k, (px, py, pz))
@@ -143,36 +133,48 @@ def to_outer(rays, count, side, scene, coating, rows, placed, rough):
 
 
 @inline
-def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rough):
+def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rough, axis):
     """Sensitivities at the outer face, and to the ray behind the inner one, in the frame of that."""
     fresnel, inverse_step = scene[0], scene[4]
     for k in range(count):
         number, left, ratio, t = int(rays[RAY + k]), rays[LEFT + k] == 1.0, rays[OUT_OF + k], rays[T2 + k]
-        x, y, z = rays[SX + k], rays[SY + k], rays[SZ + k]
-        vx, vy, vz = rays[VX + k], rays[VY + k], rays[VZ + k]
+        x, y, z = three(rays, SX + k)
+        vx, vy, vz = three(rays, VX + k)
         jet = jet_in(rays, k, OUTER_CELL, inverse_step)
         mx, my, mz = outward_normal(x, y, z, jet[0], jet[1])
         ux, uy, uz = rough_normal(mx, my, mz, rough, number, 1)
-        cx, cy, cz, c, q_squared = refract(vx, vy, vz, ux, uy, uz, ratio)
-        share, slope = through(c, q_squared, ratio, fresnel, coating, rows, number)
-        share, slope = share if left else 1.0, slope if left else 0.0
+        wx, wy, wz = unit(ux, uy, uz)
+        cx, cy, cz, c, q_squared = refract(vx, vy, vz, wx, wy, wz, ratio)
+        q = sqrt(q_squared if left else 1.0)  # reflected totally, it has no flux behind the face
+        second, slopes = through(c, q, ratio, fresnel, coating, rows, number)
+        value, by_first, by_c, by_m, by_n, by_d, by_b = through_both(
+            three(rays, FIRST + k), second, slopes, ratio, c, q,
+            three(rays, NORMAL + k), (wx, wy, wz), (vx, vy, vz), (cx, cy, cz), axis,
+            rays[BY_FLUX + k], rays[BY_AXIAL + k],
+        )  # fmt: skip
         # tangent, or at the critical angle, to the last bit: there is no derivative
         smooth = rays[COSINE + k] > 0.0 and c > 0.0 and (q_squared > 0.0 or not left)
         rays[SMOOTH + k] = 1.0 if smooth else 0.0
-        gw, arrived, by_t = rays[BY_FLUX + k], rays[EMITTED + k], 0.0  # flux but for both faces; by the path length
+        arrived, by_t = rays[EMITTED + k] if left else 0.0, 0.0  # flux but for both faces; by the path length
         if absorbing:
             arrived *= exp(-rays[ABSORPTION + k] * t)
-            by_t = -rays[ABSORPTION + k] * gw * arrived * rays[THROUGH + k] * share
-        rays[BY_COSINE + k] = gw * arrived * share * rays[THROUGH_SLOPE + k]
-        by_cosine = gw * arrived * rays[THROUGH + k] * slope - 2.0 * ratio * ratio * c * rays[BY_SIN2 + k]
-        ex, ey, ez, fx, fy, fz = rays[EX + k], rays[EY + k], rays[EZ + k], rays[FX + k], rays[FY + k], rays[FZ + k]
+            by_t = -rays[ABSORPTION + k] * arrived * value
+        rays[BY_COSINE + k] = arrived * dot(by_first, three(rays, SLOPES + k))
+        by_cosine = arrived * by_c - 2.0 * ratio * ratio * c * rays[BY_SIN2 + k]
+        ex, ey, ez = three(rays, EX + k)
+        fx, fy, fz = three(rays, FX + k)
         if placed is not None:
             ex, ey, ez = turn_back(placed[0][2], placed[2] * ex, placed[2] * ey, placed[2] * ez)
             fx, fy, fz = turn_back(placed[0][2], fx, fy, fz)
         # a ray is a line: no receiver sees where on it its point lies, to the last bit of this direction
         along = ex * cx + ey * cy + ez * cz
         ex, ey, ez = ex - along * cx, ey - along * cy, ez - along * cz
-        fx, fy, fz, hx, hy, hz = refract_adjoint(vx, vy, vz, ux, uy, uz, ratio, fx, fy, fz, by_cosine)
+        fx, fy, fz = fx + arrived * by_b[0], fy + arrived * by_b[1], fz + arrived * by_b[2]
+        fx, fy, fz, hx, hy, hz = refract_adjoint(
+            vx, vy, vz, ux, uy, uz, ratio, fx, fy, fz, by_cosine, *scaled(arrived, by_n)
+        )
+        fx, fy, fz = fx + arrived * by_d[0], fy + arrived * by_d[1], fz + arrived * by_d[2]
+        gx, gy, gz = scaled(arrived, by_m)
         hx, hy, hz = rough_normal_adjoint(mx, my, mz, rough, number, 1, hx, hy, hz)
         ex, ey, ez = ex + by_t * vx, ey + by_t * vy, ez + by_t * vz
         (ex, ey, ez), by_table = hit_adjoint(x, y, z, vx, vy, vz, mx, my, mz, ex, ey, ez, hx, hy, hz, jet)
@@ -182,6 +184,8 @@ def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rou
         if placed is not None:
             ex, ey, ez = turn_back(placed[0][1], ex, ey, ez)
             fx, fy, fz = turn_back(placed[0][1], fx, fy, fz)
+            gx, gy, gz = turn_back(placed[0][1], gx, gy, gz)
+        put(rays, BY_NORMAL + k, (gx, gy, gz))
         put(rays, EX + k, (ex, ey, ez))
         put(rays, FX + k, (fx, fy, fz))
 
@@ -190,16 +194,21 @@ def back_through_outer(rays, count, scene, coating, rows, absorbing, placed, rou
 def back_through_inner(rays, count, rough):
     """Sensitivities at the inner face."""
     for k in range(count):
-        number, x, y, z = int(rays[RAY + k]), rays[PX + k], rays[PY + k], rays[PZ + k]
-        ax, ay, az = rays[AX + k], rays[AY + k], rays[AZ + k]
-        jet = (rays[JET + k], rays[JET + SIZE + k], rays[JET + 2 * SIZE + k], rays[JET + 3 * SIZE + k],
-               rays[JET + 4 * SIZE + k])  # fmt: skip
+        number = int(rays[RAY + k])
+        x, y, z = three(rays, PX + k)
+        ax, ay, az = three(rays, AX + k)
+        rho_x, rho_y, _ = three(rays, JET + k)
+        xx, xy, yy = three(rays, JET + 2 * SIZE + k)
+        jet = rho_x, rho_y, xx, xy, yy
         nx, ny, nz = outward_normal(x, y, z, jet[0], jet[1])
         gx, gy, gz = rough_normal(nx, ny, nz, rough, number, 0)
-        fx, fy, fz, by_cosine = rays[FX + k], rays[FY + k], rays[FZ + k], rays[BY_COSINE + k]
-        _, _, _, hx, hy, hz = refract_adjoint(ax, ay, az, gx, gy, gz, rays[INTO + k], fx, fy, fz, by_cosine)
+        fx, fy, fz = three(rays, FX + k)
+        bx, by, bz = three(rays, BY_NORMAL + k)
+        _, _, _, hx, hy, hz = refract_adjoint(
+            ax, ay, az, gx, gy, gz, rays[INTO + k], fx, fy, fz, rays[BY_COSINE + k], bx, by, bz
+        )
         hx, hy, hz = rough_normal_adjoint(nx, ny, nz, rough, number, 0, hx, hy, hz)
-        ex, ey, ez = rays[EX + k], rays[EY + k], rays[EZ + k]
+        ex, ey, ez = three(rays, EX + k)
         _, by_table = hit_adjoint(x, y, z, ax, ay, az, nx, ny, nz, ex, ey, ez, hx, hy, hz, jet)
         put(rays, BY_INNER + k, by_table if rays[SMOOTH + k] == 1.0 else (0.0, 0.0, 0.0))
 
@@ -219,25 +228,29 @@ def add(rays, count, cell, by, inverse_step, gradient):
 def trace_adjoint(
     origins, directions, emitted, indices, absorptions, inner, outer, scene, inner_coating, outer_coating, rows,
     placed, rough, lengths, fates,
-    by_points, by_directions, by_flux, by_sin2, inner_gradient, outer_gradient, rays,
+    by_points, by_directions, by_flux, by_axial, by_sin2, inner_gradient, outer_gradient, rays,
 ):  # fmt: skip
     """Add every ray's contribution to the gradients with respect to the tables' coefficients.
 
-    Through a ray that left the lens: by its exit point, its direction, its flux and sin^2; through one that the outer
-    surface reflected totally: by sin^2. Without Fresnel losses both coatings are None. ``rays``: memory of a packet.
+    Through a ray that left the lens: by its exit point, its direction, its flux, that along z and sin^2; through one
+    that the outer surface reflected totally: by sin^2. ``by_axial`` is None without a cover glass. Without Fresnel
+    losses both coatings are None. ``rays``: memory of a packet.
     """
     side, inverse_step, absorbing = float(len(inner)), scene[4], len(absorptions) > 0
     for first in range(0, len(emitted), SIZE):
         count = load(
             origins, directions, emitted, indices, absorptions, scene, placed, lengths, fates,
-            by_points, by_directions, by_flux, by_sin2, first, min(first + SIZE, len(emitted)), rays,
+            by_points, by_directions, by_flux, by_axial, by_sin2, first, min(first + SIZE, len(emitted)), rays,
         )  # fmt: skip
         whole = in_whole_vectors(count)
         to_inner(rays, whole, side, scene)
         fetch_table(rays, count, inner, INNER_CELL)
         to_outer(rays, whole, side, scene, inner_coating, rows, placed, rough)
         fetch_table(rays, count, outer, OUTER_CELL)
-        back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough)
+        if by_axial is None:  # known to the compiler
+            back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough, None)
+        else:
+            back_through_outer(rays, whole, scene, outer_coating, rows, absorbing, placed, rough, z_axis(placed))
         back_through_inner(rays, whole, rough)
         add(rays, count, INNER_CELL, BY_INNER, inverse_step, inner_gradient)
         add(rays, count, OUTER_CELL, BY_OUTER, inverse_step, outer_gradient)

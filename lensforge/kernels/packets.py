@@ -28,22 +28,27 @@ def fields(first: int, count: int) -> tuple[int, ...]:
 TABLE = 0
 COEFFICIENTS = 16
 # Rays in the order in which they entered the packet: number, point, direction, ratio of the indices at the face to
-# which they go; the crossing that was found; cosine before the face, squared one behind, and transmittance.
-RAY, PX, PY, PZ, DX, DY, DZ, RATIO, LENGTH, STATUS, RHO_X, RHO_Y, COSINE, BEHIND, THROUGH = fields(COEFFICIENTS, 15)
+# which they go; the crossing that was found; cosine before the face, squared one behind, and transmittance. Behind the
+# inner face that of either polarisation over their mean, their excess likewise, and the normal there; behind the outer
+# one the share of the flux whose field is along z.
+(
+    RAY, PX, PY, PZ, DX, DY, DZ, RATIO, LENGTH, STATUS, RHO_X, RHO_Y, COSINE, BEHIND, THROUGH,
+    T_S, T_P, EXCESS, MX, MY, MZ, AXIAL,
+) = fields(COEFFICIENTS, PER_RAY := 22)  # fmt: skip
 # Rays still on their way, in any order. What is theirs: number in the packet, point, direction, path t; the bracket of
 # a root, if any, with the evaluation before; the state, and the table's slopes at the last evaluation.
 OWN = 17
 (
     NUMBER, X0, Y0, Z0, ALONG_X, ALONG_Y, ALONG_Z, T, CLOSING, LOW, HIGH, BEFORE, F_BEFORE, INVERSE_BEFORE,
     STATE, SLOPE_X, SLOPE_Y,
-) = fields(COEFFICIENTS + 15, OWN)  # fmt: skip
+) = fields(COEFFICIENTS + PER_RAY, OWN)  # fmt: skip
 # And what is made anew in each step: distance r, r times the cosine between ray and radius, chart and 1/(r + z); the
 # table's cell; the bounds nearby; F and F'.
 (
     R, OUTWARD, CHART_X, CHART_Y, PER_SHIFT, CELL, _, _, _, TILE_ROW, TILE_COLUMN,
     NEARBY, MOST_SLOPE, MOST_HESSIAN, F, SLOPE,
-) = fields(COEFFICIENTS + 15 + OWN, 16)  # fmt: skip
-PACKET_NUMBERS = (COEFFICIENTS + 15 + OWN + 16) * SIZE
+) = fields(COEFFICIENTS + PER_RAY + OWN, 16)  # fmt: skip
+PACKET_NUMBERS = (COEFFICIENTS + PER_RAY + OWN + 16) * SIZE
 
 
 def empty_packet() -> Float[np.ndarray, " k"]:
@@ -76,6 +81,19 @@ def mark_cell(rays, cell, X, Y, side, origin, inverse_step):
     i, j = index_at(px - 1.0, side - 4.0), index_at(py - 1.0, side - 4.0)
     rays[cell], rays[cell + SIZE] = i, j
     rays[cell + 2 * SIZE], rays[cell + 3 * SIZE] = px - (i + 1.0), py - (j + 1.0)
+
+
+@inline
+def mark_hit(rays, k, x, y, z, cell, side, origin, inverse_step):
+    """The table's cell at a hit."""
+    per_shift = 1.0 / (sqrt(x * x + y * y + z * z) + z)
+    mark_cell(rays, cell + k, x * per_shift, y * per_shift, side, origin, inverse_step)
+
+
+@inline
+def three(rays, place):
+    """Three numbers from as many fields."""
+    return rays[place], rays[place + SIZE], rays[place + 2 * SIZE]
 
 
 @inline

@@ -41,6 +41,14 @@ def turn_back(frame, x, y, z):
 
 
 @inline
+def z_axis(placed):
+    """The axis z in the outer face's frame."""
+    if placed is None:
+        return 0.0, 0.0, 1.0
+    return turn_back(placed[0][2], 0.0, 0.0, 1.0)
+
+
+@inline
 def tilted(nx, ny, nz, a, b, c, slope):
     """Normal n of a rough face, not normalised: tilted by ``slope`` times the noise (a, b, c).
 

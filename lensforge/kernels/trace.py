@@ -5,7 +5,8 @@ body's refractive index for each ray, or one for all; ``absorptions`` its absorp
 the body is clear. ``inner_coating`` and ``outer_coating``: table of the reflectance of a coated face, or None: numba
 compiles the kernels for each, without a branch. ``rows`` has the place of each ray among their rows, or one for all.
 ``placed`` and ``rough`` likewise: where the faces stand and how rough they are, see ``kernels.placement``, or None.
-The path lengths that were found are kept, so that the adjoint need not search again.
+The path lengths that were found are kept, so that the adjoint need not search again. ``axial`` is None but
+for a cover glass, whose transmittance depends on the polarisation of what comes to it.
 """
 
 from math import exp, sqrt
@@ -14,12 +15,17 @@ from lensforge.kernels.fates import Fate
 from lensforge.kernels.first_hit import BELOW, FOUND, first_hits
 from lensforge.kernels.jit import inline, kernel
 from lensforge.kernels.packets import (
+    AXIAL,
     BEHIND,
     COSINE,
     DX,
     DY,
     DZ,
+    EXCESS,
     LENGTH,
+    MX,
+    MY,
+    MZ,
     PX,
     PY,
     PZ,
@@ -29,21 +35,16 @@ from lensforge.kernels.packets import (
     RHO_Y,
     SIZE,
     STATUS,
+    T_P,
+    T_S,
     THROUGH,
     in_whole_vectors,
     tile_of,
 )
-from lensforge.kernels.placement import place, rough_normal, turn
-from lensforge.kernels.refraction import coated_transmittance, outward_normal, refract, transmittance
+from lensforge.kernels.placement import place, rough_normal, turn, z_axis
+from lensforge.kernels.polarisation import axial_share, polarised_share, through_face
+from lensforge.kernels.refraction import outward_normal, refract, unit
 from lensforge.kernels.spline import value_and_slope
-
-
-@inline
-def through_face(c, q, ratio, coating, rows, k):
-    """Transmittance of a face for ray k, coated or not."""
-    if coating is None:
-        return transmittance(c, q, ratio)[0]
-    return coated_transmittance(c, q, ratio, coating, rows[min(k, len(rows) - 1)])[0]
 
 
 @inline
@@ -76,10 +77,11 @@ def put(rays, lane, number, px, py, pz, dx, dy, dz, ratio):
 
 
 @inline
-def refract_packet(rays, count, fresnel, coating, rows, rough, face):
+def refract_packet(rays, count, fresnel, coating, rows, rough, face, axis):
     """Move all rays of a packet to the face that they have found, and refract them there; ``face``: 0 or 1.
 
-    Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance.
+    Those that have found none only move. Fills the cosine before, the squared one behind, and the transmittance; at the
+    inner face what the outer one needs to know of the polarisation, at the outer one the share along ``axis``.
     """
     for k in range(count):
         t, dx, dy, dz = rays[LENGTH + k], rays[DX + k], rays[DY + k], rays[DZ + k]
@@ -87,13 +89,29 @@ def refract_packet(rays, count, fresnel, coating, rows, rough, face):
         rays[PX + k], rays[PY + k], rays[PZ + k] = px, py, pz
         nx, ny, nz = outward_normal(px, py, pz, rays[RHO_X + k], rays[RHO_Y + k])
         nx, ny, nz = rough_normal(nx, ny, nz, rough, int(rays[RAY + k]), face)
+        nx, ny, nz = unit(nx, ny, nz)
         ratio = rays[RATIO + k]
         ax, ay, az, c, q_squared = refract(dx, dy, dz, nx, ny, nz, ratio)
         met = rays[STATUS + k] == FOUND and pz >= 0.0
         rays[DX + k], rays[DY + k], rays[DZ + k] = ax if met else dx, ay if met else dy, az if met else dz
         rays[COSINE + k], rays[BEHIND + k] = c, q_squared
         if fresnel:
-            rays[THROUGH + k] = through_face(c, sqrt(q_squared), ratio, coating, rows, int(rays[RAY + k]))
+            q = sqrt(q_squared)
+            found, _ = through_face(c, q, ratio, coating, rows, int(rays[RAY + k]))
+            if face == 0:
+                mean = 0.5 * (found[0] + found[1])
+                rays[THROUGH + k], rays[T_S + k], rays[T_P + k] = mean, found[0] / mean, found[1] / mean
+                rays[EXCESS + k] = found[2] / (mean * ratio * ratio)
+                rays[MX + k], rays[MY + k], rays[MZ + k] = nx, ny, nz
+            else:
+                first = rays[T_S + k], rays[T_P + k], rays[EXCESS + k]
+                mx, my, mz = rays[MX + k], rays[MY + k], rays[MZ + k]
+                y = mx * nx + my * ny + mz * nz - (mx * dx + my * dy + mz * dz) * c
+                rays[THROUGH + k] = polarised_share(first, found, y)[0]
+                if axis is not None:
+                    rays[AXIAL + k] = axial_share(
+                        first, found, ratio, c, q, (mx, my, mz), (nx, ny, nz), (dx, dy, dz), (ax, ay, az), axis
+                    )[0]
 
 
 @inline
@@ -122,7 +140,7 @@ def into_body(
     """Refract the rays of a packet at the inner surface. Returns the number of those on their way to the outer one."""
     fresnel, _, outside_index, origin, inverse_step = scene
     whole = in_whole_vectors(count)
-    refract_packet(rays, whole, fresnel, coating, rows, rough, 0)
+    refract_packet(rays, whole, fresnel, coating, rows, rough, 0, None)
     going = 0
     for lane in range(count):
         k, start = int(rays[RAY + lane]), 0.0
@@ -148,6 +166,12 @@ def into_body(
                     continue
                 px, py, pz = px + start * dx, py + start * dy, 0.0
         lengths[k, 1] = start
+        mx, my, mz = rays[MX + lane], rays[MY + lane], rays[MZ + lane]
+        if placed is not None:
+            mx, my, mz = turn(placed[0][1], mx, my, mz)
+        rays[MX + going], rays[MY + going], rays[MZ + going] = mx, my, mz
+        rays[T_S + going], rays[T_P + going] = rays[T_S + lane], rays[T_P + lane]
+        rays[EXCESS + going] = rays[EXCESS + lane]
         put(rays, going, k, px, py, pz, dx, dy, dz, indices[min(k, len(indices) - 1)] / outside_index)
         going += 1
     return going
@@ -156,12 +180,15 @@ def into_body(
 @inline
 def out_of_body(
     rays, count, absorptions, scene, coating, rows, placed, rough,
-    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
+    lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
 ):  # fmt: skip
     """Refract the rays of a packet at the outer surface."""
     fresnel = scene[0]
     whole = in_whole_vectors(count)
-    refract_packet(rays, whole, fresnel, coating, rows, rough, 1)
+    if axial is None:  # known to the compiler
+        refract_packet(rays, whole, fresnel, coating, rows, rough, 1, None)
+    else:
+        refract_packet(rays, whole, fresnel, coating, rows, rough, 1, z_axis(placed))
     for lane in range(count):
         k, t = int(rays[RAY + lane]), rays[LENGTH + lane]
         px, py, pz = rays[PX + lane], rays[PY + lane], rays[PZ + lane]
@@ -180,6 +207,8 @@ def out_of_body(
         if rays[BEHIND + lane] <= 0.0 or rays[COSINE + lane] <= 0.0:
             fates[k] = Fate.TOTAL_REFLECTION
             continue
+        if axial is not None:
+            axial[k] = flux[k] * rays[AXIAL + lane]
         if fresnel:
             flux[k] *= rays[THROUGH + lane]
         if placed is not None:
@@ -193,7 +222,7 @@ def out_of_body(
 def trace(
     origins, directions, emitted, indices, absorptions, inner, outer, inner_bounds, outer_bounds, scene,
     inner_coating, outer_coating, rows, placed, rough,
-    lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates, rays,
+    lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates, rays,
 ):  # fmt: skip
     """Trace rays; fills, per ray, path lengths to both surfaces (2), and the fields of ``ExitRays``.
 
@@ -215,5 +244,5 @@ def trace(
         first_hits(rays, count, outer, origin, inverse_step, outer_bounds)
         out_of_body(
             rays, count, absorptions, scene, outer_coating, rows, placed, rough,
-            lengths, exit_points, exit_directions, flux, absorbed, sin2_exit, fates,
+            lengths, exit_points, exit_directions, flux, absorbed, axial, sin2_exit, fates,
         )  # fmt: skip

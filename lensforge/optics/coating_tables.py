@@ -1,7 +1,8 @@
 """Tables of the coated faces of a lens, as the tracers of the design take them.
 
-A row holds the coefficients of uniform cubic B-splines over the cosine in the less dense medium, from 0 to 1; between
-rows, one for each of ``wavelengths_nm``, reflectance is linear.
+A row holds the coefficients of uniform cubic B-splines over the cosine in the less dense medium, from 0 to 1, of the
+reflectance and of its excess, see ``optics.reflectance``; between rows, one for each of ``wavelengths_nm``, both are
+linear.
 """
 
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from lensforge.optics.media import Coating, Media, ReflectanceTable
 from lensforge.optics.reflectance import Reflectance, least_reflectance, reflectance_of
 
-Table = Float[np.ndarray, "k m"]
+Table = Float[np.ndarray, "k m 2"]
 Span = tuple[float, float]  # least and largest wavelength (nm)
 
 _ERROR = 3e-6  # of the splines, between their nodes
@@ -28,9 +29,9 @@ class CoatingTables:
     """Reflectance of the faces that are coated; the same rows in each."""
 
     wavelengths_nm: Float[np.ndarray, " k"]
-    inner: Float[np.ndarray, "k a"] | None
-    outer: Float[np.ndarray, "k b"] | None
-    glass: Float[np.ndarray, "k c"] | None
+    inner: Float[np.ndarray, "k a 2"] | None
+    outer: Float[np.ndarray, "k b 2"] | None
+    glass: Float[np.ndarray, "k c 2"] | None
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,8 @@ def coating_tables(media: Media, span_nm: Span) -> CoatingTables:
 def least_reflectances(media: Media, span_nm: Span | None) -> tuple[float | None, float | None]:
     """Lower bounds of the reflectance of the inner and the outer face, at any angle; None: the face is not coated.
 
+    Where s and p differ, of 1 less the root mean square of what they transmit.
+
     ``span_nm`` None: for light of any wavelengths.
     """
     faces = coated_faces(media)
@@ -124,12 +127,12 @@ def _coefficients(face: Reflectance, waves: Float[np.ndarray, " k"]) -> Table:
     return _interpolating(face.at(waves, np.linspace(0.0, 1.0, cells + 1)))
 
 
-def _interpolating(values: Float[np.ndarray, "k c"]) -> Table:
+def _interpolating(values: Float[np.ndarray, "k c 2"]) -> Table:
     """Coefficients of the cubic B-splines through values at equal steps, two more; the ends are not knots."""
     count = values.shape[1]
     matrix = np.zeros((count + 2, count + 2))
     for offset, weight in enumerate((1.0, 4.0, 1.0)):
         matrix[np.arange(1, count + 1), np.arange(count) + offset] = weight / 6.0
     matrix[0, :5] = matrix[-1, -5:] = (1.0, -4.0, 6.0, -4.0, 1.0)
-    known = np.column_stack([np.zeros(len(values)), values, np.zeros(len(values))])
-    return np.ascontiguousarray(np.linalg.solve(matrix, known.T).T)
+    known = np.pad(values, ((0, 0), (1, 1), (0, 0)))
+    return np.ascontiguousarray(np.einsum("ij,kjp->kip", np.linalg.inv(matrix), known))

@@ -1,8 +1,10 @@
 """Limits of two refractions, into a body and out of it: how far they turn a ray, and how much of it they transmit.
 
-The light at each face is unpolarised, as the tracers take it. In air both faces are alike; where something else fills
-the cavity or surrounds the lens, each has its own ratio of indices. A coated face is only known to reflect at least so
-much, at any angle; it turns light as if it were bare.
+The light of the source is unpolarised. What two faces transmit is the most where both turn a ray in one plane: half of
+the sum over both polarisations of the product of what either transmits, at most the product of the root mean squares
+(Cauchy and Schwarz), and no less where two that are alike share the turn. In air both faces are alike; where something
+else fills the cavity or surrounds the lens, each has its own ratio of indices. A coated face is only known to reflect
+at least so much, at any angle; it turns light as if it were bare.
 """
 
 from math import acos
@@ -15,7 +17,9 @@ from lensforge.optics.media import Media
 
 Turns = Float[np.ndarray, "*n"]
 Least = tuple[float | None, float | None]  # reflectances of the inner and the outer face; None: it is bare
-_SPLITS = 256  # of a turn among two faces that differ: the bound is less than 2 % above what some split transmits
+_PEAKED = 2.5  # ratio of indices up to which a face transmits the most where it turns no light
+_TURNS, _BETWEEN = 128, 1.0001  # of a face at which others are looked at, and a bound of what lies between those
+_SPLITS = 512  # of a turn among two faces that differ: the bound is less than 3 % above what some split transmits
 
 
 def largest_deviation_rad(refractive_index: float) -> float:
@@ -35,15 +39,15 @@ def best_transmittance(
 ) -> Turns:
     """Largest transmittance of two faces that turn a ray by ``deviation_rad`` at least; 0 beyond the largest deviation.
 
-    The logarithm of one face's transmittance is concave in its deviation, so that two alike do best to turn the ray by
-    half of it each, in one plane. Of two that differ an upper bound: each transmits less the more it turns, and within
-    a step of the split at most what it does at the step's better end. ``least``: reflectances of coated faces.
+    The logarithm of one face's root mean square is concave in its deviation, so that two alike do best to turn the ray
+    by half of it each, in one plane. Of two that differ an upper bound: each transmits less the more it turns, and
+    within a step of the split at most what it does at the step's better end. ``least``: reflectances of coated faces.
     """
     turn = np.maximum(deviation_rad, 0.0)
     index = np.broadcast_to(refractive_index, turn.shape)
     first, second = (_ratio(index, each) for each in (cavity_index, outside_index))
     if cavity_index == outside_index and least == (None, None):
-        once = face_transmittance(0.5 * turn, first)
+        once = _at_most(0.5 * turn, first, None)
         both: Turns = once * once
         return both
     bound: Turns = np.zeros_like(turn)
@@ -55,8 +59,13 @@ def best_transmittance(
 
 
 def _at_most(deviation_rad: Turns, ratio: Turns, least: float | None) -> Turns:
-    """Transmittance of a face, or of a coated one an upper bound."""
-    bare = face_transmittance(deviation_rad, ratio)
+    """Largest transmittance of a face that turns light at least so far, or of a coated one an upper bound."""
+    bare, peaked = face_transmittance(deviation_rad, ratio), ratio > _PEAKED
+    for share in np.linspace(0.0, 1.0, _TURNS if np.any(peaked) else 0):  # the most is near Brewster's angle
+        turn = share * np.arccos(1.0 / ratio)
+        bare = np.where(
+            peaked & (turn >= deviation_rad), np.maximum(bare, _BETWEEN * face_transmittance(turn, ratio)), bare
+        )
     coated: Turns = bare if least is None else np.where(bare > 0.0, 1.0 - least, 0.0)
     return coated
 
@@ -69,7 +78,7 @@ def _ratio(refractive_index: Turns, around: float) -> Turns:
 
 
 def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) -> Turns:
-    """Transmittance of one face that turns unpolarised light by ``deviation_rad``; 0 where it cannot.
+    """Root mean square of what a face that turns light by ``deviation_rad`` transmits of s and p; 0 where it cannot.
 
     ``i``, the angle in air, has ``sin i = n sin(i - d)``, so ``tan i = n sin d / (n cos d - 1)``; then Fresnel's
     formulas (Born and Wolf, Principles of Optics, 1.5.2).
@@ -81,7 +90,7 @@ def face_transmittance(deviation_rad: Turns, refractive_index: float | Turns) ->
     with np.errstate(invalid="ignore", divide="ignore"):
         r_s = (cosine - index * inside) / (cosine + index * inside)
         r_p = (index * cosine - inside) / (index * cosine + inside)
-        transmitted: Turns = 1.0 - 0.5 * (r_s**2 + r_p**2)
+        transmitted: Turns = np.sqrt(0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2))
     turned: Turns = np.where((below > 0.0) | (deviation_rad == 0.0), transmitted, 0.0)
     return turned
 
@@ -92,13 +101,12 @@ def normal_transmittance(refractive_index: float) -> float:
 
 
 def transmittance_of(media: Media) -> float:
-    """Transmittance of both faces at normal incidence: they bound a lens's efficiency, 0.923 for PMMA in air.
+    """Most that both faces transmit: it bounds a lens's efficiency, 0.923 for PMMA in air, at normal incidence.
 
-    Of a coated face at the angle and wavelength at which it reflects least.
+    Of a coated face at the angle and wavelength at which it reflects least; for indices above 2.6 near Brewster's.
     """
-    ratios = (media.refractive_index / each for each in (media.cavity_index, media.outside_index))
-    one, other = (
-        normal_transmittance(ratio) if least is None else 1.0 - least
-        for ratio, least in zip(ratios, least_reflectances(media, None), strict=True)
-    )
+    index = np.full(1, media.refractive_index)
+    ratios = (_ratio(index, each) for each in (media.cavity_index, media.outside_index))
+    pairs = zip(ratios, least_reflectances(media, None), strict=True)
+    one, other = (float(_at_most(np.zeros(1), ratio, least)[0]) for ratio, least in pairs)
     return one * other

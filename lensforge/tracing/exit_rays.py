@@ -18,7 +18,8 @@ class ExitRays:
     lens. ``flux``: that (W) which reached the last surface met, after Fresnel losses and absorption. ``sin2_exit``:
     squared sine of the exit angle by Snell's law, above 1 for total reflection, 0 where the outer surface was not
     reached. ``fates``: values of :class:`~lensforge.kernels.fates.Fate`. ``absorbed``: flux (W) that the body took on
-    the way to the outer surface; None where it takes none. ``lost_in_glass``: what a cover glass reflected and
+    the way to the outer surface; None where it takes none. ``axial``: that flux (W) times the squared part of the unit
+    field along z, for a cover glass; None where none reflects. ``lost_in_glass``: what a cover glass reflected and
     absorbed; points are then those from which rays seem to come behind it.
     """
 
@@ -29,6 +30,7 @@ class ExitRays:
     fates: Int8[Tensor, " n"]
     absorbed: Float[Tensor, " n"] | None = None
     lost_in_glass: Float[Tensor, " n"] | None = None
+    axial: Float[Tensor, " n"] | None = None
 
     @property
     def left_lens(self) -> Bool[Tensor, " n"]:

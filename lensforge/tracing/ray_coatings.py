@@ -25,9 +25,9 @@ class RayCoatings:
     ``rows``: place among the rows of the tables, of each ray or of all; empty where no face is coated.
     """
 
-    inner: Float[np.ndarray, "k a"] | None
-    outer: Float[np.ndarray, "k b"] | None
-    glass: Float[np.ndarray, "k c"] | None
+    inner: Float[np.ndarray, "k a 2"] | None
+    outer: Float[np.ndarray, "k b 2"] | None
+    glass: Float[np.ndarray, "k c 2"] | None
     rows: Float[np.ndarray, " j"]
 
     @staticmethod
@@ -61,7 +61,7 @@ class RayCoatings:
         return self.rows if len(self.rows) <= 1 else self.rows[part]
 
 
-def _compiled(table: Float[np.ndarray, "k m"] | None) -> _Compiled:
+def _compiled(table: Float[np.ndarray, "k m 2"] | None) -> _Compiled:
     """A table of one row as that row: numba compiles the kernels for it without the search among rows."""
     return table[0] if table is not None and len(table) == 1 else table
 

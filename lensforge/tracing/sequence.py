@@ -14,7 +14,15 @@ from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
 from lensforge.kernels.fates import Fate
-from lensforge.optics.dielectric import coated_transmittance, fresnel_transmittance, refract, transmitted_cosine_squared
+from lensforge.optics.dielectric import (
+    Transmittances,
+    coated_transmittances,
+    fresnel_transmittances,
+    refract,
+    transmitted_cosine_squared,
+    transmitted_fields,
+    unpolarised_fields,
+)
 from lensforge.optics.media import Media
 from lensforge.sources.bundle import RayBundle
 from lensforge.tracing.as_made import AsMade, through_frame
@@ -100,12 +108,14 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
     fates, alive, origins, directions = _entered(inner, rays)
     flux, sin2_exit = rays.flux.clone(), torch.zeros_like(rays.flux)
     absorbed = None if rays.absorptions is None else torch.zeros_like(rays.flux)
+    fields = unpolarised_fields(rays.directions)
     coatings = rays.coatings
     faces = (inner, rays.entry_ratios, coatings.inner, False), (outer, rays.exit_ratios, coatings.outer, True)
     for surface, ratios, coating, is_outer in faces:
         if is_outer and rays.made is not None:
             frame = rays.made.placed[0][1]
             began, directions = through_frame(frame, origins, directions)
+            fields = fields @ torch.as_tensor(frame[:, :3].T.copy()).to(fields)
             origins, enters = _above_plane(outer, began, directions)
             fates[alive[~enters]] = int(Fate.BASE)
             alive, began, origins, directions = (each[enters] for each in (alive, began, origins, directions))
@@ -132,14 +142,21 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
         passes = (behind_squared.detach() > 0.0) & (cosine.detach() > 0.0)
         fates[alive[~passes]] = int(Fate.TOTAL_REFLECTION)
         alive, cosine, ratio = alive[passes], cosine[passes], ratio[passes]
-        origins, directions = points[passes], refract(directions[passes], normals[passes], ratio)
+        origins, before, normals = points[passes], directions[passes], normals[passes]
+        directions = refract(before, normals, ratio)
         if fresnel:
-            flux = flux.index_put((alive,), flux[alive] * _transmittance(cosine, ratio, coating, coatings.rows, alive))
+            found = _transmittances(cosine, ratio, coating, coatings.rows, alive)
+            passed = transmitted_fields(fields[alive], before, directions, normals, ratio, found)
+            share = 0.5 * torch.sum(passed**2, dim=(1, 2))
+            flux = flux.index_put((alive,), flux[alive] * share)
+            fields = fields.index_put((alive,), passed / torch.sqrt(share)[:, None, None])
     if rays.made is not None:
         frames, _, factor = rays.made.placed
         origins, directions = through_frame(frames[2], origins, directions, factor)
+        fields = fields @ torch.as_tensor(frames[2][:, :3].T.copy()).to(fields)
     points, directions = (torch.zeros_like(rays.origins).index_put((alive,), each) for each in (origins, directions))
-    exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed)
+    along_z = 0.5 * flux * torch.sum(fields[:, :, 2] ** 2, dim=1)
+    exits = ExitRays(points, directions, flux, sin2_exit, fates, absorbed, axial=along_z if fresnel else None)
     return behind_glass_in_torch(exits, rays.media, fresnel, coatings)
 
 
@@ -171,18 +188,18 @@ def _roughened(normals: Float[Tensor, "n 3"], rays: TensorRays, alive: Tensor, i
     return unit
 
 
-def _transmittance(
+def _transmittances(
     cosine: Float[Tensor, " n"],
     ratio: Float[Tensor, " n"],
-    coating: Float[np.ndarray, "k m"] | None,
+    coating: Float[np.ndarray, "k m 2"] | None,
     rows: Float[np.ndarray, " j"],
     alive: Tensor,
-) -> Float[Tensor, " n"]:
+) -> Transmittances:
     """Transmitted shares of the rays ``alive`` at a face, coated or not; ``rows``: of all rays."""
     if coating is None:
-        return fresnel_transmittance(cosine, ratio)
+        return fresnel_transmittances(cosine, ratio)
     table, own = (torch.as_tensor(each).to(cosine) for each in (coating, rows))
-    return coated_transmittance(cosine, ratio, table, own if len(own) == 1 else own[alive])
+    return coated_transmittances(cosine, ratio, table, own if len(own) == 1 else own[alive])
 
 
 def _entered(inner: TracedSurface, rays: TensorRays) -> tuple[Int8[Tensor, " n"], Tensor, Tensor, Tensor]:

@@ -89,20 +89,23 @@ class TracedBundle:
         lengths, fates = np.empty((count, 2)), np.empty(count, dtype=np.int8)
         flux, sin2_exit = np.empty(count), np.empty(count)
         absorbed = np.zeros(count if len(absorptions) else 0)
+        axial = np.zeros(count) if scene.fresnel and scene.media.cover_glass else None
 
         def work(_: int, part: slice) -> None:
             trace(
                 rays.origins[part], rays.directions[part], rays.flux[part],
                 _part(indices, part), _part(absorptions, part), *tables, *bounds, scene.packed(),
                 *faces, coatings.part(part), placed, rough_part(rough, part),
-                lengths[part], points[part], directions[part], flux[part], absorbed[part], sin2_exit[part], fates[part],
-                empty_packet(),
+                lengths[part], points[part], directions[part], flux[part], absorbed[part],
+                None if axial is None else axial[part], sin2_exit[part], fates[part], empty_packet(),
             )  # fmt: skip
 
         in_chunks(work, count)
         exits = ExitRays(*(torch.from_numpy(array) for array in (points, directions, flux, sin2_exit, fates)))
         if len(absorptions):
             exits = replace(exits, absorbed=torch.from_numpy(absorbed))
+        if axial is not None:
+            exits = replace(exits, axial=torch.from_numpy(axial))
         behind = behind_glass(exits, scene.media, scene.fresnel, coatings)
         return TracedBundle(*tables, scene, rays, coatings, placed, rough, lengths, exits, behind)
 
@@ -115,7 +118,7 @@ class TracedBundle:
         """
         rays, fates, (indices, absorptions) = self.rays, self.exits.fates.numpy(), self.scene.body(self.rays)
         coatings, faces = self.coatings, self.coatings.for_kernels
-        by, by_flux = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
+        by, by_flux, by_axial = before_glass(self.at_lens, self.scene.media, by, by_flux, self.scene.fresnel, coatings)
         totals = np.zeros((2, CHUNKS, *self.inner.shape))
 
         def work(chunk: int, part: slice) -> None:
@@ -124,7 +127,8 @@ class TracedBundle:
                 _part(indices, part), _part(absorptions, part),
                 self.inner, self.outer, self.scene.packed(), *faces, coatings.part(part),
                 self.placed, rough_part(self.rough, part), self.lengths[part], fates[part],
-                by.by_points[part], by.by_directions[part], by_flux[part], by_sin2[part],
+                by.by_points[part], by.by_directions[part], by_flux[part],
+                None if by_axial is None else by_axial[part], by_sin2[part],
                 *totals[:, chunk], empty_adjoint(),
             )  # fmt: skip
 

@@ -30,7 +30,7 @@ from lensforge.verification.passage import (
     outside_leg,
 )
 from lensforge.verification.proof import BrepCast, Gaps
-from lensforge.verification.refraction import refract_at
+from lensforge.verification.refraction import AtFace, Fields, unpolarised
 from lensforge.verification.step_body import BrepHits, StepBody
 from lensforge.workers.second_process import IN_TURN, SecondProcess
 
@@ -119,7 +119,8 @@ def send_through_step(body: StepBody, rays: RayBundle, media: Media) -> Passage:
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     lengths = np.linalg.norm(exits.points[reached] - entered.leg.origins[reached], axis=1)
     absorb(passage, rows[reached], lengths, rays.absorptions(media)[rows[reached]])
-    left = _cross(entered.leg.take(reached), exits.take(reached), out_of.take(rows[reached]))
+    ahead, out_of = entered.leg.take(reached), out_of.take(rows[reached])
+    left = _cross(ahead, exits.take(reached), out_of, entered.fields[reached])
     leave(passage, rows[reached], left)
     return behind_glass(passage, rays, media)
 
@@ -143,10 +144,10 @@ def through_step(body: StepBody) -> Cast:
     return cast
 
 
-def _cross(leg: Leg, hits: BrepHits, face: RefractingFace) -> RefractedRays:
-    directions, transmittance = refract_at(face, leg.directions, hits.normals)
-    behind = Leg(hits.points, directions, np.full(len(directions), _SKIN_MM))
-    return RefractedRays(behind, transmittance, np.zeros(len(directions)))
+def _cross(leg: Leg, hits: BrepHits, face: RefractingFace, fields: Fields | None = None) -> RefractedRays:
+    light = AtFace.of(face, leg.directions, hits.normals, unpolarised(leg.directions) if fields is None else fields)
+    behind = Leg(hits.points, light.bent, np.full(len(light.bent), _SKIN_MM))
+    return RefractedRays(behind, light.transmittance, light.passed, np.zeros(len(light.bent)))
 
 
 def _exit_fates(body: StepBody, entry: BrepHits, exits: BrepHits) -> Int[np.ndarray, " n"]:

@@ -7,13 +7,14 @@ Filters, 2.3), a table interpolated as the specification says.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 from scipy.interpolate import PchipInterpolator
 
 from lensforge.optics.media import Coating, LayerStack, Media, ReflectanceTable
 from lensforge.sources.bundle import RayBundle
 
 PerRay = Float[np.ndarray, " n"]
+Amplitudes = Complex[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
@@ -52,24 +53,27 @@ class RefractingFace:
         ratio: PerRay = self.before / self.behind
         return ratio
 
-    def transmittance(self, cosines: PerRay, bare: PerRay) -> PerRay:
-        """Transmitted share of rays that meet it at ``cosines``; ``bare``: without its coating."""
-        if self.coating is None:
-            return bare
-        coated: PerRay = np.where(bare > 0.0, 1.0 - self._reflectance(np.minimum(cosines, 1.0)), 0.0)
-        return coated
+    def reflected(self, cosines: PerRay, passes: Bool[np.ndarray, " n"]) -> tuple[Amplitudes, Amplitudes]:
+        """Amplitudes of s and p that rays are reflected with which meet it at ``cosines``; p of opposite sign.
 
-    def _reflectance(self, cosines: PerRay) -> PerRay:
+        All light is reflected where it does not pass. A table of unpolarised reflectance holds for s and p alike.
+        """
+        cosines = np.minimum(cosines, 1.0)
         along = self.before * np.sqrt(1.0 - cosines**2)  # n sin of the angle
-        if isinstance(self.coating, LayerStack):
-            mean: PerRay = 0.5 * (self._of_layers(self.coating, along, "s") + self._of_layers(self.coating, along, "p"))
-            return mean
-        assert self.coating is not None
-        sines = np.minimum(along / np.minimum(self.before, self.behind), 1.0)
-        return _of_table(self.coating, np.sqrt(1.0 - sines**2), self.wavelengths_nm)
+        if isinstance(self.coating, ReflectanceTable):
+            sines = np.minimum(along / np.minimum(self.before, self.behind), 1.0)
+            of_table = _of_table(self.coating, np.sqrt(1.0 - sines**2), self.wavelengths_nm)
+            r_s = np.sqrt(np.maximum(of_table, 0.0)).astype(complex)
+            r_p = -r_s
+        else:
+            r_s, r_p = self._of_layers(self.coating, along, "s"), -self._of_layers(self.coating, along, "p")
+        whole = [each / np.where(each == 0.0, 1.0, np.abs(each)) for each in (r_s, r_p)]
+        return np.where(passes, r_s, whole[0]), np.where(passes, r_p, whole[1])
 
-    def _of_layers(self, stack: LayerStack, along: PerRay, polarisation: str) -> PerRay:
-        layers = stack.layers if self.inwards else stack.layers[::-1]
+    def _of_layers(self, stack: LayerStack | None, along: PerRay, polarisation: str) -> Amplitudes:
+        """Without a stack that of the bare face."""
+        own = () if stack is None else stack.layers
+        layers = own if self.inwards else own[::-1]
         indices = [self.before, *(layer.index.at(self.wavelengths_nm) for layer in layers), self.behind]
         across = [np.sqrt((index**2 - along**2).astype(complex)) for index in indices]
         admittances = [a if polarisation == "s" else index**2 / np.where(a == 0.0, 1e-300, a)
@@ -80,8 +84,7 @@ class RefractingFace:
             returned = amplitude * np.exp(4j * np.pi * turns)
             first = _step(admittances[k], admittances[k + 1])
             amplitude = (first + returned) / (1.0 + first * returned)
-        reflected: PerRay = np.abs(amplitude) ** 2
-        return reflected
+        return amplitude
 
 
 def _step(one: Complex[np.ndarray, " n"], other: Complex[np.ndarray, " n"]) -> Complex[np.ndarray, " n"]:

@@ -1,6 +1,7 @@
-"""Rays through the exported mesh by Mitsuba 3, where installed: its own ray casting, refraction and Fresnel terms.
+"""Rays through the exported mesh by Mitsuba 3, where installed: its own ray casting and refraction.
 
-Of a coating it knows nothing: what a coated face transmits is computed from Mitsuba's angles.
+The variant that every wheel has knows neither polarisation nor coatings: what the faces transmit is computed from
+Mitsuba's directions and normals, as for the other casts.
 
 Mitsuba's scalar variant needs no LLVM and no GPU, and traces about 10,000 rays per second in single precision. Its
 meshes are flat facets with interpolated normals, so landings are off by the sag of the curved surface over a facet.
@@ -22,6 +23,7 @@ from lensforge.verification.comparison import Expected, compare, drawn, gap_quan
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import CastFate, LandedRays, Passage, absorb, behind_glass
 from lensforge.verification.proof import Gaps, MitsubaCast
+from lensforge.verification.refraction import AtFace
 from lensforge.verification.screen import nmse, squared_norm
 
 RAYS = 2**16
@@ -83,19 +85,19 @@ def send_through_mitsuba(part: PartMesh, rays: RayBundle, media: Media) -> tuple
         passage = Passage.of(rays)
         steps = np.column_stack([1.0 / rays.entry_ratios(media), rays.exit_ratios(media)])
         table = zip(rays.origins.tolist(), rays.directions.tolist(), steps.tolist(), strict=True)
-        lengths, through, cosines = np.zeros(len(rays)), np.ones((2, len(rays))), np.full((2, len(rays)), np.nan)
+        lengths, met = np.zeros(len(rays)), np.full((len(rays), 2, 2, 3), np.nan)
         for row, (origin, direction, indices) in enumerate(table):
             ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
-            at_faces = through[:, row], cosines[:, row]
-            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, indices, *at_faces)
+            passage.fates[row], end, lengths[row] = _cast(mi, scene, flags, ray, indices, met[row])
             if end is not None:
                 passage.points[row], passage.directions[row] = end
         for k, face in enumerate((RefractingFace.inner(rays, media), RefractingFace.outer(rays, media))):
-            passed = np.nonzero(np.isfinite(cosines[k]))[0]
-            through[k, passed] = face.take(passed).transmittance(cosines[k, passed], through[k, passed])
-        passage.flux[:] *= through[0]
-        absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(media))
-        passage.flux[:] *= through[1]
+            passed = np.nonzero(np.isfinite(met[:, k, 0, 0]))[0]
+            at = AtFace.of(face.take(passed), met[passed, k, 0], met[passed, k, 1], passage.fields[passed])
+            passage.flux[passed] *= at.transmittance
+            passage.fields[passed] = at.passed
+            if k == 0:
+                absorb(passage, np.arange(len(rays)), lengths, rays.absorptions(media))
         return str(mi.__version__), behind_glass(passage, rays, media)
     finally:
         if before is not None:
@@ -108,13 +110,12 @@ def _cast(
     flags: Any,
     ray: Any,
     indices: list[float],
-    through: Float[np.ndarray, "2"],
-    cosines: Float[np.ndarray, "2"],
+    met: Float[np.ndarray, "2 2 3"],
 ) -> tuple[CastFate, tuple[list[float], list[float]] | None, float]:
     """Fate of one ray; its exit point (mm) and direction, None if it is lost; its path (mm) from face to face, or 0.
 
-    ``indices``: of the body against what lies before either face. ``through``: what each face transmits by Fresnel, and
-    ``cosines`` of the ray with its normal, filled in for those that it passes.
+    ``indices``: of the body against what lies before either face. ``met``: its direction before each face and the
+    normal there, filled in for those that it passes.
     """
     length = 0.0
     for face, entering in enumerate((True, False)):
@@ -132,7 +133,7 @@ def _cast(
         length = 0.0 if entering else float(hit.t)
         if reflectance >= 1.0:
             return CastFate.TOTAL_REFLECTION, None, length
-        through[face], cosines[face] = 1.0 - reflectance, abs(local.z)
+        met[face] = list(ray.d), list(hit.sh_frame.n)
         ray = hit.spawn_ray(hit.sh_frame.to_world(mi.refract(local, cosine, ratio)))
     return CastFate.LANDED, (list(ray.o), list(ray.d)), length
 

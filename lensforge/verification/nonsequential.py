@@ -1,7 +1,7 @@
 """Non-sequential trace of the part: rays split at every surface and are absorbed in the bulk until all light has left.
 
 Every ray splits into a transmitted and a reflected one; nothing is drawn at random, so the flux budget closes to
-rounding. Reflectances are unpolarised at each surface, whatever came before.
+rounding. The polarisation of each ray goes with it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,7 +18,7 @@ from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
 from lensforge.verification.passage import at_base, faces_away, meet
-from lensforge.verification.refraction import refract_at
+from lensforge.verification.refraction import AtFace, Fields, unpolarised
 
 # A polished base is as clear as the lens; a black one absorbs all light that meets it, as a holder may.
 Base = Literal["polished", "black"]
@@ -56,12 +56,12 @@ class ActiveRays:
     indices: Float[np.ndarray, " n"]
     absorptions: Float[np.ndarray, " n"]
     wavelengths_nm: Float[np.ndarray, " n"]
+    fields: Fields
 
     def take(self, rows: Int[np.ndarray, " k"]) -> "ActiveRays":
         """Some of the rays."""
-        names = ("flux", "inside", "causes", "crossings", "entered_by", "indices", "absorptions", "wavelengths_nm")
-        rest = (getattr(self, name)[rows] for name in names)
-        return ActiveRays(self.leg.take(rows), *rest)
+        own = dict(vars(self))
+        return ActiveRays(own.pop("leg").take(rows), *(each[rows] for each in own.values()))
 
 
 @dataclass(frozen=True)
@@ -84,13 +84,14 @@ class Limits:
 
 @dataclass(frozen=True)
 class EscapedLight:
-    """Light that has left the part for good: last points (mm), directions, flux (W), causes, wavelengths (nm)."""
+    """Light that has left the part for good: last points (mm), directions, flux (W), causes, wavelengths, fields."""
 
     points: Float[np.ndarray, "n 3"]
     directions: Float[np.ndarray, "n 3"]
     flux: Float[np.ndarray, " n"]
     causes: Int[np.ndarray, " n"]
     wavelengths_nm: Float[np.ndarray, " n"]
+    fields: Fields
 
     @property
     def stray(self) -> Bool[np.ndarray, " n"]:
@@ -111,7 +112,7 @@ class FluxBudget:
 
     def escaped(self) -> EscapedLight:
         """All pieces joined."""
-        names = ("points", "directions", "flux", "causes", "wavelengths_nm")
+        names = EscapedLight.__annotations__
         return EscapedLight(*(np.concatenate([getattr(piece, name) for piece in self.pieces]) for name in names))
 
 
@@ -141,7 +142,8 @@ def _emitted(body: Body, rays: RayBundle) -> ActiveRays:
     reached = np.where(hits.found, hits.distances, 0.0)[:, None] * leg.directions + leg.origins
     outside = hits.found & faces_away(reached, body.part.mesh.face_normals[hits.triangles])
     causes = np.where(inside | outside, Cause.BASE, Cause.SEQUENTIAL)
-    own = (rays.indices(body.media), rays.absorptions(body.media), rays.wavelengths(body.media))
+    media, fields = body.media, unpolarised(rays.directions)
+    own = (rays.indices(media), rays.absorptions(media), rays.wavelengths(media), fields)
     return ActiveRays(leg, rays.flux.copy(), inside, causes, nothing, nothing - 1, *own)
 
 
@@ -192,15 +194,13 @@ def _absorbed(body: Body, light: ActiveRays, points: Float[np.ndarray, "n 3"], b
 def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
     """The transmitted and the reflected rays behind a surface, one after the other."""
     points, normals = meet(body.part, light.leg, hits)
-    directions = light.leg.directions
-    bent, transmittance = _refracted(body, light, points, normals, hits)
-    mirrored = directions - 2.0 * np.sum(directions * normals, axis=1)[:, None] * normals
-    causes = _causes(body, light, hits, transmittance)
+    at = _at_face(body, light, points, normals, hits)
+    causes = _causes(body, light, hits, at.transmittance)
     on_path = causes[0] == Cause.SEQUENTIAL
     entering = on_path & (light.crossings == 0)
     return ActiveRays(
-        Leg(np.tile(points, (2, 1)), np.concatenate([bent, mirrored]), np.full(2 * len(points), _SKIN_MM)),
-        np.concatenate([light.flux * transmittance, light.flux * (1.0 - transmittance)]),
+        Leg(np.tile(points, (2, 1)), np.concatenate([at.bent, at.mirrored]), np.full(2 * len(points), _SKIN_MM)),
+        np.concatenate([light.flux * at.transmittance, light.flux * (1.0 - at.transmittance)]),
         np.concatenate([~light.inside, light.inside]),
         np.concatenate(causes),
         np.tile(light.crossings + on_path, 2),
@@ -208,27 +208,32 @@ def _split(body: Body, light: ActiveRays, hits: FacetHits) -> ActiveRays:
         np.tile(light.indices, 2),
         np.tile(light.absorptions, 2),
         np.tile(light.wavelengths_nm, 2),
+        np.concatenate([at.passed, at.returned]),
     )
 
 
-def _refracted(
+def _at_face(
     body: Body, light: ActiveRays, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], hits: FacetHits
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Directions behind the facets that were hit, and what these transmit.
+) -> AtFace:
+    """Light at the facets that were hit.
 
     On their other side is the cavity where they face the origin; the base below both faces is not coated.
     """
     media, base = body.media, at_base(body.part, hits)
     away = faces_away(points, body.part.mesh.face_normals[hits.triangles])
-    bent, transmittance = np.empty_like(points), np.empty(len(points))
+    bent, mirrored = np.empty((2, *points.shape))
+    passed, returned = np.empty((2, *light.fields.shape), dtype=complex)
+    found = AtFace(bent, mirrored, np.empty(len(points)), passed, returned)
     for outer, bare, inside in product((False, True), repeat=3):
         rows = np.nonzero((away == outer) & (base == bare) & (light.inside == inside))[0]
         around = np.full(len(rows), media.outside_index if outer else media.cavity_index)
         coating = None if bare else media.outer_coating if outer else media.inner_coating
         before, behind = (light.indices[rows], around) if inside else (around, light.indices[rows])
         face = RefractingFace(before, behind, coating, light.wavelengths_nm[rows], not inside)
-        bent[rows], transmittance[rows] = refract_at(face, light.leg.directions[rows], normals[rows])
-    return bent, transmittance
+        some = AtFace.of(face, light.leg.directions[rows], normals[rows], light.fields[rows])
+        for name, values in vars(some).items():
+            getattr(found, name)[rows] = values
+    return found
 
 
 def _causes(
@@ -250,5 +255,5 @@ def _escape(light: ActiveRays, budget: FluxBudget) -> None:
     out = ~light.inside
     budget.leaked += float(light.flux[light.inside].sum())
     leg = light.leg
-    own = (light.flux[out], light.causes[out], light.wavelengths_nm[out])
+    own = (light.flux[out], light.causes[out], light.wavelengths_nm[out], light.fields[out])
     budget.pieces.append(EscapedLight(leg.origins[out], leg.directions[out], *own))

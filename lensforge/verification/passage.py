@@ -16,7 +16,7 @@ from lensforge.sources.bundle import RayBundle
 from lensforge.verification.casting import FacetHits, Grid, Leg
 from lensforge.verification.coated_face import RefractingFace
 from lensforge.verification.part_mesh import PartMesh
-from lensforge.verification.refraction import refract_at, through_glass
+from lensforge.verification.refraction import AtFace, Fields, through_glass, unpolarised
 from lensforge.verification.screen import Screen
 
 _CHUNK = 1024  # rays that a thread casts at a time: their candidates stay in its cache
@@ -42,7 +42,7 @@ class CastFate(IntEnum):
 class Passage:
     """Ends of ``n`` rays: exit point (mm) and direction, NaN if lost in the lens, flux (W) left in the ray, fate.
 
-    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it.
+    ``absorbed``, ``in_glass``: flux (W) that the body and a cover glass took of it. ``fields``: of its polarisation.
     ``facets_um``: height of the curved surface over the flat facet at the two hits, 0 where there was none.
     """
 
@@ -53,6 +53,7 @@ class Passage:
     in_glass: Float[np.ndarray, " n"]
     fates: Int[np.ndarray, " n"]
     facets_um: Float[np.ndarray, "n 2"]
+    fields: Fields
 
     @staticmethod
     def of(rays: RayBundle) -> "Passage":
@@ -65,6 +66,7 @@ class Passage:
             in_glass=np.zeros(len(rays)),
             fates=np.full(len(rays), CastFate.NO_HIT, dtype=np.int64),
             facets_um=np.zeros((len(rays), 2)),
+            fields=unpolarised(rays.directions),
         )
 
 
@@ -74,7 +76,7 @@ def behind_glass(passage: Passage, rays: RayBundle, media: Media) -> Passage:
     if glass is None:
         return passage
     waves = rays.wavelengths(media)
-    points, directions, through = through_glass(passage.points, passage.directions, media, waves)
+    points, directions, through = through_glass(passage.points, passage.directions, media, waves, passage.fields)
     left = passage.flux * through
     return replace(passage, points=points, directions=directions, flux=left, in_glass=passage.flux - left)
 
@@ -110,20 +112,23 @@ class LandedRays:
 
 @dataclass(frozen=True)
 class RefractedRays:
-    """Rays behind a surface: a new leg, the transmitted share of flux, the height (mm) over the flat facet."""
+    """Rays behind a surface: a new leg, the share of flux and the fields, the height (mm) over the flat facet."""
 
     leg: Leg
     transmittance: Float[np.ndarray, " n"]
+    fields: Fields
     heights: Float[np.ndarray, " n"]
 
 
-def cross(part: PartMesh, leg: Leg, hits: FacetHits, face: RefractingFace) -> RefractedRays:
-    """Refract rays, all of which hit a facet, at the curved surface over it."""
+def cross(
+    part: PartMesh, leg: Leg, hits: FacetHits, face: RefractingFace, fields: Fields | None = None
+) -> RefractedRays:
+    """Refract rays, all of which hit a facet, at the curved surface over it; ``fields`` None: unpolarised ones."""
     points, normals = meet(part, leg, hits)
-    directions, transmittance = refract_at(face, leg.directions, normals)
+    light = AtFace.of(face, leg.directions, normals, unpolarised(leg.directions) if fields is None else fields)
     flat = leg.origins + hits.distances[:, None] * leg.directions
     heights = np.sum((points - flat) * normals, axis=1)
-    return RefractedRays(Leg(points, directions, skin(part, hits)), transmittance, heights)
+    return RefractedRays(Leg(points, light.bent, skin(part, hits)), light.transmittance, light.passed, heights)
 
 
 def meet(part: PartMesh, leg: Leg, hits: FacetHits) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
@@ -195,7 +200,7 @@ def _send(part: PartMesh, grid: Grid, rays: RayBundle, media: Media) -> Passage:
     passage.fates[rows] = _exit_fates(part, entry, exits)
     reached = np.nonzero(passage.fates[rows] == CastFate.LANDED)[0]
     rows = rows[reached]
-    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of.take(rows))
+    left = cross(part, entered.leg.take(reached), exits.take(reached), out_of.take(rows), entered.fields[reached])
     lengths = np.linalg.norm(left.leg.origins - entered.leg.origins[reached], axis=1)
     absorb(passage, rows, lengths, rays.absorptions(media)[rows])
     passage.facets_um[rows, 1] = 1e3 * left.heights
@@ -241,6 +246,7 @@ def leave(passage: Passage, rows: Int[np.ndarray, " k"], left: RefractedRays) ->
     passage.flux[rows] *= np.where(passes, left.transmittance, 1.0)
     passage.points[rows[passes]] = left.leg.origins[passes]
     passage.directions[rows[passes]] = left.leg.directions[passes]
+    passage.fields[rows[passes]] = left.fields[passes]
 
 
 def at_base(part: PartMesh, hits: FacetHits) -> Bool[np.ndarray, " n"]:

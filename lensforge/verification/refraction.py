@@ -1,10 +1,18 @@
-"""Refraction at the faces of the part and through a cover glass; Snell and Fresnel apart from the design's code."""
+"""Refraction at the faces of the part and through a cover glass; Snell and Fresnel apart from the design's code.
+
+The polarisation of light goes with each ray as two fields, vectors across it, into which both polarisations of the
+source have turned: after Yun, Crabtree and Chipman, Appl. Opt. 50, 2855 (2011). Any two at right angles will do.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from lensforge.optics.media import Media
 from lensforge.verification.coated_face import RefractingFace
+
+Fields = Complex[np.ndarray, "n 2 3"]
 
 
 def refract(
@@ -31,12 +39,54 @@ def refract(
     return bent / np.linalg.norm(bent, axis=1, keepdims=True), transmittance
 
 
-def refract_at(
-    face: RefractingFace, directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Unit directions behind a face, and its transmittance with its coating, 0 where totally reflected."""
-    bent, bare = refract(directions, normals, face.index_ratio)
-    return bent, face.transmittance(np.abs(np.sum(directions * normals, axis=1)), bare)
+def unpolarised(directions: Float[np.ndarray, "n 3"]) -> Fields:
+    """Two unit fields across each ray and each other: unpolarised light has half of its flux in either."""
+    least = np.eye(3)[np.argmin(np.abs(np.nan_to_num(directions)), axis=1)]
+    one = _unit(np.cross(directions, least))
+    return np.stack([one, np.cross(directions, one)], axis=1).astype(complex)
+
+
+@dataclass(frozen=True)
+class AtFace:
+    """Unpolarised or polarised light at a face: directions, shares of the flux and fields of what passes and returns.
+
+    The fields of a ray have the squared lengths 2 together. Amplitudes are Fresnel's, or the coating's, in total
+    reflection complex; what passes a coating is real: the phases between s and p that it gives to transmitted light,
+    which act on a third face alone, are left out.
+    """
+
+    bent: Float[np.ndarray, "n 3"]
+    mirrored: Float[np.ndarray, "n 3"]
+    transmittance: Float[np.ndarray, " n"]
+    passed: Fields
+    returned: Fields
+
+    @staticmethod
+    def of(
+        face: RefractingFace, directions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], fields: Fields
+    ) -> "AtFace":
+        """Split ``fields`` into s across the plane of incidence and p in it; at normal incidence any plane will do."""
+        bent, bare = refract(directions, normals, face.index_ratio)
+        along = np.sum(directions * normals, axis=1)
+        mirrored = directions - 2.0 * along[:, None] * normals
+        across = np.cross(directions, normals)
+        steep = np.linalg.norm(across, axis=1) < 1e-12
+        s = np.where(steep[:, None], unpolarised(directions)[:, 0].real, _unit(across))
+        parts = [np.einsum("nfi,ni->nf", fields, each) for each in (s, np.cross(directions, s))]
+        amplitudes = face.reflected(np.abs(along), bare > 0.0)
+        passed, returned = np.zeros_like(fields), np.zeros_like(fields)
+        for part, amplitude, axes in zip(
+            parts, amplitudes, ((s, s), (np.cross(bent, s), np.cross(mirrored, s))), strict=True
+        ):
+            through = np.sqrt(np.where(bare > 0.0, np.maximum(1.0 - np.abs(amplitude) ** 2, 0.0), 0.0))
+            passed += (through[:, None] * part)[:, :, None] * axes[0][:, None, :]
+            returned += (amplitude[:, None] * part)[:, :, None] * axes[1][:, None, :]
+        share, back = (0.5 * np.sum(np.abs(each) ** 2, axis=(1, 2)) for each in (passed, returned))
+        passed, returned = (
+            each / np.sqrt(np.where(power > 0.0, power, 1.0))[:, None, None]
+            for each, power in ((passed, share), (returned, back))
+        )
+        return AtFace(bent, mirrored, share, passed, returned)
 
 
 def through_glass(
@@ -44,8 +94,12 @@ def through_glass(
     directions: Float[np.ndarray, "n 3"],
     media: Media,
     wavelengths_nm: Float[np.ndarray, " n"] | None = None,
+    fields: Fields | None = None,
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Points (mm) and directions behind the cover glass, and what it transmits; rays that never meet it go on."""
+    """Points (mm) and directions behind the cover glass, and what it transmits; rays that never meet it go on.
+
+    ``fields`` None: of unpolarised light.
+    """
     glass, rising = media.cover_glass, directions[:, 2] > 0.0
     if glass is None:
         return points, directions, np.ones(len(points))
@@ -56,10 +110,17 @@ def through_glass(
     other = RefractingFace(within, outside, glass.coating, waves[rising], False)
     ahead = directions[rising]
     near = points[rising] + ((glass.distance_mm - points[rising, 2]) / ahead[:, 2])[:, None] * ahead
-    inside, first = refract_at(one, ahead, normal)
+    first = AtFace.of(one, ahead, normal, unpolarised(ahead) if fields is None else fields[rising])
+    inside = first.bent
     lengths = glass.thickness_mm / inside[:, 2]
-    behind, second = refract_at(other, inside, normal)
+    second = AtFace.of(other, inside, normal, first.passed)
     ends, ways, share = points.copy(), directions.copy(), np.ones(len(points))
-    ends[rising], ways[rising] = near + lengths[:, None] * inside, behind
-    share[rising] = first * np.exp(-glass.absorption_per_mm * lengths) * second
+    ends[rising], ways[rising] = near + lengths[:, None] * inside, second.bent
+    share[rising] = first.transmittance * np.exp(-glass.absorption_per_mm * lengths) * second.transmittance
     return ends, ways, share
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    found: Float[np.ndarray, "n 3"] = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return found

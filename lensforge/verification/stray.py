@@ -112,7 +112,7 @@ class _ReceivedLight:
         """Land the light that has left the part."""
         escaped = budget.escaped()
         ends = escaped.points, escaped.directions
-        points, directions, through = through_glass(*ends, media, escaped.wavelengths_nm)
+        points, directions, through = through_glass(*ends, media, escaped.wavelengths_nm, escaped.fields)
         places, left = screen.land(points, directions), escaped.flux * through
         reached = ~np.isnan(places[:, 0])
         missed_w, glass_w = float(left[~reached].sum()), float((escaped.flux - left).sum())

@@ -341,9 +341,9 @@ def first_crossing(surface, p, d):
 
 
 def layers_reflect(layers, nm, before, behind, c):
-    """R of a stack, a matrix for each ray and layer; ``layers`` in the order in which the light meets them."""
+    """R_s and R_p of a stack, a matrix for each ray and layer; ``layers`` as the light meets them."""
     along = before * np.sqrt(1 - c**2)
-    total = 0
+    found = []
     for p in (0, 2):
         whole = np.tile(np.eye(2, dtype=complex), (len(c), 1, 1))
         for layer in layers:
@@ -355,12 +355,12 @@ def layers_reflect(layers, nm, before, behind, c):
         first, last = (np.sqrt(index**2 - along**2) / index**p for index in (before, behind))
         (a, b), (e, g) = np.moveaxis(whole, 0, 2)
         into, out = (a + b * last) * first, e + g * last
-        total = total + abs((into - out) / (into + out)) ** 2 / 2
-    return total
+        found.append(abs((into - out) / (into + out)) ** 2)
+    return np.array(found)
 
 
 def coated(coating, nm, before, behind, c, outwards=False):
-    """T of a coated face, for each ray below total reflection."""
+    """T_s and T_p of a coated face, for each ray below total reflection."""
     if coating["layers"]:
         return 1 - layers_reflect(coating["layers"][:: -1 if outwards else 1], nm, before, behind, c)
     low = np.minimum(before, behind)
@@ -372,25 +372,44 @@ def coated(coating, nm, before, behind, c, outwards=False):
     places = np.cos(np.radians(angles))[::-1]
     each = np.array([interpolate.PchipInterpolator(places, row[::-1])(mu) for row in rows])
     waves = coating["wavelength_nm"] or [0]
-    return 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, each.T, strict=True)])
+    one = 1 - np.array([np.interp(w, waves, column) for w, column in zip(nm, each.T, strict=True)])
+    return np.array([one, one])
 
 
-def refracted(surface, p, d, before, behind, coating, nm, outwards):
-    """Directions behind a surface and its T; nan where the light is reflected totally."""
+def fresnel(c, q, ratio):
+    """T_s and T_p of a bare face."""
+    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
+    return 1 - np.array([r_s, r_p]) ** 2
+
+
+def stokes_behind(stokes, d, n, t):
+    """Share I that passes a face with T_s and T_p; Q/I, U/I and the direction s to which they refer, behind it."""
+    q, u, s = stokes
+    own = np.cross(n, d)
+    flat = np.linalg.norm(own, axis=1) < 1e-9  # at normal incidence s and p are alike
+    own = unit(np.where(flat[:, None], s, own))
+    x, y = (own * s).sum(axis=1), (own * np.cross(d, s)).sum(axis=1)  # cosine and sine of the angle from s to own
+    q, u = q * (x * x - y * y) + u * 2 * x * y, u * (x * x - y * y) - q * 2 * x * y
+    mean, half = (t[0] + t[1]) / 2, (t[0] - t[1]) / 2
+    i = mean + half * q
+    return i, ((half + mean * q) / i, np.sqrt(t[0] * t[1]) * u / i, own)
+
+
+def refracted(surface, p, d, before, behind, coating, nm, outwards, stokes):
+    """Directions behind a surface, the share that passes and Stokes numbers; nan where it is reflected totally."""
     ratio = before / behind
     n = surface.normal(unit(p))
     c = (d * n).sum(axis=1)
     q2 = np.where(c > 0, 1 - ratio**2 * (1 - c**2), -1)
     q = np.sqrt(np.where(q2 > 0, q2, np.nan))
-    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
-    passed = 1 - (r_s**2 + r_p**2) / 2
+    t = fresnel(c, q, ratio)
     if coating is not None:
         passes = q2 > 0
-        passed[passes] = coated(coating, *(a[passes] for a in (nm, before, behind, np.minimum(c, 1))), outwards)
-    return ratio[:, None] * d + (q - ratio * c)[:, None] * n, passed
+        t[:, passes] = coated(coating, *(a[passes] for a in (nm, before, behind, np.minimum(c, 1))), outwards)
+    return ratio[:, None] * d + (q - ratio * c)[:, None] * n, *stokes_behind(stokes, d, n, t)
 
 
-def behind_glass(section, p, d, nm):
+def behind_glass(section, p, d, nm, stokes):
     """Where rays leave the plate, walked through it, and the share that it lets through; at the far face."""
     glass = section.get("cover_glass")
     if glass is None:
@@ -400,12 +419,12 @@ def behind_glass(section, p, d, nm):
     inside = np.column_stack([ratio * d[:, :2], np.sqrt(1 - ratio**2 * (1 - d[:, 2] ** 2))])
     path = glass["thickness_mm"] / inside[:, 2]
     c, q = d[:, 2], inside[:, 2]
-    r_s, r_p = (ratio * c - q) / (ratio * c + q), (c - ratio * q) / (c + ratio * q)
-    t = 1 - (r_s**2 + r_p**2) / 2
+    t = fresnel(c, q, ratio)
     if glass.get("coating") is not None:
         before, behind = (np.full(len(p), each) for each in (section["outside_index"], glass["refractive_index"]))
         t = coated(glass["coating"], nm, before, behind, c)
-    return p + path[:, None] * inside, t**2 * np.exp(-glass["absorption_per_mm"] * path)
+    passed, _ = stokes_behind(stokes, d, np.tile([0.0, 0.0, 1.0], (len(p), 1)), t**2)
+    return p + path[:, None] * inside, passed * np.exp(-glass["absorption_per_mm"] * path)
 
 
 def trace(lens, pair, p, d, nm=None):
@@ -428,8 +447,12 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[np.isnan(t)]] = BACKWARD
     live, t = live[~np.isnan(t)], t[~np.isnan(t)]
     p[live] += t[:, None] * d[live]
-    rest = section.get("inner_coating"), nm[live], False
-    d[live], flux[live] = refracted(inner, p[live], d[live], cavity[live], n[live], *rest)
+    sideways = unit(np.cross(d, np.where(abs(d[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])))
+    stokes = [np.zeros(len(p)), np.zeros(len(p)), sideways]
+    rest = section.get("inner_coating"), nm[live], False, [part[live] for part in stokes]
+    d[live], flux[live], behind = refracted(inner, p[live], d[live], cavity[live], n[live], *rest)
+    for whole, part in zip(stokes, behind, strict=True):
+        whole[live] = part
     fate[live[np.isnan(flux[live])]] = TOTAL  # a tangent
     live = live[fate[live] == LANDED]
     fate[live[np.linalg.norm(p[live], axis=1) >= outer.radius(unit(p[live]))]] = INTERSECT
@@ -441,8 +464,10 @@ def trace(lens, pair, p, d, nm=None):
     p[live] += t[:, None] * d[live]
     left = flux[live] * np.exp(-section["absorption_per_mm"] * t)
     absorbed[live], flux[live] = flux[live] - left, left
-    rest = section.get("outer_coating"), nm[live], True
-    d[live], passed = refracted(outer, p[live], d[live], n[live], outside[live], *rest)
+    rest = section.get("outer_coating"), nm[live], True, [part[live] for part in stokes]
+    d[live], passed, behind = refracted(outer, p[live], d[live], n[live], outside[live], *rest)
+    for whole, part in zip(stokes, behind, strict=True):
+        whole[live] = part
     fate[live[np.isnan(passed)]] = TOTAL
     live, passed = live[~np.isnan(passed)], passed[~np.isnan(passed)]
     flux[live] *= passed
@@ -450,7 +475,7 @@ def trace(lens, pair, p, d, nm=None):
     fate[live[~up]] = MISSED
     live = live[up]
     in_glass = np.zeros(len(p))
-    p[live], left = behind_glass(section, p[live], d[live], nm[live])
+    p[live], left = behind_glass(section, p[live], d[live], nm[live], [part[live] for part in stokes])
     in_glass[live], flux[live] = flux[live] * (1 - left), flux[live] * left
     to_plane = (lens["spec"]["target"]["distance_mm"] - p[live, 2]) / d[live, 2]
     place[live] = p[live, :2] + to_plane[:, None] * d[live, :2]

@@ -10,7 +10,8 @@ from scenes import hemisphere_directions, random_surface, sphere, table_of
 
 from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
-from lensforge.kernels.refraction import transmittance, transmitted_cosine_squared
+from lensforge.kernels.polarisation import transmittances
+from lensforge.kernels.refraction import transmitted_cosine_squared
 from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.bundle import RayBundle
@@ -85,6 +86,12 @@ def test_any_lens_is_traced_or_refused(seed, roughness, index, ratio, side, dept
 
 def _says_why(refusal: InputError) -> None:
     assert "must stay above 0" in str(refusal)
+
+
+def transmittance(c: float, q: float, ratio: float) -> tuple[float, float]:
+    """Of unpolarised light, and its slope."""
+    (t_s, t_p, _), (by_s, by_p, _) = transmittances(c, q, ratio)
+    return 0.5 * (t_s + t_p), 0.5 * (by_s + by_p)
 
 
 def _borders(inner, outer, index: float, seed: int, depth: float) -> RayBundle:

@@ -3,13 +3,19 @@ import pytest
 import torch
 
 from lensforge.optics.dielectric import (
-    fresnel_transmittance,
+    fresnel_transmittances,
     refract,
     transmitted_cosine_squared,
 )
 from lensforge.optics.two_refractions import normal_transmittance
 
 N = 1.4936
+
+
+def fresnel_transmittance(cosine: torch.Tensor, ratio: float | torch.Tensor) -> torch.Tensor:
+    t_s, t_p, excess = fresnel_transmittances(cosine, ratio)
+    assert torch.allclose(t_p - t_s, excess * (1.0 - cosine**2), rtol=1e-9, atol=1e-14)
+    return 0.5 * (t_s + t_p)
 
 
 def _cosines(*degrees: float) -> torch.Tensor:

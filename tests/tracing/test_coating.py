@@ -29,7 +29,7 @@ from lensforge.tracing.exact import DenseScan, exact_surfaces, trace_exact
 from lensforge.tracing.sequence import TensorRays, trace_sequence
 from lensforge.tracing.tables import Scene, trace_tables
 from lensforge.verification.coated_face import RefractingFace
-from lensforge.verification.refraction import refract_at, through_glass
+from lensforge.verification.refraction import AtFace, through_glass, unpolarised
 
 N, Z, GRID = 1.4936, 1000.0, TableGrid(64)
 TABLES = [table_of(each, GRID) for each in (random_surface(3, 0.8, 0.03), random_surface(8, 2.45, 0.05))]
@@ -102,7 +102,7 @@ def test_rays_and_their_fates_are_those_of_bare_faces() -> None:
 
 def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray]:
     """Flux behind the inner face and behind the lens of the spheres, by the sums of the verification."""
-    radii, flux = (0.8, 2.45), rays.flux
+    radii, flux, fields = (0.8, 2.45), rays.flux, unpolarised(rays.directions)
     points, directions, found = rays.origins, rays.directions, []
     for radius, face in zip(radii, (RefractingFace.inner(rays, media), RefractingFace.outer(rays, media)), strict=True):
         along = np.sum(points * directions, axis=1)
@@ -110,10 +110,10 @@ def by_referee(rays: RayBundle, media: Media) -> tuple[np.ndarray, np.ndarray]:
         if len(found):
             flux = flux * np.exp(-rays.absorptions(media) * lengths)
         points = points + lengths[:, None] * directions
-        directions, through = refract_at(face, directions, points / radius)
-        flux = flux * through
+        at = AtFace.of(face, directions, points / radius, fields)
+        directions, fields, flux = at.bent, at.passed, flux * at.transmittance
         found.append(flux)
-    return flux, through_glass(points, directions, media, rays.wavelengths(media))[2]
+    return flux, through_glass(points, directions, media, rays.wavelengths(media), fields)[2]
 
 
 @pytest.mark.parametrize("rays", [PLAIN, COLOURED], ids=["one wavelength", "coloured"])

@@ -21,7 +21,8 @@ from lensforge.surfaces.spline import TableGrid
 from lensforge.tracing.device_table import tables_on
 from lensforge.tracing.sequence import TensorRays, trace_sequence
 from lensforge.tracing.tables import Scene, trace_tables
-from lensforge.verification.refraction import through_glass
+from lensforge.verification.coated_face import RefractingFace
+from lensforge.verification.refraction import AtFace, through_glass, unpolarised
 
 N, Z, GRID = 1.4936, 1000.0, TableGrid(64)
 TABLES = [table_of(each, GRID) for each in (random_surface(3, 0.8, 0.03), random_surface(4, 2.45, 0.02))]
@@ -31,7 +32,10 @@ COVERED = Scene(Media(N, outside_index=1.1, cover_glass=GLASS), GRID)
 
 
 def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
-    """Offset t sin(a - b) / cos(b) across the ray (Born and Wolf, 4.7.2); both faces by Fresnel, s and p apart."""
+    """Offset t sin(a - b) / cos(b) across the ray (Born and Wolf, 4.7.2); both faces by Fresnel, s and p apart.
+
+    From the centre of spheres the light comes unpolarised, and both faces of the plate have one plane of incidence.
+    """
     directions = hemisphere_directions(400)
     rays = RayBundle(np.zeros((400, 3)), directions, np.ones(400))
     tables, air = [table_of(sphere(each), GRID) for each in (2.0, 5.0)], Media(N)
@@ -45,7 +49,7 @@ def test_rays_from_a_point_are_shifted_and_dimmed_as_a_plate_does() -> None:
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), wanted, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found.directions.numpy(), bare.directions.numpy(), atol=1e-15)
     r_s, r_p = np.sin(a - b) / np.sin(a + b), np.tan(a - b) / np.tan(a + b)
-    share = (1.0 - 0.5 * (r_s**2 + r_p**2)) ** 2 * np.exp(-0.003 * GLASS.thickness_mm / np.cos(b))
+    share = 0.5 * ((1.0 - r_s**2) ** 2 + (1.0 - r_p**2) ** 2) * np.exp(-0.003 * GLASS.thickness_mm / np.cos(b))
     np.testing.assert_allclose(found.flux.numpy(), bare.flux.numpy() * share, rtol=1e-8)
     assert found.lost_in_glass is not None
     assert torch.allclose(found.lost_in_glass + found.flux, bare.flux, rtol=1e-14)
@@ -59,14 +63,28 @@ def test_a_plate_of_what_surrounds_it_does_nothing() -> None:
 
 
 def test_the_referee_traces_the_plate_face_by_face_and_finds_the_same() -> None:
-    bare = trace_tables(*TABLES, replace(COVERED, media=replace(COVERED.media, cover_glass=None)), RAYS)
-    found, out = trace_tables(*TABLES, COVERED, RAYS), bare.left_lens.numpy()
-    points, directions, share = through_glass(bare.points.numpy()[out], bare.directions.numpy()[out], COVERED.media)
+    """Through spheres, from beside their centre: the light comes to the plate polarised, in planes of its own."""
+    tables = [table_of(sphere(each), GRID) for each in (0.8, 2.45)]
+    bare = trace_tables(*tables, replace(COVERED, media=replace(COVERED.media, cover_glass=None)), RAYS)
+    found, out = trace_tables(*tables, COVERED, RAYS), bare.left_lens.numpy()
+    fields, ways, ends = unpolarised(RAYS.directions), RAYS.directions, RAYS.origins
+    for radius, face in zip(
+        (0.8, 2.45), (RefractingFace.inner(RAYS, COVERED.media), RefractingFace.outer(RAYS, COVERED.media)), strict=True
+    ):
+        along = np.sum(ends * ways, axis=1)
+        ends = ends + (np.sqrt(along**2 - np.sum(ends**2, axis=1) + radius**2) - along)[:, None] * ways
+        at = AtFace.of(face, ways, ends / radius, fields)
+        ways, fields = at.bent, at.passed
+    points, directions, share = through_glass(
+        bare.points.numpy()[out], bare.directions.numpy()[out], COVERED.media, None, fields[out]
+    )
+    unpolarised_share = through_glass(bare.points.numpy()[out], bare.directions.numpy()[out], COVERED.media)[2]
+    assert np.abs(share / unpolarised_share - 1.0).max() > 1e-3
     rising = directions[:, 2] > 0.0
     assert rising.sum() > 400
     np.testing.assert_allclose(points[rising, 2], GLASS.distance_mm + GLASS.thickness_mm, rtol=1e-12)
     np.testing.assert_allclose(directions, found.directions.numpy()[out], atol=1e-12)
-    np.testing.assert_allclose((bare.flux.numpy()[out] * share), found.flux.numpy()[out], rtol=1e-10)
+    np.testing.assert_allclose((bare.flux.numpy()[out] * share), found.flux.numpy()[out], rtol=1e-8)
     apart = points - found.points.numpy()[out]
     apart -= np.sum(apart * directions, axis=1)[:, None] * directions  # the same line
     steep = directions[:, 2] > 0.05

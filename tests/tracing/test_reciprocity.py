@@ -10,7 +10,7 @@ from landed import plane_at
 from scenes import random_surface, table_of
 from scipy.interpolate import NdBSpline
 
-from lensforge.optics.dielectric import fresnel_transmittance, refract
+from lensforge.optics.dielectric import fresnel_transmittances, refract, transmitted_fields, unpolarised_fields
 from lensforge.optics.media import Media
 from lensforge.sources.square import SquareEmitter
 from lensforge.surfaces import chart
@@ -71,13 +71,15 @@ def _back(lens: tuple[Surface, Surface], hits: np.ndarray, directions: np.ndarra
     """Points in the plane z = 0, directions there, and the transmitted share, of rays from the receiver."""
     inner, outer = lens
     t = (hits[:, 2] - 4.0) / -directions[:, 2]
-    points, carried = hits + t[:, None] * directions, np.ones(len(hits))
+    points, fields = hits + t[:, None] * directions, unpolarised_fields(torch.from_numpy(directions))
     for surface, ratio, reach in ((outer, 1.0 / N, 8.0), (inner, N, 5.0)):
         points = _enter(surface, points, directions, reach)
         normals = -surface.normal(points / np.linalg.norm(points, axis=1, keepdims=True))
         d, n = torch.from_numpy(directions), torch.from_numpy(normals)
-        carried *= fresnel_transmittance((d * n).sum(dim=1), ratio).numpy()
-        directions = refract(d, n, ratio).numpy()
+        behind = refract(d, n, ratio)
+        fields = transmitted_fields(fields, d, behind, n, ratio, fresnel_transmittances((d * n).sum(dim=1), ratio))
+        directions = behind.numpy()
+    carried = 0.5 * (fields**2).sum(dim=(1, 2)).numpy()
     return points - points[:, 2:] / directions[:, 2:] * directions, directions, carried
 
 

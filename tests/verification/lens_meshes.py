@@ -115,7 +115,13 @@ def lambertian(count, side, seed=0, height=0.0):
 
 
 def snell(directions, normals, ratio):
-    """The oracle's own refraction: the tangential part scaled, then Fresnel's sine and tangent laws of the angles."""
+    """The oracle's own refraction: directions, and the share of unpolarised light."""
+    bent, across, within = s_and_p(directions, normals, ratio)
+    return bent, 0.5 * (across + within)
+
+
+def s_and_p(directions, normals, ratio):
+    """The tangential part scaled, then Fresnel's sine and tangent laws: directions, and the shares of both."""
     normals = normals * np.sign((directions * normals).sum(1, keepdims=True))
     cosine = (directions * normals).sum(1)
     tangent = ratio * (directions - cosine[:, None] * normals)
@@ -128,17 +134,23 @@ def snell(directions, normals, ratio):
     safe = np.where(slanted, before, 0.5), np.where(slanted, after, 0.3)
     across = (np.sin(safe[0] - safe[1]) / np.sin(safe[0] + safe[1])) ** 2
     within = (np.tan(safe[0] - safe[1]) / np.tan(safe[0] + safe[1])) ** 2
-    reflected = np.where(slanted, 0.5 * (across + within), ((1 - ratio) / (1 + ratio)) ** 2)
-    return np.where(lost[:, None], np.nan, bent), np.where(lost, 0.0, 1.0 - reflected)
+    shares = (1.0 - np.where(slanted, each, ((1 - ratio) / (1 + ratio)) ** 2) for each in (across, within))
+    return np.where(lost[:, None], np.nan, bent), *(np.where(lost, 0.0, each) for each in shares)
 
 
 def oracle(inner: Quadric, outer: Quadric, rays: RayBundle, index: float, distance: float):
     """Landings (NaN where lost), flux, and exit directions by closed forms."""
     points = rays.origins + inner.far_hit(rays.origins, rays.directions)[:, None] * rays.directions
-    first, one = snell(rays.directions, inner.normal(points), 1.0 / index)
+    first, *one = s_and_p(rays.directions, inner.normal(points), 1.0 / index)
     ends = points + outer.far_hit(points, first)[:, None] * first
-    second, other = snell(first, outer.normal(ends), index)
-    lost = (other == 0.0) | (points[:, 2] <= 0.0) | (ends[:, 2] <= 0.0) | ~(second[:, 2] > 0.0)
+    second, *other = s_and_p(first, outer.normal(ends), index)
+    planes = [np.cross(first, face.normal(each)) for face, each in ((inner, points), (outer, ends))]
+    product = np.linalg.norm(planes[0], axis=1) * np.linalg.norm(planes[1], axis=1)
+    cosine = np.sum(planes[0] * planes[1], axis=1) / np.where(product > 0.0, product, 1.0)
+    (one_s, one_p), (other_s, other_p) = one, other  # of what s and p carry, the part that stays s and p
+    differ = 0.25 * (2.0 * cosine**2 - 1.0) * (one_s - one_p) * (other_s - other_p)
+    share = 0.25 * (one_s + one_p) * (other_s + other_p) + differ
+    lost = (other_s == 0.0) | (points[:, 2] <= 0.0) | (ends[:, 2] <= 0.0) | ~(second[:, 2] > 0.0)
     second = np.where(lost[:, None], np.nan, second)
     landings = ends[:, :2] + (distance - ends[:, 2:]) / second[:, 2:] * second[:, :2]
-    return landings, np.where(lost, 0.0, rays.flux * one * other), second
+    return landings, np.where(lost, 0.0, rays.flux * share), second

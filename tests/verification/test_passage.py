@@ -60,7 +60,7 @@ def test_plane_plate_shifts_a_ray_and_loses_twice_the_same_share():
     assert got.landings[0] == pytest.approx([17.0 + 3.0 * np.tan(inside), 0.0], abs=1e-9)
     across = (np.sin(np.pi / 4 - inside) / np.sin(np.pi / 4 + inside)) ** 2
     within = (np.tan(np.pi / 4 - inside) / np.tan(np.pi / 4 + inside)) ** 2
-    assert got.flux[0] == pytest.approx((1.0 - 0.5 * (across + within)) ** 2, rel=1e-9)
+    assert got.flux[0] == pytest.approx(0.5 * ((1.0 - across) ** 2 + (1.0 - within) ** 2), rel=1e-9)
 
 
 def test_two_ellipsoids_agree_with_their_closed_forms():
