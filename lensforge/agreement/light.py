@@ -17,7 +17,6 @@ from lensforge.lens_at_temperature import at_temperature
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.spec import AnyReceiver
 from lensforge.spec.ray_source import RayfileSource, RayfilesSource, RaySource
-from lensforge.spec.target import IN_TARGET
 
 if TYPE_CHECKING:
     from lensforge.receivers.posed import PosedReceiver
@@ -53,7 +52,7 @@ def _possible(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") 
     """
     from lensforge.receivers.possible import PossibleLight, SourceLight
     from lensforge.sources.build import build_source
-    from lensforge.targets.region import in_target
+    from lensforge.targets.pattern import drawn_target
 
     asked = [transmittance_of(lens.media) * own.wanted_in_target for own in light.receivers]
     lower = [own.possible.share_in_target < most for own, most in zip(light.receivers, asked, strict=True)]
@@ -67,10 +66,11 @@ def _possible(light: Light, lens: Lens, receivers: "tuple[PosedReceiver, ...]") 
         yield f"conditions: {error}"
         return
     source = SourceLight.of(build_source(lens.spec.source, body.dispersion), body.media)
-    for own, receiver, rests in zip(light.receivers, receivers, lower, strict=False):
+    of_spec = zip(light.receivers, lens.spec.all_receivers, receivers, lower, strict=False)
+    for own, section, receiver, rests in of_spec:
         if rests and own.target_map.shape == receiver.grid.shape:
             physics = PossibleLight(source, receiver, body.reach_mm)
-            found = physics.in_region(in_target(own.target_map)).value
+            found = physics.in_region(drawn_target(section.targets, receiver).coverage).value
             yield from differing("possible.share_in_target", own.possible.share_in_target, found, "source and lens")
 
 
@@ -120,7 +120,7 @@ def _of_receiver(light: ReceiverLight, section: AnyReceiver, receiver: "PosedRec
         rows, columns = receiver.grid.shape
         yield f"map: {light.map.shape[1]} x {light.map.shape[0]} pixels, but the spec has {columns} x {rows}"
         return
-    yield from _share(light, receiver)
+    yield from _share(light, section, receiver)
     yield from _pictures(light, section, receiver)
     yield from _noise(light)
 
@@ -137,16 +137,19 @@ def _place(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver"
         yield from differing(f"window.{name}", getattr(light.window, name), known, "the spec's lengths")
 
 
-def _share(light: ReceiverLight, receiver: "PosedReceiver") -> Iterator[str]:
+def _share(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver") -> Iterator[str]:
     """The share in the target to the efficiency, where the window is the whole receiver, is that of the pictures."""
-    total, wanted, window = float(light.raw_map.sum()), light.target_map, receiver.window
+    from lensforge.targets.pattern import drawn_target
+
+    total, window = float(light.raw_map.sum()), receiver.window
     whole = (window.width, window.height) == receiver.grid.size and not np.isfinite(window.radius)
     if not whole or not total > 0.0:  # the efficiency is that of the window
         return
-    border = IN_TARGET * wanted.max()
-    most, least = (float(light.raw_map[wanted > border * (1.0 + side)].sum()) / total for side in (-_EDGE, _EDGE))
+    covered = drawn_target(section.targets, receiver).coverage
+    most, least = (float(light.raw_map[inside].sum()) / total for inside in (covered > 0.0, covered == 1.0))
     landed = light.efficiency.value
-    yield from beyond("share_in_target", light.share_in_target.value, least * landed, most * landed, _PICTURES)
+    low, high = least * landed * (1.0 - _EDGE), most * landed * (1.0 + _EDGE)
+    yield from beyond("share_in_target", light.share_in_target.value, low, high, _PICTURES)
 
 
 def _pictures(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver") -> Iterator[str]:
