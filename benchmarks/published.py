@@ -32,7 +32,7 @@ from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
 from lensforge.evaluation.receiver_light import WindowSize
-from lensforge.evaluation.replicate_metrics import filtered, mean_share
+from lensforge.evaluation.replicate_metrics import mean_share
 from lensforge.evaluation.simulate import TracedLens, simulate
 from lensforge.pipeline import run_evaluate, write_design
 from lensforge.receivers.build import receivers_of
@@ -152,7 +152,7 @@ def region_rows(name: str) -> tuple[tuple[str, ...], ...]:
     traced = TracedLens.of(run.lens, PRESETS[run.lens.accuracy].evaluate_nodes_per_sigma)
     simulation = simulate(traced, build_source(spec.source), (receiver,), light.rays, light.seed)
     (received,) = simulation.received
-    images = filtered(received, spec.evaluate.filter_variance)
+    images = gaussian3(received.images, spec.evaluate.filter_variance)
     x, y = receiver.target_coordinates(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))
     # the paper's pattern: the window of a rectangle, whose soft edge may have its middle farther in
     hard = target.model_copy(update={"edge_mm": None, **_sides(target, light.first.window)})

@@ -31,7 +31,7 @@ def light_rows(light: Light) -> Iterator[Row]:
 def _on_one_receiver(light: Light) -> Iterator[Row]:
     lit = light.first
     bound = "" if light.limits else f", at most {LARGEST_NMSE:g}"
-    yield "Error (NMSE)", f"{measured(lit.nmse)} (0 is perfect{bound})"
+    yield "Error (NMSE)", f"{measured(lit.nmse)} (0 is perfect{bound}){_by_raster(lit)}"
     most = lit.possible
     window = f"within {lit.where}" if lit.kind == "far_field" else lit.where
     yield "Efficiency", f"{in_percent(lit.efficiency)} {window} (possible: {share(most.efficiency)})"
@@ -39,11 +39,19 @@ def _on_one_receiver(light: Light) -> Iterator[Row]:
     yield from _evenness(lit, light.lumens_per_watt)
 
 
+def _by_raster(lit: ReceiverLight) -> str:
+    """What the pixels leave, where it is more than the noise leaves."""
+    change, error = lit.nmse_of_raster, lit.nmse.standard_error
+    if change is None or abs(change) <= (error or 0.0):
+        return ""
+    return f"; with half as many pixels {figure(lit.nmse.value - change, '', 2)}"
+
+
 def _evenness(lit: ReceiverLight, lumens_per_watt: float | None) -> Iterator[Row]:
     """Uniformity in the region of uniform light, and the mean there or where the target is bright."""
     if lit.uniformity is not None:
         rsd = "" if lit.rsd is None else f"; RSD {measured(lit.rsd)}"
-        yield "Uniformity", f"{measured(lit.uniformity)} least over mean{rsd}"
+        yield "Uniformity", f"{measured(lit.uniformity)} {lit.evenness_words}{rsd}"
     if lit.in_region is not None:
         unit = light_unit(lumens_per_watt, far_field=lit.chart.far_field)
         mean = times(lit.in_region.mean, unit.per_watt, unit.symbol)

@@ -11,23 +11,24 @@ from lensforge.accuracy import Preset
 from lensforge.evaluation.light import Light, TableErrors, light_criteria
 from lensforge.evaluation.limits import judged_limits
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
-from lensforge.evaluation.noise_free import Images
+from lensforge.evaluation.noise_free import Images, nmse_estimate
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.region_light import RegionLight
-from lensforge.evaluation.replicate_metrics import ReplicateMetrics, filtered, lit_mask, mean_share
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share
 from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.figures.light_unit import light_unit
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.receivers.build import receivers_of
+from lensforge.receivers.pixels import gaussian3, rebinned
 from lensforge.receivers.possible import PossibleLight, SourceLight
-from lensforge.records import Image
+from lensforge.records import Metric
 from lensforge.sources.bundle import Source
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.targets.limits import LightLimit, light_limits
-from lensforge.targets.pattern import target_light
-from lensforge.targets.region import in_target, uniform_region
+from lensforge.targets.pattern import DrawnTarget, coarser_target, drawn_target
+from lensforge.targets.region import uniform_region
 
 
 def evaluate_lens(
@@ -76,14 +77,18 @@ def evaluate_traced(
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
     receivers = receivers_of(spec, side)
-    simulation = simulate(traced, source, receivers, rays, seed)
+    drawn = [
+        (drawn_target(section.targets, receiver), coarser_target(section.targets, receiver))
+        for section, receiver in zip(spec.all_receivers, receivers, strict=True)
+    ]
+    simulation = simulate(traced, source, receivers, rays, seed, drawn)
     light, reach_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm + traced.grown_mm
-    images = [filtered(received, spec.evaluate.filter_variance) for received in simulation.received]
-    found = zip(spec.all_receivers, receivers, simulation.received, images, strict=True)
+    variance = spec.evaluate.filter_variance
     lit = tuple(
-        receiver_light(section, PossibleLight(light, receiver, reach_mm), received, smooth, simulation.emitted_w)
-        for section, receiver, received, smooth in found
+        receiver_light(section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w)
+        for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)
     )
+    images = [gaussian3(received.images, variance) for received in simulation.received] if limits else []
     return Light(
         receivers=lit,
         limits=judged_limits(limits, images, [each.name for each in lit]),
@@ -102,14 +107,17 @@ def evaluate_traced(
 
 
 def receiver_light(
-    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, images: Images, emitted_w: float
+    section: AnyReceiver, physics: PossibleLight, received: ReceivedFlux, variance: float, emitted_w: float
 ) -> ReceiverLight:
     """Metrics and maps of the light on one receiver, with the bounds that physics sets there.
 
-    ``images``: those of ``received``, filtered.
+    ``received``: with its target, and that of half as many pixels. ``variance`` of the filter (pixel^2).
     """
     receiver = physics.receiver
-    target, mean, raw = target_light(section.targets, receiver), images.mean(axis=0), received.images.mean(axis=0)
+    drawn, coarser = received.targets
+    images = gaussian3(received.images, variance)
+    coarse = gaussian3(rebinned(received.images, receiver.grid.halved()), variance)
+    target, mean, raw = drawn.light, images.mean(axis=0), received.images.mean(axis=0)
     mask, measure = lit_mask(uniform_region(section.targets, receiver), images), receiver.pixel_measure
     metrics = ReplicateMetrics.of(images, target, mask, received.window / emitted_w).metrics()
     flux, missed = _flux_budget(received, emitted_w)
@@ -124,13 +132,14 @@ def receiver_light(
         window=WindowSize(width=width, height=height, radius=radius),
         nmse=metrics.nmse,
         efficiency=metrics.efficiency,
-        share_in_target=mean_share(received.images[:, in_target(target)].sum(axis=1) / emitted_w),
+        share_in_target=_share_in_target(received, emitted_w),
         uniformity=metrics.uniformity,
         rsd=metrics.rsd,
         in_region=RegionLight.of(images / measure, target, mask, unit.symbol),
         raw=_raw(mean, target, mask),
         nmse_of_noise=_noise(images),
-        possible=_possible(physics, target, float(mean.sum()) / emitted_w),
+        nmse_of_raster=metrics.nmse.value - nmse_estimate(coarse, coarser.light).value,
+        possible=_possible(physics, drawn, float(mean.sum()) / emitted_w),
         flux=flux,
         missed_by_cause=missed,
         map=mean / measure,
@@ -139,16 +148,22 @@ def receiver_light(
     )
 
 
-def _possible(physics: PossibleLight, target: Image, arriving: float) -> Possible:
-    """Bounds for a target with sum 1; ``arriving``: share of the flux on the pixels."""
-    region = in_target(target)
-    window, share = (
-        physics.in_region(pixels) for pixels in (physics.receiver.window.pixels(physics.receiver.grid), region)
-    )
+def _share_in_target(received: ReceivedFlux, emitted_w: float) -> Metric:
+    """Share by ray; its error has in it what sub-pixels twice as wide change."""
+    share, coarse = (mean_share(flux / emitted_w) for flux in received.in_targets.T)
+    if share.standard_error is None:
+        return share
+    error = float(np.hypot(share.standard_error, coarse.value - share.value))
+    return share.model_copy(update={"standard_error": error})
+
+
+def _possible(physics: PossibleLight, target: DrawnTarget, arriving: float) -> Possible:
+    """Bounds for a target; ``arriving``: share of the flux on the pixels."""
+    share = physics.in_region(target.coverage)
     return Possible(
-        efficiency=window.value,
+        efficiency=physics.in_window().value,
         share_in_target=share.value,
-        nmse=physics.least_nmse(target, region, arriving),
+        nmse=physics.least_nmse(target.light, target.coverage > 0.0, arriving),
         law=share.law,
         luminance_estimated=physics.light.curve.estimated,
     )
@@ -186,12 +201,12 @@ def _flux_budget(received: ReceivedFlux, emitted_w: float) -> tuple[Flux, Missed
     )
     flux = Flux(
         detected=detected,
-        outside=float(share[Fate.LEFT_LENS]) - detected,
+        outside=float(received.outside.mean() / emitted_w),
         missed=sum(missed.model_dump().values()),
         total_reflection=float(share[Fate.TOTAL_REFLECTION]),
         not_converged=float(share[Fate.NOT_CONVERGED]),
         absorbed=float(share[ABSORBED]),
         cover_glass=float(share[IN_GLASS]),
-        reflected=1.0 - float(share.sum()),
+        reflected=max(0.0, 1.0 - float(share.sum())),  # the rest: all of it may be rounding
     )
     return flux, missed

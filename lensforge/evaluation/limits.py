@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.criteria import Sense
 from lensforge.evaluation.limit_result import LimitResult
-from lensforge.evaluation.minimum import largest_without_noise, least_without_noise, ratio_of
+from lensforge.evaluation.minimum import largest_without_noise, least_over_mean, least_without_noise, ratio_of
 from lensforge.jackknife import jackknife_metric
 from lensforge.records import Metric
 from lensforge.sources.photometric.beam import width_above
@@ -57,8 +57,7 @@ def limit_value(limit: LightLimit, images: Float[np.ndarray, "r h w"]) -> Metric
         case "light":
             return _extreme(readings, limit.sense).model_copy(update={"unit": limit.unit})
         case "min_over_mean":
-            means = readings.mean(axis=1, keepdims=True)
-            return _extreme(readings / np.where(means > 0.0, means, np.inf), ">=")
+            return least_over_mean(readings).metric()
     whole = readings if limit.quantity == "min_over_max" else limit.light_per_flux * images.reshape(len(images), -1)
     return ratio_of(_extreme(readings, limit.sense if limit.quantity == "relative" else ">="), _extreme(whole, "<="))
 

@@ -15,6 +15,9 @@ The levels are means over 8 and over 4 of 16 replicates, read on those left: ove
 are affine subspaces of the 16 numbers of the replicates, taken as vectors of 4 bits. Each replicate, each pair and each
 three of them are in equally many, so that no replicate counts more than another.
 
+The least of the mean of all replicates has noise, and is too dark; the least of the light is no more than its mean:
+both are bounds of the estimate. Both lie below v of the halves, so that the first never contradicts u0 <= v.
+
 Chosen by experiment (docs/accuracy.md) among the plain minimum, cross-validated ones, and other extrapolations.
 """
 
@@ -24,7 +27,6 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.evaluation.metrics import uniformity
 from lensforge.jackknife import jackknife_error
 from lensforge.records import Metric
 
@@ -71,15 +73,20 @@ def uniformity_without_noise(images: Float[np.ndarray, "r h w"], mask: Bool[np.n
 
 
 def uniformity_estimate(images: Float[np.ndarray, "r h w"], mask: Bool[np.ndarray, "h w"]) -> LeastEstimate:
-    """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased.
+    """Least over mean irradiance in ``mask``, of the light to which ``images`` are unbiased."""
+    return least_over_mean(images[:, mask])
 
-    As :func:`least_without_noise`; with a replicate without light, too, the uniformity of the mean, with its noise.
+
+def least_over_mean(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
+    """Least over mean of the values at ``k`` places, at most 1, without noise: as :func:`least_without_noise`.
+
+    With a replicate without light, too, that of the mean, with its noise; 0 without any.
     """
-    inside = images[:, mask]
-    means = inside.mean(axis=1)
-    if len(images) != _REPLICATES or not (means > 0.0).all():
-        return LeastEstimate(uniformity(images.mean(axis=0), mask))
-    return _least(inside / means[:, None])
+    means = readings.mean(axis=1)
+    if len(readings) == _REPLICATES and (means > 0.0).all():
+        return _least(readings / means[:, None], 1.0)
+    mean = readings.mean(axis=0)
+    return LeastEstimate(float(mean.min() / mean.mean()) if mean.mean() > 0.0 else 0.0)
 
 
 def least_without_noise(readings: Float[np.ndarray, "r k"]) -> Metric:
@@ -111,10 +118,12 @@ def ratio_of(above: Metric, below: Metric) -> Metric:
     return Metric(value=value, standard_error=float(error))
 
 
-def _least(readings: Float[np.ndarray, "r k"]) -> LeastEstimate:
+def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> LeastEstimate:
+    """Least value, between that of the mean with its noise and ``most``, by default the mean of all readings."""
     halves, quarters = (_Choices.of(readings, blocks) for blocks in (_halves(), _quarters()))
     slope = _slope(halves, quarters)
-    value = float(halves.extrapolated(slope))
+    mean = readings.mean(axis=0)
+    value = float(np.clip(halves.extrapolated(slope), mean.min(), mean.mean() if most is None else most))
     return LeastEstimate(value, halves.left_out(slope), halves.read - value)
 
 

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from lensforge.evaluation.region_light import RegionLight
 from lensforge.figures.chart import Chart
-from lensforge.records import Flag, Irradiance, Metric, NotNegative, Positive, Record, Share, Text
+from lensforge.records import Flag, Irradiance, Metric, NotNegative, Number, Positive, Record, Share, Text
 from lensforge.spec.target import IN_TARGET
 
 _FLUX_ADDS_UP = 1e-9
@@ -80,13 +80,14 @@ class ReceiverLight(Record):
     ``map``, ``raw_map``, ``target_map``: irradiance (W/m^2), or intensity (W/sr), [row y, column x] after the filter,
     before it, and of the target, scaled to the flux there. ``nmse``: Eq. (7) with the target scaled to the flux that
     arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
-    tenth of its maximum. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in the region of
-    ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and uniformities there,
-    or where the target is bright; None where one of the replicates is dark.
+    tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in
+    the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
+    uniformities there, or where the target is bright; None where one of the replicates is dark.
 
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.
     ``nmse_of_noise``: the NMSE of the noise in ``map``, about as much as it adds to that of ``raw``.
+    ``nmse_of_raster``: the NMSE less that on half as many pixels; None where it was not measured.
     """
 
     name: Text
@@ -103,6 +104,7 @@ class ReceiverLight(Record):
     in_region: RegionLight | None = None
     raw: RawMetrics
     nmse_of_noise: NotNegative | None
+    nmse_of_raster: Number | None = None
     possible: Possible
     flux: Flux
     missed_by_cause: MissedByCause
@@ -116,6 +118,12 @@ class ReceiverLight(Record):
         wanted = self.target_map
         total = float(wanted.sum())
         return float(wanted[wanted > IN_TARGET * wanted.max()].sum()) / total if total > 0.0 else 1.0
+
+    @property
+    def evenness_words(self) -> str:
+        """What the uniformity is; where noise would put it above 1, that it is not."""
+        capped = self.uniformity is not None and self.uniformity.standard_error and self.uniformity.value >= 1.0
+        return "least over mean" + (", at most 1: the error is to one side" if capped else "")
 
     @property
     def chart(self) -> Chart:

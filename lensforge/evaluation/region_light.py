@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from lensforge.evaluation.minimum import largest_without_noise, least_without_noise, ratio_of
+from lensforge.evaluation.minimum import largest_without_noise, least_over_mean, least_without_noise, ratio_of
 from lensforge.jackknife import jackknife_metric
 from lensforge.records import Image, Metric, Record
 
@@ -44,7 +44,7 @@ class RegionLight(Record):
         return RegionLight(
             region="bright" if mask is None else "uniform",
             mean=jackknife_metric(means, float, unit),
-            u0=least_without_noise(readings / means[:, None]),
+            u0=least_over_mean(readings).metric(),
             u1=ratio_of(least, largest),
         )
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.minimum import LeastEstimate, uniformity_estimate
 from lensforge.evaluation.noise_free import Images, PairEstimate, nmse_estimate, rsd_estimate
-from lensforge.evaluation.simulate import ReceivedFlux, TracedLens, simulate
+from lensforge.evaluation.simulate import TracedLens, simulate
 from lensforge.jackknife import jackknife_metric
 from lensforge.receivers.build import receivers_of
 from lensforge.receivers.pixels import gaussian3
@@ -90,15 +90,10 @@ def traced_light(traced: TracedLens, spec: Spec, source: Source, rays: int, seed
     receiver = receivers_of(spec, spec.evaluate.pixels)[0]
     simulation = simulate(traced, source, (receiver,), rays, seed)
     received, targets = simulation.received[0], spec.all_receivers[0].targets
-    images = filtered(received, spec.evaluate.filter_variance)
+    images = gaussian3(received.images, spec.evaluate.filter_variance)
     target, mask = target_light(targets, receiver), lit_mask(uniform_region(targets, receiver), images)
     replicates = ReplicateMetrics.of(images, target, mask, received.window / simulation.emitted_w)
     return TracedLight(replicates, images.mean(axis=0) / receiver.pixel_measure)
-
-
-def filtered(received: ReceivedFlux, variance: float) -> Images:
-    """Image of each replicate after the Gaussian filter of ``variance`` (pixel^2)."""
-    return np.stack([gaussian3(image, variance) for image in received.images])
 
 
 def lit_mask(mask: Bool[np.ndarray, "h w"] | None, images: Images) -> Bool[np.ndarray, "h w"] | None:

@@ -1,6 +1,6 @@
 """Trace a finished lens with many rays, in independent replicates, so that every metric has a standard error."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +13,12 @@ from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.lens_at_temperature import LensAtTemperature
 from lensforge.receivers.build import receivers_of
-from lensforge.receivers.pixels import bin_flux, flux_in
+from lensforge.receivers.pixels import bin_flux
 from lensforge.receivers.receiver import Landings, Receiver
 from lensforge.sources.bundle import RayBundle, Source, drawn
 from lensforge.spec import Spec
 from lensforge.surfaces.spline import TableGrid, grid_for, table_error, tabulate
+from lensforge.targets.pattern import DrawnTarget
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.tables import Scene, trace_tables
 
@@ -73,28 +74,35 @@ class TracedLens:
 
 @dataclass(frozen=True)
 class ReceivedFlux:
-    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), and in the window (r,).
+    """Flux (W) on one receiver in each replicate: per pixel (r, h, w), by fate (r, f), in the window and outside it.
 
     The fates are those of :class:`~lensforge.kernels.fates.Fate`, where ``LEFT_LENS`` holds what landed, and
-    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``.
+    ``MISSED_RECEIVER``, ``ABSORBED`` and ``IN_GLASS``. ``in_targets``: in each of the ``targets`` (k).
     """
 
     images: Float[np.ndarray, "r h w"]
     by_fate: Float[np.ndarray, "r f"]
     window: Float[np.ndarray, " r"]
+    outside: Float[np.ndarray, " r"]
+    in_targets: Float[np.ndarray, "r k"]
+    targets: tuple[DrawnTarget, ...] = ()
 
     @staticmethod
-    def none_yet(receiver: Receiver, replicates: int) -> "ReceivedFlux":
+    def none_yet(receiver: Receiver, replicates: int, targets: tuple[DrawnTarget, ...]) -> "ReceivedFlux":
         """No flux."""
-        images = np.zeros((replicates, *receiver.grid.shape))
-        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), np.zeros(replicates))
+        images, none = np.zeros((replicates, *receiver.grid.shape)), np.zeros(replicates)
+        in_targets = np.zeros((replicates, len(targets)))
+        return ReceivedFlux(images, np.zeros((replicates, CAUSES)), none, none.copy(), in_targets, targets)
 
     def add(self, replicate: int, share: float, receiver: Receiver, rays: ExitRays, landings: Landings) -> None:
         """Count ``share`` of the flux of ``rays`` in ``replicate``."""
         hits, flux = landings.hits.numpy(), landings.flux.numpy() * share
         self.images[replicate] += bin_flux(hits, flux, receiver.grid)
         self.by_fate[replicate] += share * flux_by_fate(rays, landings.missed_receiver)
-        self.window[replicate] += flux_in(hits, flux, receiver.window)
+        inside = receiver.window.contains(hits)
+        self.window[replicate] += flux[inside].sum()
+        self.outside[replicate] += flux[~inside].sum()
+        self.in_targets[replicate] += [flux[target.contains(hits)].sum() for target in self.targets]
 
 
 @dataclass(frozen=True)
@@ -106,10 +114,23 @@ class Simulation:
     rays: int
 
 
-def simulate(lens: TracedLens, source: Source, receivers: tuple[Receiver, ...], rays: int, seed: int) -> Simulation:
-    """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates."""
+def simulate(
+    lens: TracedLens,
+    source: Source,
+    receivers: tuple[Receiver, ...],
+    rays: int,
+    seed: int,
+    targets: Sequence[tuple[DrawnTarget, ...]] = (),
+) -> Simulation:
+    """Trace ``rays`` rays, or as many as a measured source holds, in up to 16 independent replicates.
+
+    ``targets``: of each receiver, in which flux is counted; none by default.
+    """
     replicates = min(REPLICATES, rays, source.ray_count or rays)
-    received = tuple(ReceivedFlux.none_yet(receiver, replicates) for receiver in receivers)
+    drawn = targets or [()] * len(receivers)
+    received = tuple(
+        ReceivedFlux.none_yet(receiver, replicates, own) for receiver, own in zip(receivers, drawn, strict=True)
+    )
     traced = 0
     for replicate, share, bundle in bundles(source, rays, replicates, seed):
         exit_rays = lens.trace(bundle)

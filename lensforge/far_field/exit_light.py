@@ -13,6 +13,7 @@ from lensforge.far_field.angular_grid import AngularGrid, finest_grid
 from lensforge.far_field.resolution import FittedIntensity, fit
 from lensforge.far_field.sphere import exit_rays
 from lensforge.records import Metric
+from lensforge.roadway.bug_rating import zone_flux
 from lensforge.sources.bundle import RayBundle, Source, drawn
 
 PARTS = 16  # independent samples: their spread is the standard error
@@ -26,34 +27,46 @@ _IN_BEAM = 0.995  # of the flux: within the angle that holds it, the grid is fin
 
 @dataclass(frozen=True, eq=False)
 class ExitLight:
-    """Light of ``rays`` rays: its intensity (W/sr), its flux, that of all rays by fate, and some of the rays."""
+    """Light of ``rays`` rays: its intensity (W/sr), its flux, that of all rays by fate, and some of the rays.
+
+    ``zones_w``: flux of each sample by :func:`~lensforge.roadway.bug_rating.zone_flux`.
+    """
 
     rays: int
     intensity: FittedIntensity
     exit_w: Metric
     by_fate_w: Float[np.ndarray, " f"]
     sample: RayBundle
+    zones_w: Float[np.ndarray, "p 2 4"]
 
 
 def trace_exit_light(
-    lens: TracedLens, source: Source, symmetry: str, *, rays: int | None, most_rays: int, seed: int, sphere_mm: float
+    lens: TracedLens,
+    source: Source,
+    symmetry: str,
+    *,
+    rays: int | None,
+    most_rays: int,
+    seed: int,
+    sphere_mm: float,
+    street_deg: float,
 ) -> ExitLight:
     """Trace ``rays`` rays, or more and more, to ``most_rays``, until the nodes are known to 2 % rms.
 
     ``symmetry``: mirror group of lens and source, under which the light is averaged. ``sphere_mm``: radius of the
-    sphere on which exit rays start. A measured source gives at most its own rays. Raises :class:`InputError` where no
-    light leaves the lens upwards.
+    sphere on which exit rays start. ``street_deg``: azimuth of the street. A measured source gives at most its own
+    rays. Raises :class:`InputError` where no light leaves the lens upwards.
     """
-    sums, wanted = _Sums(lens, sphere_mm), rays or min(_FIRST_RAYS, most_rays)
+    sums, wanted = _Sums(lens, sphere_mm, symmetry, street_deg), rays or min(_FIRST_RAYS, most_rays)
     if source.ray_count is not None:
         sums.add(_distributed(source, min(wanted, source.ray_count), seed))
-        return sums.light(symmetry)
+        return sums.light()
     for number in range(_ROUNDS):
         count = min(-(-(wanted - sums.rays) // PARTS), _MOST_AT_ONCE)
         sums.add(_bundles(source, count, seed, number))
         if sums.rays < wanted:
             continue
-        light = sums.light(symmetry)
+        light = sums.light()
         wanted = sums.rays if rays is not None else _rays_needed(light, most_rays)
         if wanted <= sums.rays:
             break
@@ -72,11 +85,12 @@ def _rays_needed(light: ExitLight, most_rays: int) -> int:
 class _Sums:
     """Sums over all rays traced so far, by sample."""
 
-    def __init__(self, lens: TracedLens, sphere_mm: float) -> None:
+    def __init__(self, lens: TracedLens, sphere_mm: float, symmetry: str, street_deg: float) -> None:
         self.rays = 0
-        self._lens, self._sphere_mm = lens, sphere_mm
+        self._lens, self._sphere_mm, self._symmetry, self._street_deg = lens, sphere_mm, symmetry, street_deg
         self._grid: AngularGrid | None = None
         self._deposits: list[Float[np.ndarray, "c g"]] = []
+        self._zones: list[Float[np.ndarray, "2 4"]] = []
         self._weights: list[float] = []
         self._by_fate: list[Float[np.ndarray, " f"]] = []
         self._kept: list[RayBundle] = []
@@ -90,10 +104,12 @@ class _Sums:
             deposit, weight = self._grid.deposit(out.rays), float(len(bundle))
             if part == len(self._weights):
                 self._deposits.append(np.zeros_like(deposit))
+                self._zones.append(np.zeros((2, 4)))
                 self._by_fate.append(np.zeros(CAUSES))
                 self._weights.append(0.0)
                 self._kept.append(out.rays.take(slice(_FILE_RAYS // PARTS)))
             self._deposits[part] += weight * deposit
+            self._zones[part] += weight * zone_flux(out.rays, self._street_deg, self._symmetry)
             self._by_fate[part] += weight * out.by_fate_w
             self._weights[part] += weight
             self.rays += len(bundle)
@@ -106,12 +122,13 @@ class _Sums:
     def _samples(self) -> Float[np.ndarray, "p c g"]:
         return np.stack([deposit / weight for deposit, weight in zip(self._deposits, self._weights, strict=True)])
 
-    def light(self, symmetry: str) -> ExitLight:
+    def light(self) -> ExitLight:
         """Light by all rays so far."""
         grid = self._grid
         assert grid is not None
-        intensity = fit(grid, grid.images_mean(self._samples, symmetry))
-        return ExitLight(self.rays, intensity, self.exit_w, self.by_fate_w, self.file_rays)
+        intensity = fit(grid, grid.images_mean(self._samples, self._symmetry))
+        zones = np.stack([zones / weight for zones, weight in zip(self._zones, self._weights, strict=True)])
+        return ExitLight(self.rays, intensity, self.exit_w, self.by_fate_w, self.file_rays, zones)
 
     @property
     def exit_w(self) -> Metric:

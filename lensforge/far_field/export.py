@@ -14,6 +14,7 @@ from jaxtyping import Float
 from lensforge.accuracy import Preset
 from lensforge.errors import InputError
 from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, TracedLens
+from lensforge.far_field.angular_grid import AngularGrid
 from lensforge.far_field.beam_figures import PLANES_DEG, CandelaTables
 from lensforge.far_field.exit_light import ExitLight, trace_exit_light
 from lensforge.far_field.files import photometric_files, read_back
@@ -27,10 +28,12 @@ from lensforge.far_field.photometry import (
     Photometry,
     photometry_criteria,
 )
+from lensforge.far_field.resolution import FittedIntensity
 from lensforge.far_field.spectrum import spectrum_of_source
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.records import Metric
+from lensforge.roadway.lamp_light import LampLight
 from lensforge.roadway.road_figures import RoadFigures
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
@@ -74,6 +77,7 @@ def measure_photometry(
         most_rays=preset.photometry_rays,
         seed=lens.seed,
         sphere_mm=_SLACK * radius_mm,
+        street_deg=section.street_side_deg,
     )
     per_watt, fitted = bright.lumens / source.flux_w, light.intensity
     tables = CandelaTables.of(fitted, per_watt)
@@ -107,7 +111,9 @@ def measure_photometry(
         peak_direction=tables.peak_direction,
         beam_c0=tables.plane(PLANES_DEG[0]),
         beam_c90=tables.plane(PLANES_DEG[1]),
-        road=RoadFigures.of(section, fitted.grid, fitted.samples * per_watt, exit_lm),
+        road=RoadFigures.of(
+            section, _lamp(fitted, per_watt, section.street_side_deg), exit_lm, light.zones_w * per_watt
+        ),
         node_error=fitted.node_error,
         interpolation_error=fitted.interpolation_error,
         warnings=warnings,
@@ -123,6 +129,14 @@ def measure_photometry(
         tm25=contents[TM25_FILE],
         seconds=time.perf_counter() - started,
     )
+
+
+def _lamp(light: FittedIntensity, per_watt: float, street_deg: float) -> LampLight:
+    """Light of the lens as that of a lamp."""
+    finer = light.finer
+    grid = AngularGrid(len(finer.c_deg) - 1, finer.gamma_deg)
+    fine = LampLight(grid, per_watt * finer.values[None, :-1], street_deg)
+    return LampLight(light.grid, per_watt * light.samples, street_deg, fine)
 
 
 def _symmetry(lens: Lens, source: Source) -> str:

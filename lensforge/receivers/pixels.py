@@ -62,6 +62,10 @@ class PixelGrid:
         """A grid of ``times`` x ``times`` sub-pixels in every pixel."""
         return PixelGrid(self.width, self.height, times * self.columns, times * self.rows)
 
+    def halved(self) -> "PixelGrid":
+        """A grid of half as many pixels along both sides, one at least."""
+        return PixelGrid(self.width, self.height, max(1, self.columns // 2), max(1, self.rows // 2))
+
 
 def _centres(length: float, count: int) -> Float[np.ndarray, " k"]:
     centres: Float[np.ndarray, " k"] = (np.arange(count) + 0.5) * (length / count) - length / 2.0
@@ -119,6 +123,16 @@ def bin_replicates(
 def flux_in(hits: Float[np.ndarray, "n 2"], flux: Float[np.ndarray, " n"], window: Window) -> float:
     """Flux (W) within ``window``."""
     return float(flux[window.contains(hits)].sum())
+
+
+def rebinned(image: Float[np.ndarray, "*r h w"], grid: PixelGrid) -> Float[np.ndarray, "*r k l"]:
+    """Flux in the pixels of a coarser ``grid`` on the same receiver; pixels that two of these share are divided."""
+    for axis, count in ((-2, grid.rows), (-1, grid.columns)):
+        size = image.shape[axis]
+        edges, old = np.arange(count + 1) * (size / count), np.arange(size + 1)
+        held = np.clip(edges[1:, None] - old[:-1], 0.0, 1.0) - np.clip(edges[:-1, None] - old[:-1], 0.0, 1.0)
+        image = np.moveaxis(np.tensordot(image, held, axes=(axis, 1)), -1, axis)
+    return image
 
 
 def splat_flux(

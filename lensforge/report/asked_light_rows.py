@@ -8,6 +8,7 @@ from lensforge.criteria import beyond_doubt
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE, possible_share
 from lensforge.evaluation.limit_result import LimitResult, LimitState
+from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, number, number_with_error, percent, percent_with_error
@@ -86,7 +87,7 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
     yield AskedRow(
         name=f"Light in the target{where}",
         note="share of the LED’s flux that lands where the target is bright",
-        asked=percent(transmitted * light.wanted_in_target),
+        asked=NOTHING,
         passes=f"passes from {percent(least)}" if judged else "",
         got=percent_with_error(share),
         state=_state(least - share.value, share.standard_error) if judged else "",
@@ -95,13 +96,13 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
     )
     yield AskedRow(
         name=f"Error of the pattern (NMSE){where}",
-        note="squared distance from the target, over the target squared",
-        asked="0",
+        note=f"squared distance from the target, over the target squared{_by_raster(light)}",
+        asked=NOTHING,
         passes=f"passes up to {number(LARGEST_NMSE)}" if judged else "",
         got=number_with_error(nmse, 4),
         state=_state(nmse.value - LARGEST_NMSE, nmse.standard_error) if judged else "",
-        possible=f"≥ {number(possible.nmse, 2)}",
-        law=f"{about}étendue of each pixel, for the light that arrives",
+        possible=f"≥ {number(possible.nmse, 2)}" if possible.nmse > 0.0 else NOTHING,
+        law=f"{about}étendue of each pixel, for the light that arrives" if possible.nmse > 0.0 else "",
     )
     yield AskedRow(
         name=f"Efficiency{where}",
@@ -113,12 +114,19 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
         law="two faces transmit no more, and turn no further",
     )
     for metric, name, words in (
-        (light.uniformity, "Uniformity", "least over mean"),
+        (light.uniformity, "Uniformity", light.evenness_words),
         (light.rsd, "Relative standard deviation (RSD)", "standard deviation over mean"),
     ):
         if metric is not None:
             note = f"{words} in the mask {shown.mask_words}"
             yield AskedRow(f"{name}{where}", NOTHING, number_with_error(metric, 3), "", note)
+
+
+def _by_raster(light: ReceiverLight) -> str:
+    """What the pixels leave of an NMSE, in words."""
+    if light.nmse_of_raster is None:
+        return ""
+    return f"; with half as many pixels it is {number(light.nmse.value - light.nmse_of_raster, 2)}"
 
 
 def _state(excess: float, error: float | None) -> AskedState:

@@ -1,16 +1,22 @@
 """Backlight, uplight and glare of a lamp (BUG rating) by the lumens of its zones.
 
 Zones: ANSI/IES TM-15-11, luminaire classification system; ratings: its addendum A. A lamp shines forward, towards the
-street, and back; low, mid, high and very high by gamma. A rating is that of its worst zone.
+street, and back; low, mid, high and very high by gamma. A rating is that of its worst zone. Zones are sums over rays: a
+table of intensity is a step of its angles wide at an edge of the light.
 """
 
 from collections.abc import Mapping
 
-from lensforge.records import Count, Flag, Metric, Record
-from lensforge.roadway.lamp_light import LampLight
+import numpy as np
+from jaxtyping import Float
 
-_FORWARD, _BACK = (-90.0, 90.0), (90.0, 270.0)
-_GAMMA = {"low": (0.0, 30.0), "mid": (30.0, 60.0), "high": (60.0, 80.0), "very_high": (80.0, 90.0)}
+from lensforge.jackknife import jackknife_metric
+from lensforge.records import Count, Flag, Metric, Record
+from lensforge.sources.bundle import RayBundle
+from lensforge.surfaces.symmetry import group
+
+_SIDES, _HEIGHTS = ("forward", "back"), ("low", "mid", "high", "very_high")
+_GAMMA_DEG = (30.0, 60.0, 80.0)  # between these heights
 # Most lumens of a zone for the ratings 0 to 4; more is rated 5.
 _BACKLIGHT = {
     "back_high": (110.0, 500.0, 1000.0, 2500.0, 5000.0),
@@ -42,16 +48,28 @@ class ZoneLumens(Record):
     up_high: Metric
 
     @staticmethod
-    def of(lamp: LampLight) -> "ZoneLumens":
-        """Integrate the light of ``lamp``; a lens sends none above 90 degrees."""
-        sides = {"forward": _FORWARD, "back": _BACK}
+    def of(samples: Float[np.ndarray, "p 2 4"]) -> "ZoneLumens":
+        """The mean of independent ``samples`` of :func:`zone_flux` (lm); a lens sends none above 90 degrees."""
         found = {
-            f"{side}_{height}": lamp.flux(lateral, gamma)
-            for side, lateral in sides.items()
-            for height, gamma in _GAMMA.items()
+            f"{side}_{height}": jackknife_metric(samples[:, row, column], float, "lm")
+            for row, side in enumerate(_SIDES)
+            for column, height in enumerate(_HEIGHTS)
         }
         none = Metric(value=0.0, unit="lm", standard_error=0.0)
         return ZoneLumens(**found, up_low=none, up_high=none)
+
+
+def zone_flux(rays: RayBundle, street_deg: float, symmetry: str) -> Float[np.ndarray, "2 4"]:
+    """Flux of ``rays``, which go upwards, forward and back (rows) and by height; mean over their mirror images.
+
+    ``street_deg``: azimuth of the street.
+    """
+    height = np.digitize(-rays.directions[:, 2], -np.cos(np.deg2rad(_GAMMA_DEG)))
+    street, total = np.array([np.cos(np.deg2rad(street_deg)), np.sin(np.deg2rad(street_deg))]), np.zeros(8)
+    for image in group(symmetry):
+        back = rays.directions[:, :2] @ image[:2, :2].T @ street <= 0.0
+        total += np.bincount(height + len(_HEIGHTS) * back, rays.flux, minlength=8)
+    return total.reshape(2, 4) / len(group(symmetry))
 
 
 class BugRating(Record):
@@ -67,14 +85,20 @@ class BugRating(Record):
         return f"B{self.backlight} U{self.uplight} G{self.glare}" + ("" if self.certain else " (uncertain)")
 
     @staticmethod
-    def of(zones: ZoneLumens, *, symmetric: bool) -> "BugRating":
-        """Rate ``zones``; ``symmetric``: of distribution type V, whose back light has the bounds of forward light."""
-        glare = {**_GLARE, "back_high": _BACK_HIGH_GLARE[symmetric]}
-        low, high = (
-            tuple(_rating(zones, table, side * _DOUBT) for table in (_BACKLIGHT, _UPLIGHT, glare)) for side in (-1, 1)
-        )
-        backlight, uplight, worst = (_rating(zones, table) for table in (_BACKLIGHT, _UPLIGHT, glare))
-        return BugRating(backlight=backlight, uplight=uplight, glare=worst, certain=low == high, zones=zones)
+    def of(zones: ZoneLumens, *, symmetric: bool, doubtful: bool = False) -> "BugRating":
+        """Rate ``zones``; ``symmetric``: of distribution type V, whose back light has the bounds of forward light.
+
+        ``doubtful``: whether it may be the other way round.
+        """
+
+        def rated(errors: float, even: bool) -> tuple[int, ...]:
+            glare = {**_GLARE, "back_high": _BACK_HIGH_GLARE[even]}
+            return tuple(_rating(zones, table, errors) for table in (_BACKLIGHT, _UPLIGHT, glare))
+
+        backlight, uplight, glare = rated(0.0, symmetric)
+        evens = {symmetric, symmetric ^ doubtful}
+        certain = len({rated(errors, even) for errors in (-_DOUBT, _DOUBT) for even in evens}) == 1
+        return BugRating(backlight=backlight, uplight=uplight, glare=glare, certain=certain, zones=zones)
 
 
 def _rating(zones: ZoneLumens, table: Mapping[str, tuple[float, ...]], errors: float = 0.0) -> int:

@@ -6,10 +6,12 @@ Type V is the same all around: here the reach of that line varies by less than f
 which lets a square count as symmetric; its largest intensity points along the road as it does elsewhere.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from lensforge.jackknife import jackknife_metric
 from lensforge.records import Flag, Metric, NotNegative, Record
@@ -31,7 +33,8 @@ class DistributionType(Record):
     """Type of the distribution, such as III medium.
 
     Reaches in mounting heights: ``along_mh`` of the largest intensity, ``street_mh`` and ``house_mh`` of the line of
-    half of it. ``roundness``: least over largest reach of that line. ``certain``: two standard errors change no type.
+    half of it. ``roundness``: least over largest reach of that line. ``certain``: two standard errors change neither
+    type, and no direction that may be the brightest has another one along the road.
     """
 
     lateral: Lateral
@@ -79,31 +82,50 @@ def distribution_type(lamp: LampLight) -> DistributionType:
     """Type of the light of ``lamp``."""
     road = _RoadGrid.fine()
     samples = lamp.intensities(road.lateral_deg, road.gamma_deg)
-    roundness, peak = jackknife_metric(samples, road.roundness), int(samples.mean(axis=0).argmax())
+    finer = None if lamp.finer is None else lamp.finer.intensities(road.lateral_deg, road.gamma_deg)[0]
+
+    def figure(read: Callable[[Degrees], float]) -> Metric:
+        found = jackknife_metric(samples, read)
+        return found if finer is None else _with_error(found, read(finer) - found.value)
+
+    roundness = figure(road.roundness)
     everywhere = roundness.value >= _ROUND  # the largest intensity is then as large along the road
-    along = float(np.hypot(road.along, road.across if everywhere else 0.0)[peak])
-    place = next(number for number, (_, end) in enumerate(_ALONG) if along < end)
+    along = np.hypot(road.along, road.across if everywhere else 0.0)
+    peaks = [int(samples.mean(axis=0).argmax()), *_brightest(samples), *([] if finer is None else [finer.argmax()])]
+    place, *others = np.searchsorted([end for _, end in _ALONG], along[peaks], side="right").tolist()
     low, high = (0.0 if place == 0 else _ALONG[place - 1][1]), _ALONG[place][1]
-    street = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, 1.0)))
-    house = _with_step(jackknife_metric(samples, lambda light: road.reach(light, low, high, -1.0)))
+    street = _with_step(figure(lambda light: road.reach(light, low, high, 1.0)))
+    house = _with_step(figure(lambda light: road.reach(light, low, high, -1.0)))
     types = {_lateral(street, roundness, errors) for errors in (-_DOUBT, 0.0, _DOUBT)}
     return DistributionType(
         lateral=_lateral(street, roundness),
         longitudinal=_ALONG[place][0],
-        certain=len(types) == 1,
-        along_mh=along,
+        certain=len(types) == 1 and set(others) <= {place},
+        along_mh=float(along[peaks[0]]),
         street_mh=street,
         house_mh=house,
         roundness=roundness,
     )
 
 
+def _brightest(samples: Float[np.ndarray, "p k"]) -> Int[np.ndarray, " c"]:
+    """Directions that two standard errors do not tell from the brightest; none by a single sample."""
+    below = samples[:, [samples.mean(axis=0).argmax()]] - samples
+    if len(samples) < 2:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(below.mean(axis=0) <= _DOUBT * below.std(axis=0, ddof=1) / np.sqrt(len(samples)))
+
+
+def _with_error(figure: Metric, more: float) -> Metric:
+    """A figure with one more part of its error, added as a square."""
+    if figure.standard_error is None:
+        return figure
+    return figure.model_copy(update={"standard_error": float(np.hypot(figure.standard_error, more))})
+
+
 def _with_step(reach: Metric) -> Metric:
     """A reach whose error includes half a step of gamma on the road."""
-    if reach.standard_error is None:
-        return reach
-    step = 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2)
-    return reach.model_copy(update={"standard_error": float(np.hypot(reach.standard_error, step))})
+    return _with_error(reach, 0.5 * np.deg2rad(_GAMMA_STEP) * (1.0 + reach.value**2))
 
 
 def _lateral(street: Metric, roundness: Metric, errors: float = 0.0) -> Lateral:

@@ -10,7 +10,7 @@ from math import ceil
 import numpy as np
 from jaxtyping import Float
 
-from lensforge.evaluation.minimum import largest_without_noise, least_without_noise
+from lensforge.evaluation.minimum import largest_without_noise, least_over_mean, least_without_noise
 from lensforge.records import Count, Metric, Record, Text
 from lensforge.roadway.lamp_light import LampLight
 from lensforge.spec.photometry import PhotometrySection
@@ -125,7 +125,7 @@ def road_lighting(lamp: LampLight, section: PhotometrySection) -> RoadLighting:
     means = samples.mean(axis=1)
     mean = lamp.figure(means, "lx")
     least = least_without_noise(samples).model_copy(update={"unit": "lx"})
-    uniformity = least_without_noise(samples / np.where(means > 0.0, means, 1.0)[:, None])
+    uniformity = least_over_mean(samples).metric()
     return RoadLighting(
         mean_lx=mean,
         least_lx=least,

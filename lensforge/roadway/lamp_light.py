@@ -4,7 +4,7 @@ The lateral angle is 0 towards the street, 90 and 270 degrees along it, 180 towa
 down. That is the frame in which ANSI/IES TM-15 and the distribution types are defined.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from scipy import sparse
 
 Degrees = Float[np.ndarray, " k"]
-_POINTS = 4  # of Gauss in each cell: sin(gamma) times a line over 10 degrees is integrated to 1e-11
 
 
 class IntensityGrid(Protocol):
@@ -42,12 +41,19 @@ class IntensityGrid(Protocol):
 class LampLight:
     """Intensities (cd) of a whole lamp at the nodes of ``grid``, by independent ``samples`` of the rays.
 
-    ``street_deg``: azimuth of the street, in the frame of the grid.
+    ``street_deg``: azimuth of the street, in the frame of the grid. ``finer``: the same light by a table of half the
+    steps, as one sample.
     """
 
     grid: IntensityGrid
     samples: Float[np.ndarray, "p c g"]
     street_deg: float
+    finer: "LampLight | None" = None
+
+    def times(self, count: int) -> "LampLight":
+        """Light of so many."""
+        finer = None if self.finer is None else self.finer.times(count)
+        return replace(self, samples=count * self.samples, finer=finer)
 
     def intensities(self, lateral_deg: Degrees, gamma_deg: Degrees) -> Float[np.ndarray, "p k"]:
         """Intensity (cd) in each direction, by each sample."""
@@ -55,32 +61,7 @@ class LampLight:
         read: Float[np.ndarray, "p k"] = (matrix @ self.samples.reshape(len(self.samples), -1).T).T
         return read
 
-    def flux(self, lateral_deg: tuple[float, float], gamma_deg: tuple[float, float]) -> Metric:
-        """Flux (lm) in a zone between two lateral angles and two of gamma: exact for the bilinear table."""
-        turns, turn_weights = _gauss(_breaks(self.grid.c_deg - self.street_deg, lateral_deg, 360.0))
-        gammas, gamma_weights = _gauss(_breaks(self.grid.gamma_deg, gamma_deg))
-        weights = np.outer(turn_weights, gamma_weights * np.sin(np.deg2rad(gammas))).ravel()
-        lateral, gamma = (each.ravel() for each in np.meshgrid(turns, gammas, indexing="ij"))
-        return self.figure(self.intensities(lateral, gamma) @ weights, "lm")
-
     @staticmethod
     def figure(by_sample: Float[np.ndarray, " p"], unit: str) -> Metric:
         """Mean of a figure that is linear in the light, with its standard error."""
         return jackknife_metric(by_sample[:, None], lambda mean: float(mean[0]), unit)
-
-
-def _breaks(nodes: Degrees, ends: tuple[float, float], period: float = 0.0) -> Degrees:
-    """Ends of a zone, and the nodes of the table between them, which may repeat with ``period``."""
-    low, high = ends
-    images = np.concatenate([nodes + turn * period for turn in range(-2, 3)]) if period else nodes
-    inside = images[(images > low) & (images < high)]
-    breaks: Degrees = np.unique(np.round(np.concatenate([[low, high], inside]), 9))
-    return breaks
-
-
-def _gauss(breaks: Degrees) -> tuple[Degrees, Degrees]:
-    """Points (deg) and weights (rad) of Gauss-Legendre quadrature in every cell between ``breaks``."""
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
-    half = 0.5 * np.diff(breaks)[:, None]
-    places = breaks[:-1, None] + half * (1.0 + points)
-    return places.ravel(), (np.deg2rad(half) * weights).ravel()

@@ -9,7 +9,7 @@ from lensforge.records import Metric, Record
 from lensforge.roadway.bug_rating import BugRating, ZoneLumens
 from lensforge.roadway.distribution_type import DistributionType, distribution_type
 from lensforge.roadway.en13201 import GlareIntensities, RoadLighting, glare_intensities, road_lighting
-from lensforge.roadway.lamp_light import IntensityGrid, LampLight
+from lensforge.roadway.lamp_light import LampLight
 from lensforge.spec.photometry import PhotometrySection
 
 
@@ -25,15 +25,12 @@ class RoadFigures(Record):
 
     @staticmethod
     def of(
-        section: PhotometrySection, grid: IntensityGrid, samples_cd: Float[np.ndarray, "p c g"], lens_lm: Metric
+        section: PhotometrySection, lens: LampLight, lens_lm: Metric, zones_lm: Float[np.ndarray, "p 2 4"]
     ) -> "RoadFigures | None":
-        """Figures of a lamp of ``section``, each lens with these intensities at the nodes of ``grid``.
-
-        None for general use.
-        """
+        """Figures of a lamp of ``section``, each lens with such light and flux by zone; None for general use."""
         if section.use == "general":
             return None
-        lamp = LampLight(grid, samples_cd * section.lenses, section.street_side_deg)
+        lamp = lens.times(section.lenses)
         distribution = distribution_type(lamp)
         error = None if lens_lm.standard_error is None else lens_lm.standard_error * section.lenses
         lumens = Metric(value=lens_lm.value * section.lenses, unit="lm", standard_error=error)
@@ -41,7 +38,11 @@ class RoadFigures(Record):
             use=section.use,
             lumens=lumens,
             distribution=distribution,
-            bug=BugRating.of(ZoneLumens.of(lamp), symmetric=distribution.lateral == "V"),
+            bug=BugRating.of(
+                ZoneLumens.of(zones_lm * section.lenses),
+                symmetric=distribution.lateral == "V",
+                doubtful=not distribution.certain,
+            ),
             glare=glare_intensities(lamp, lumens.value),
             road=road_lighting(lamp, section) if section.use == "road" else None,
         )

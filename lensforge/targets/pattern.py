@@ -1,17 +1,19 @@
 """Target patterns as relative light on the pixels of a receiver: means over each pixel, of all targets together."""
 
 import hashlib
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import sparse
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates, zoom
 
 from lensforge.errors import InputError, remedy
 from lensforge.files import read_file
 from lensforge.pictures.reading import MOST_BYTES, read_light
 from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.posed import PosedReceiver
 from lensforge.receivers.receiver import Receiver
 from lensforge.sources.photometric import read_photometric
 from lensforge.sources.photometric.orientation import turned_over
@@ -19,7 +21,7 @@ from lensforge.spec import Target
 from lensforge.spec.beams import BatwingTarget, BeamTarget, PhotometricTarget
 from lensforge.spec.picture_targets import ArrayTarget, ImageTarget, TableTarget, TextTarget
 from lensforge.spec.shapes import FlatTopTarget
-from lensforge.spec.target import SoftTarget
+from lensforge.spec.target import IN_TARGET, SoftTarget
 from lensforge.targets import beams, shapes
 from lensforge.targets.lettering import drawn_text
 from lensforge.targets.tables import read_table
@@ -30,11 +32,36 @@ _MOST_FILTERED = 2**30  # multiplications, some 1 s: above, blur and mean are on
 _BLOCK = 512  # columns multiplied at once: the rows that a block of means needs stay in the cache, 1.3 MB at 4096^2
 _CANVAS = 1024  # pixels across the far field on which soft edges are drawn: 0.16 degrees on that to 80 degrees
 _MISSING = "give an image file"
-_KEPT_PATTERNS = 8  # a design asks for the same pattern of search and evaluation again and again; 8 MB at most each
+_KEPT_PATTERNS = 16  # a design asks for those of search and evaluation again and again; 48 MB at most each
 
 Targets = tuple[Target, ...]
 Image = Float[np.ndarray, "h w"]
 Means = Float[np.ndarray, "p q"]
+
+
+@dataclass(frozen=True)
+class DrawnTarget:
+    """The targets of a receiver: ``light`` on its pixels [row y, column x], relative, with sum 1.
+
+    ``inside``: sub-pixels of ``fine`` in which they are above a tenth of their largest pixel.
+    """
+
+    light: Image
+    fine: PixelGrid
+    inside: Bool[np.ndarray, "q r"]
+
+    def contains(self, hits: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+        """True for hits in the target, to a sub-pixel."""
+        grid = self.fine
+        column, row = np.floor((hits / grid.size + 0.5) * (grid.columns, grid.rows)).T
+        within: Bool[np.ndarray, " n"] = (column >= 0.0) & (column < grid.columns) & (row >= 0.0) & (row < grid.rows)
+        within[within] = self.inside[row[within].astype(np.intp), column[within].astype(np.intp)]
+        return within
+
+    @cached_property
+    def coverage(self) -> Image:
+        """Share of each pixel's area that is in the target."""
+        return _block_means(self.inside.astype(np.float64), self.fine.columns // self.light.shape[1])
 
 
 def target_light(targets: Targets, receiver: Receiver) -> Image:
@@ -42,7 +69,24 @@ def target_light(targets: Targets, receiver: Receiver) -> Image:
 
     Raises :class:`InputError` when the targets are dark everywhere on the receiver.
     """
-    return _light(targets, receiver, tuple(_content(target) for target in targets)).copy()
+    return drawn_target(targets, receiver).light.copy()
+
+
+def drawn_target(targets: Targets, receiver: Receiver) -> DrawnTarget:
+    """The light wanted, and where the target is. Raises :class:`InputError` as :func:`target_light`."""
+    return _drawn(targets, receiver, tuple(_content(target) for target in targets), _subpixels(receiver))
+
+
+def coarser_target(targets: Targets, receiver: PosedReceiver) -> DrawnTarget:
+    """The same on half as many pixels, with sub-pixels twice as wide: what a raster changes is seen by both."""
+    half = replace(receiver, grid=receiver.grid.halved())
+    return _drawn(targets, half, tuple(_content(target) for target in targets), _subpixels(receiver))
+
+
+def _subpixels(receiver: Receiver) -> int:
+    """Sub-pixels along a side of each pixel."""
+    longest = max(receiver.grid.shape)
+    return max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // longest), _MOST_SUBPIXELS // longest))
 
 
 def _content(target: Target) -> str:
@@ -54,33 +98,33 @@ def _content(target: Target) -> str:
 
 
 @lru_cache(maxsize=_KEPT_PATTERNS)
-def _light(targets: Targets, receiver: Receiver, contents: tuple[str, ...]) -> Image:
-    grid = receiver.grid
-    longest = max(grid.shape)
-    times = max(1, min(max(_OVERSAMPLING, _LEAST_SUBPIXELS // longest), _MOST_SUBPIXELS // longest))
-    images = [_means(target, receiver, times) for target in targets]
-    if len(images) > 1:  # one alone keeps its scale, to the last bit
-        images = [target.level / (image.max() or np.inf) * image for target, image in zip(targets, images, strict=True)]
-    wanted: Image = sum(images[1:], start=images[0])
+def _drawn(targets: Targets, receiver: Receiver, contents: tuple[str, ...], times: int) -> DrawnTarget:
+    fine = receiver.grid.finer(times)
+    wanted, lit = np.zeros(receiver.grid.shape), np.zeros(fine.shape)
+    for target in targets:
+        means, image = _softened(*_drawn_sharp(target, receiver, fine), times)
+        # one alone keeps its scale, to the last bit
+        scale = target.level / (means.max() or np.inf) if len(targets) > 1 else 1.0
+        wanted += scale * means
+        lit += scale * image
     total = float(wanted.sum())
     if not total >= np.finfo(np.float64).tiny:
         raise InputError("target: it is dark everywhere on the receiver; check the image, its size, and the receiver's")
-    return wanted / total
+    return DrawnTarget(wanted / total, fine, lit > IN_TARGET * wanted.max())
 
 
-def _means(target: Target, receiver: Receiver, times: int) -> Image:
-    """Means of one target over the pixels."""
-    grid, fine = receiver.grid, receiver.grid.finer(times)
+def _drawn_sharp(target: Target, receiver: Receiver, fine: PixelGrid) -> tuple[Image, tuple[float, float]]:
+    """One target on the sub-pixels, and the soft edge that it still needs, in sub-pixels along rows and columns."""
     edge = target.edge if isinstance(target, SoftTarget) and not isinstance(target, BatwingTarget) else 0.0
     if receiver.kind == "far_field":
-        return _far_field_means(target, receiver, fine, edge, times)
-    pattern = _pattern(target, fine.x()[None, :], fine.y()[:, None], grid)
+        return _on_far_field(target, receiver, fine, edge), (0.0, 0.0)
+    pattern = _pattern(target, fine.x()[None, :], fine.y()[:, None], receiver.grid)
     sub_width, sub_height = fine.pixel
-    return _softened_means(np.broadcast_to(pattern, fine.shape), (edge / sub_height, edge / sub_width), times)
+    return np.broadcast_to(pattern, fine.shape), (edge / sub_height, edge / sub_width)
 
 
-def _far_field_means(target: Target, receiver: Receiver, fine: PixelGrid, edge: float, times: int) -> Image:
-    """Means on the equal-area chart; soft edges are drawn, and blurred, over angles along x and y."""
+def _on_far_field(target: Target, receiver: Receiver, fine: PixelGrid, edge: float) -> Image:
+    """Light on the equal-area chart; soft edges are drawn, and blurred, over angles along x and y."""
     x, y = receiver.target_coordinates(*np.meshgrid(fine.x(), fine.y()))
     within = receiver.window.pixels(fine)
     if edge == 0.0:
@@ -92,7 +136,7 @@ def _far_field_means(target: Target, receiver: Receiver, fine: PixelGrid, edge: 
         blurred = gaussian_filter(drawn, edge / canvas.pixel[0], mode="constant")
         places = (np.stack([y, x]) / (2.0 * reach) + 0.5) * _CANVAS - 0.5
         light = map_coordinates(blurred, places, order=1, mode="constant")
-    return _block_means(np.where(within, light, 0.0), times)
+    return np.where(within, light, 0.0)
 
 
 def _pattern(target: Target, x: shapes.Places, y: shapes.Places, grid: PixelGrid) -> shapes.Places:
@@ -140,14 +184,17 @@ def _require_room(target: shapes.PictureTarget, size: tuple[float, float], grid:
         )
 
 
-def _softened_means(image: Image, edge: tuple[float, float], times: int) -> Means:
-    """Means over ``times`` x ``times`` of ``image`` convolved with a Gaussian, dark outside it.
+def _softened(image: Image, edge: tuple[float, float], times: int) -> tuple[Means, Image]:
+    """``image`` convolved with a Gaussian, dark outside it: means over ``times`` x ``times``, and itself.
 
-    ``edge``: its standard deviations along the rows' and the columns' number.
+    ``edge``: its standard deviations along the rows' and the columns' number. A wide one leaves nothing within a pixel
+    that is not seen by the means.
     """
     if image.size * 2 * _gaussian_reach(max(edge)) > _MOST_FILTERED:
-        return _softened_rows(_softened_rows(image, edge[0], times).T, edge[1], times).T
-    return _block_means(gaussian_filter(image, edge, mode="constant") if max(edge) > 0.0 else image, times)
+        means = _softened_rows(_softened_rows(image, edge[0], times).T, edge[1], times).T
+        return means, zoom(means, times, order=1, mode="nearest", grid_mode=True)
+    blurred = gaussian_filter(image, edge, mode="constant") if max(edge) > 0.0 else image
+    return _block_means(blurred, times), blurred
 
 
 def _block_means(image: Image, times: int) -> Means:

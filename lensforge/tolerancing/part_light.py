@@ -18,12 +18,12 @@ from lensforge.evaluation.simulate import REPLICATES, TracedLens, bundles
 from lensforge.jackknife import jackknife_error
 from lensforge.receivers.pixels import bin_replicates, gaussian3
 from lensforge.receivers.posed import PosedReceiver
-from lensforge.records import Image, Metric
+from lensforge.records import Metric
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
 from lensforge.targets.limits import LightLimit
-from lensforge.targets.pattern import target_light
-from lensforge.targets.region import in_target, uniform_region
+from lensforge.targets.pattern import DrawnTarget, drawn_target
+from lensforge.targets.region import uniform_region
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.tracing.tables import trace_tables
 
@@ -58,13 +58,14 @@ class HeldLight:
 
 @dataclass(frozen=True, eq=False)
 class ReceivedImages:
-    """Filtered image of flux (W) of every replicate on one receiver; ``window``: share of the emitted flux in it.
+    """Filtered image of flux (W) of every replicate on one receiver; shares of the emitted flux in window and target.
 
     ``emitted_w``: of this part's source.
     """
 
     images: Images
     window: Float[np.ndarray, " r"]
+    in_target: Float[np.ndarray, " r"]
     emitted_w: float
 
 
@@ -90,32 +91,32 @@ class PartLight:
         """Light of one part on each receiver; None: of the lens as designed."""
         exits, flux = self.exit_rays(part), 1.0 if part is None else part.flux
         found = []
-        for receiver in self.receivers:
+        for receiver, target in zip(self.receivers, self._targets[0], strict=True):
             landings = receiver.land(exits)
             hits, carried = landings.hits.numpy(), landings.flux.numpy() * flux
-            inside, held = receiver.window.contains(hits), self.held
-            window = np.bincount(held.replicate[inside], carried[inside], minlength=held.replicates)
+            held, inside = self.held, (receiver.window.contains(hits), target.contains(hits))
+            window, lit = (np.bincount(held.replicate[own], carried[own], minlength=held.replicates) for own in inside)
             images = bin_replicates(hits, carried, receiver.grid, held.replicate, held.replicates)
             emitted_w = flux * held.emitted_w
             smooth = gaussian3(images, self.spec.evaluate.filter_variance)
-            found.append(ReceivedImages(smooth, window / emitted_w, emitted_w))
+            found.append(ReceivedImages(smooth, window / emitted_w, lit / emitted_w, emitted_w))
         return tuple(found)
 
     def measured(self, received: tuple[ReceivedImages, ...]) -> "MeasuredPart":
         """Metrics of one part by its replicates."""
         metrics, shares = [], []
-        for found, target, region, mask in zip(received, *self._targets, strict=True):
+        for found, target, mask in zip(received, *self._targets, strict=True):
             images = found.images
-            metrics.append(ReplicateMetrics.of(images, target, lit_mask(mask, images), found.window))
-            shares.append(images[:, region].sum(axis=1) / found.emitted_w)
+            metrics.append(ReplicateMetrics.of(images, target.light, lit_mask(mask, images), found.window))
+            shares.append(found.in_target)
         return MeasuredPart(tuple(metrics), tuple(shares), tuple(self._limit(limit, received) for limit in self.limits))
 
     @cached_property
-    def _targets(self) -> tuple[list[Image], list[Bool[np.ndarray, "_ _"]], list[Bool[np.ndarray, "_ _"] | None]]:
-        """Target of each receiver, the region it lights, and that of uniform light, if any."""
+    def _targets(self) -> tuple[list[DrawnTarget], list[Bool[np.ndarray, "_ _"] | None]]:
+        """Target of each receiver, and its region of uniform light, if any."""
         pairs = list(zip((section.targets for section in self.spec.all_receivers), self.receivers, strict=True))
-        targets = [target_light(own, receiver) for own, receiver in pairs]
-        return targets, [in_target(each) for each in targets], [uniform_region(own, each) for own, each in pairs]
+        targets = [drawn_target(own, receiver) for own, receiver in pairs]
+        return targets, [uniform_region(own, each) for own, each in pairs]
 
     def _limit(self, limit: LightLimit, received: tuple[ReceivedImages, ...]) -> Float[np.ndarray, " k"]:
         """The value that decides on ``limit``, of all replicates and then with one after the other left out."""

@@ -64,7 +64,7 @@ def pattern(target, x, y, folder):
 
 
 def target_image(lens, folder):
-    """T: the pixels add up to 1."""
+    """T, whose pixels add up to 1, and the sub-pixels in which it is above a tenth of its largest pixel."""
     target, n = lens["spec"]["target"], lens["spec"]["evaluate"]["pixels"]
     k = max(1, min(max(8, 512 // n), 4096 // n))
     centres = ((np.arange(n * k) + 0.5) / (n * k) - 0.5) * target["receiver_mm"]
@@ -76,7 +76,7 @@ def target_image(lens, folder):
         for axis in (0, 1):
             fine = ndimage.convolve1d(fine, taps / taps.sum(), axis=axis, mode="constant")
     image = fine.reshape(n, k, n, k).mean(axis=(1, 3))
-    return image / image.sum()
+    return image / image.sum(), fine > 0.1 * image.max()
 
 
 # -- Section 10: figures of the light ----------------------------------------------------------------------------------
@@ -133,12 +133,15 @@ def uniformity(images, mask):
     eights = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
     (u_4, v_4), (u_8, v_8) = darkest(fours), darkest(eights)
     below = (v_4 - u_4) - (v_8 - u_8)
-    return u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
+    found = u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
+    return min(max(found, values.mean(axis=0).min()), 1.0)
 
 
-def share_in_target(image, t):
-    """Of the flux 1 that the source has."""
-    return image[t > 0.1 * t.max()].sum()
+def share_in_target(lens, place, flux, inside):
+    """Of the flux of rays that land."""
+    j, i = np.floor((place / lens["spec"]["target"]["receiver_mm"] + 0.5) * len(inside)).astype(int).T
+    on = (j >= 0) & (j < len(inside)) & (i >= 0) & (i < len(inside))
+    return flux[on][inside[i[on], j[on]]].sum()
 
 
 def budget(lens, fate, place, flux, absorbed, in_glass):
@@ -154,14 +157,13 @@ def budget(lens, fate, place, flux, absorbed, in_glass):
 
 def light(lens, pair, rays, folder="."):
     """Figures of the replicates, each a tuple (positions, directions, wavelengths) of rays in the lens's frame."""
-    t, bins, budgets = target_image(lens, folder), [], []
+    (t, inside), bins, budgets = target_image(lens, folder), [], []
     for p, d, nm in rays:
         fate, place, flux, absorbed, in_glass = trace(lens, pair, p, d, nm)
         landed = fate == LANDED
         bins.append(hard_bins(lens, place[landed], flux[landed]) / len(p))
-        budgets.append(
-            budget(lens, fate, place, flux, absorbed, in_glass) | {"share_in_target": share_in_target(bins[-1], t)}
-        )
+        share = share_in_target(lens, place[landed], flux[landed], inside) / len(p)
+        budgets.append(budget(lens, fate, place, flux, absorbed, in_glass) | {"share_in_target": share})
     images = [filtered(lens, image) for image in bins]
     figures = {name: np.array([b[name] for b in budgets]) for name in budgets[0]}
     return {"target": t, "bins": bins, "images": images, "figures": figures}

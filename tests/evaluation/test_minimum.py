@@ -13,6 +13,8 @@ from lensforge.evaluation.minimum import (
     _Choices,
     _halves,
     _quarters,
+    largest_without_noise,
+    least_without_noise,
     ratio_of,
     uniformity_without_noise,
 )
@@ -161,3 +163,20 @@ def test_relative_errors_of_a_ratio_add_in_squares() -> None:
     assert ratio.standard_error / ratio.value == pytest.approx(np.hypot(0.1, 0.05))
     assert ratio_of(above, Metric(value=4.0)) == ratio_of(Metric(value=3.0), below) == Metric(value=0.75)
     assert ratio_of(above, Metric(value=0.0, standard_error=1.0)) == Metric(value=0.0)
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.1])
+def test_noise_taken_off_leaves_no_least_above_the_mean_nor_below_the_noisy_one(noise: float) -> None:
+    """Even light: the darkest pixel, read elsewhere, is as often too bright as too dark."""
+    above, below = 0, 0
+    for seed in range(12):
+        images = noisy(np.ones((8, 8)), noise, np.random.default_rng(seed))
+        found, raw = uniformity_without_noise(images, np.ones((8, 8), dtype=bool)), images.mean(axis=0)
+        assert raw.min() / raw.mean() - 1e-3 < found.value <= 1.0 and found.standard_error
+        assert found.value + 3.0 * found.standard_error >= 1.0
+        above += found.value == 1.0
+        readings, slack = images.reshape(16, -1), 1e-12
+        least, largest = least_without_noise(readings).value, largest_without_noise(readings).value
+        assert raw.min() - slack < least < raw.mean() + slack and raw.mean() - slack < largest < raw.max() + slack
+        below += least < raw.mean() - slack
+    assert above and below

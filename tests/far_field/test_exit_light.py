@@ -39,7 +39,7 @@ def light_of(
     table = TabulatedIntensity(np.zeros(1), np.array([0.0, 90.0]), np.ones((1, 2)))
     intensity = Stated(AngularGrid(4, table.gamma_deg), np.ones((1, 4, 2)), added, table)
     nothing = RayBundle(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    return ExitLight(rays, intensity, Metric(value=1.0, unit="W"), np.zeros(CAUSES), nothing)
+    return ExitLight(rays, intensity, Metric(value=1.0, unit="W"), np.zeros(CAUSES), nothing, np.zeros((1, 2, 4)))
 
 
 def behind(rays: RayBundle) -> RayBundle:
@@ -64,7 +64,8 @@ def half_transparent(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def measured(source, rays: int | None = None, most_rays: int = 4096, symmetry: str = "none") -> ExitLight:
-    return trace_exit_light(LENS, source, symmetry, rays=rays, most_rays=most_rays, seed=SEED, sphere_mm=7.0)
+    options = {"rays": rays, "most_rays": most_rays, "seed": SEED, "sphere_mm": 7.0, "street_deg": 90.0}
+    return trace_exit_light(LENS, source, symmetry, **options)
 
 
 def agrees(found: ExitLight, parts: list[list[RayBundle]]) -> None:

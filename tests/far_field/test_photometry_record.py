@@ -41,7 +41,9 @@ def light(count: int = 16) -> ExitLight:
     by_fate[Fate.LEFT_LENS] = 1.5
     rays = RayBundle(np.tile([0.0, 0.0, 6.0], (4, 1)), np.tile([0.0, 0.6, 0.8], (4, 1)), np.full(4, 1.5 / 4))
     exit_w = Metric(value=1.5, unit="W", standard_error=0.02 if count > 1 else None)
-    return ExitLight(640, FittedIntensity(GRID, samples, 0.0123, finer), exit_w, by_fate, rays)
+    return ExitLight(
+        640, FittedIntensity(GRID, samples, 0.0123, finer), exit_w, by_fate, rays, np.full((count, 2, 4), 1.5 / 8)
+    )
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from lensforge.optics.media import Media
 from lensforge.optics.two_refractions import normal_transmittance, transmittance_of
 from lensforge.receivers.cylinder import Cylinder
 from lensforge.receivers.far_field import FarField, chart_radius
-from lensforge.receivers.pixels import PixelGrid
+from lensforge.receivers.pixels import PixelGrid, Window
 from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.posed import PosedReceiver
@@ -181,3 +181,23 @@ def test_light_that_cannot_reach_the_target_lies_outside_of_it_in_the_nearest_pa
     target = region.astype(float)
     assert physics.in_region(region).value == 0.0
     assert physics.least_nmse(target, region, 0.5) == pytest.approx(1.0 + 1.0 / 63.0, rel=0.05)
+
+
+@pytest.mark.parametrize("width_mm", [50.0, 400.0, 2500.0])
+def test_the_bound_of_a_window_is_that_of_a_receiver_of_its_size(width_mm: float) -> None:
+    """Whether the window is narrower than the receiver, or wider and to both sides of what the light can reach."""
+    pose = ReceiverPose.facing((0.2, -0.1, 1.0), (60.0, -40.0, 500.0))
+    receiver = Plane(pose, PixelGrid(200.0, 120.0, 40, 24), Window(width_mm, 0.4 * width_mm))
+    own = Plane(pose, PixelGrid(width_mm, 0.4 * width_mm, 40, 24))
+    found, expected = possible(receiver, 9.0, 1.5).in_window(), largest_share(whole(own), own, 9.0, 1.5)
+    assert found.by_etendue == pytest.approx(expected.by_etendue, rel=1e-9)
+    assert found.by_refraction == pytest.approx(expected.by_refraction, rel=1e-9)
+
+
+def test_the_bound_of_a_round_window_is_that_of_its_solid_angle() -> None:
+    pose = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    radius = 2.0 * np.sin(np.radians(4.0))  # 8 degrees
+    receiver = FarField(pose, PixelGrid.square(2.0 * radius, 33), Window(radius=radius))
+    found = possible(receiver, 3.0, 1.5).in_window()
+    expected = normal_transmittance(1.5) ** 2 * 9.0 * np.pi * np.sin(np.radians(4.0)) ** 2
+    assert found.by_etendue == pytest.approx(expected, rel=3e-3)

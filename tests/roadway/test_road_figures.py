@@ -1,16 +1,20 @@
 """Lamps of a closed form on areas and roads: zones, ratings, distribution types, illuminance and its classes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lensforge.errors import InputError
 from lensforge.far_field.angular_grid import AngularGrid
 from lensforge.records import Metric
-from lensforge.roadway.bug_rating import BugRating, ZoneLumens
+from lensforge.roadway.bug_rating import BugRating, ZoneLumens, zone_flux
 from lensforge.roadway.distribution_type import distribution_type
 from lensforge.roadway.en13201 import c_class, glare_intensities, p_class, road_lighting
 from lensforge.roadway.lamp_light import LampLight
 from lensforge.roadway.road_figures import RoadFigures
+from lensforge.sources.bundle import RayBundle
+from lensforge.sources.square import SquareEmitter
 from lensforge.spec.photometry import PhotometrySection
 
 GRID = AngularGrid(144, np.linspace(0.0, 90.0, 181))
@@ -45,26 +49,34 @@ def _lobes(at_lateral_deg: float, at_gamma_deg: float, width_deg: float = 12.0, 
     return _lamp(intensity)
 
 
+def _lambertian_rays(count: int = 2**16) -> RayBundle:
+    return SquareEmitter(1.0).sample(count, 3)
+
+
 @pytest.mark.parametrize("street_deg", [0.0, 90.0, 37.3, -200.0])
 def test_zones_of_a_lambertian_lamp(street_deg: float) -> None:
-    """Half of pi I0 (sin^2 of the upper angle less that of the lower), in front and at the back."""
-    zones = ZoneLumens.of(_lambertian(1000.0, street_deg=street_deg))
-    for name, low, high in (("low", 0, 30), ("mid", 30, 60), ("high", 60, 80), ("very_high", 80, 90)):
-        wanted = 500.0 * np.pi * (np.sin(np.deg2rad(high)) ** 2 - np.sin(np.deg2rad(low)) ** 2)
-        for side in ("forward", "back"):
-            assert getattr(zones, f"{side}_{name}").value == pytest.approx(wanted, rel=1e-4)
+    """Half of sin^2 of the upper angle less that of the lower, in front and at the back."""
+    found = zone_flux(_lambertian_rays(), street_deg, "none")
+    edges = np.sin(np.deg2rad([0.0, 30.0, 60.0, 80.0, 90.0])) ** 2
+    np.testing.assert_allclose(found, np.tile(0.5 * np.diff(edges), (2, 1)), atol=2e-3)
+    zones = ZoneLumens.of(1000.0 * np.stack([found, 1.02 * found]))
+    assert zones.back_mid.value == pytest.approx(1010.0 * found[1, 1])
+    assert zones.back_mid.standard_error == pytest.approx(10.0 * found[1, 1])
     assert zones.up_low.value == zones.up_high.value == 0.0
 
 
-def test_the_street_is_where_the_spec_says() -> None:
-    """Light to +y alone: in front of a street at +y, behind one at -y, half and half along one at +x."""
-    half = lambda lateral, gamma: np.where(np.cos(lateral) > 0.0, 100.0, 0.0) * np.cos(gamma)  # noqa: E731
-    towards = _lamp(half, street_deg=90.0)
-    shares = {}
-    for street_deg in (90.0, -90.0, 0.0):
-        zones = ZoneLumens.of(LampLight(GRID, towards.samples, street_deg))
-        shares[street_deg] = zones.forward_mid.value / (zones.forward_mid.value + zones.back_mid.value)
-    assert [round(shares[each], 2) for each in (90.0, -90.0, 0.0)] == [0.99, 0.01, 0.5]  # a step is a cell wide
+def test_an_edge_of_light_between_two_zones_is_theirs_by_the_ray() -> None:
+    """A cone of even intensity to 61.7 degrees about the axis, with light to +y alone: no table's step blurs it."""
+    rays, end = _lambertian_rays(2**18), np.deg2rad(61.7)
+    z = 1.0 - (1.0 - np.cos(end)) * (1.0 - rays.directions[:, 2] ** 2)  # even over solid angle
+    side = np.sqrt((1.0 - z**2) / (1.0 - rays.directions[:, 2] ** 2))
+    x, y = (side * rays.directions[:, axis] for axis in (0, 1))
+    cone = RayBundle(rays.origins, np.column_stack([x, np.abs(y), z]), rays.flux)
+    low, mid = 1.0 - np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(30.0)) - 0.5
+    expected = np.array([low, mid, 0.5 - np.cos(end), 0.0]) / (1.0 - np.cos(end))
+    np.testing.assert_allclose(zone_flux(cone, 90.0, "none"), [expected, np.zeros(4)], atol=1e-4)
+    np.testing.assert_allclose(zone_flux(cone, -90.0, "none"), [np.zeros(4), expected], atol=1e-4)
+    np.testing.assert_allclose(zone_flux(cone, 90.0, "mirror_y"), [0.5 * expected] * 2, atol=1e-4)
 
 
 def _zones(**lumens: float) -> ZoneLumens:
@@ -124,6 +136,33 @@ def test_zones_that_a_rating_does_not_look_at_leave_it() -> None:
     ):
         others = dict.fromkeys(set(ZoneLumens.model_fields) - zones, 1e5)
         assert getattr(BugRating.of(_zones(**others), symmetric=False), rating) == 0
+
+
+def test_a_rating_rests_on_a_type_that_is_certain() -> None:
+    """The back light of type V has other bounds: where the type may be another one, so may the rating."""
+    zones = _zones(up_low=-10.0, up_high=-10.0, back_high=600.0)
+    assert BugRating.of(zones, symmetric=True).certain and BugRating.of(zones, symmetric=False).certain
+    assert not BugRating.of(zones, symmetric=True, doubtful=True).certain
+    assert BugRating.of(_zones(up_low=-10.0, up_high=-10.0), symmetric=False, doubtful=True).certain
+
+
+@pytest.mark.parametrize(("gamma", "certain"), [(64.0, True), (66.3, False), (70.0, True)])
+def test_a_type_along_the_road_is_certain_where_the_brightest_direction_is(gamma: float, certain: bool) -> None:
+    """2.25 mounting heights, the border between short and medium, are seen at 66.04 degrees."""
+    lamp = replace(_lobes(90.0, gamma), samples=_noisy(_lobes(90.0, gamma).samples[:1], 0.02))
+    assert distribution_type(lamp).certain is certain
+
+
+def test_what_a_finer_table_changes_is_an_error_of_a_type() -> None:
+    lamp, other = _lobes(90.0, 60.0), _lobes(90.0, 70.0)
+    assert distribution_type(replace(lamp, finer=replace(lamp, samples=lamp.samples[:1]))).certain
+    assert not distribution_type(replace(lamp, finer=replace(other, samples=other.samples[:1]))).certain
+
+
+def _noisy(sample: np.ndarray, noise: float) -> np.ndarray:
+    random = np.random.default_rng(0).normal(size=(16, *sample.shape[1:]))
+    found: np.ndarray = sample * (1.0 + noise * random)
+    return found
 
 
 def test_a_rating_near_its_bound_is_uncertain() -> None:
@@ -248,18 +287,18 @@ def test_glare_is_candela_per_thousand_lumens() -> None:
 
 def test_a_lamp_of_many_lenses_has_their_light() -> None:
     lamp, section = _lambertian(10.0), ROAD.model_copy(update={"lenses": 48})
-    one = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1)
-    found = RoadFigures.of(section, GRID, lamp.samples, one)
+    one, zones_lm = Metric(value=10.0 * np.pi, unit="lm", standard_error=0.1), np.full((16, 2, 4), 10.0 * np.pi / 8.0)
+    found = RoadFigures.of(section, lamp, one, zones_lm)
     assert found is not None
     assert found.lumens.value == pytest.approx(480.0 * np.pi)
     assert found.lumens.standard_error == pytest.approx(4.8)
     zones = found.bug.zones.model_dump()
     assert sum(each["value"] for each in zones.values()) == pytest.approx(480.0 * np.pi, rel=1e-4)
     assert found.road is not None
-    area = RoadFigures.of(PhotometrySection(use="area"), GRID, lamp.samples, one)
+    area = RoadFigures.of(PhotometrySection(use="area"), lamp, one, zones_lm)
     assert area is not None
     assert area.road is None
-    assert RoadFigures.of(PhotometrySection(), GRID, lamp.samples, one) is None
+    assert RoadFigures.of(PhotometrySection(), lamp, one, zones_lm) is None
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import small_spec
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from lensforge.errors import InputError
 from lensforge.receivers.build import receivers_of
@@ -14,8 +14,9 @@ from lensforge.receivers.plane import Plane
 from lensforge.receivers.pose import ReceiverPose
 from lensforge.receivers.posed import PosedReceiver
 from lensforge.spec import ArrayTarget, RectangleTarget
+from lensforge.spec.shapes import RingTarget
 from lensforge.targets import pattern
-from lensforge.targets.pattern import target_light
+from lensforge.targets.pattern import coarser_target, drawn_target, target_light
 from lensforge.targets.region import uniform_region
 
 AXIAL = ReceiverPose.facing((0.0, 0.0, 1.0), (0.0, 0.0, 100.0))
@@ -105,8 +106,9 @@ def test_above_a_billion_multiplications_blur_and_mean_are_one_matrix(monkeypatc
     """4096 x 4096 pixels, and Gaussians of 2 x 32 and of 2 x 33 neighbours along the wider side."""
     used = []
     monkeypatch.setattr(pattern, "_softened_rows", lambda image, edge, times: used.append(edge) or np.zeros((1, 1)))
-    monkeypatch.setattr(pattern, "gaussian_filter", lambda image, edge, mode: used.append("filter") or np.zeros((1, 1)))
-    pattern._softened_means(np.broadcast_to(np.zeros((1, 1)), (4096, 4096)), (edge, 1.0), 1)
+    monkeypatch.setattr(pattern, "zoom", lambda *_, **__: np.zeros((4096, 4096)))
+    monkeypatch.setattr(pattern, "gaussian_filter", lambda image, edge, mode: used.append("filter") or image)
+    pattern._softened(np.broadcast_to(np.zeros((1, 1)), (4096, 4096)), (edge, 1.0), 1)
     assert used == ([edge, 1.0] if matrix else ["filter"])
 
 
@@ -116,16 +118,16 @@ def test_one_product_is_blur_and_mean_with_two_widths(
 ) -> None:
     image = np.random.default_rng(1).random((24, 36))
     image[:3], image[:, -5:] = 0.0, 0.0
-    wanted = pattern._softened_means(image, edge, 3)
+    wanted = pattern._softened(image, edge, 3)[0]
     monkeypatch.setattr(pattern, "_MOST_FILTERED", 0)
     monkeypatch.setattr(pattern, "_BLOCK", 7)
-    np.testing.assert_allclose(pattern._softened_means(image, edge, 3), wanted, rtol=1e-12, atol=1e-15)
-    assert not pattern._softened_means(0.0 * image, edge, 3).any(), "without a lit row"
-    assert pattern._softened_means(image, (0.0, 0.0), 3)[1, 2] == pytest.approx(image[3:6, 6:9].mean())
+    np.testing.assert_allclose(pattern._softened(image, edge, 3)[0], wanted, rtol=1e-12, atol=1e-15)
+    assert not pattern._softened(0.0 * image, edge, 3)[0].any(), "without a lit row"
+    assert pattern._softened(image, (0.0, 0.0), 3)[0][1, 2] == pytest.approx(image[3:6, 6:9].mean())
 
 
-def test_patterns_of_eight_scenes_are_kept() -> None:
-    assert pattern._light.cache_info().maxsize == 8
+def test_patterns_of_eight_scenes_are_kept_with_their_coarser_ones() -> None:
+    assert pattern._drawn.cache_info().maxsize == 16
 
 
 def test_the_region_of_uniform_light_is_that_of_any_target_by_the_centres_of_pixels() -> None:
@@ -158,3 +160,47 @@ def test_a_region_of_the_far_field_is_wider_by_the_angle_of_a_pixel_on_the_axis(
     pixel_deg = np.degrees(2.0 / 48.0)  # its side on the chart is 2 sin 30 deg of radius, which is 1
     expected = (np.abs(x) <= 20.0 + 0.5 * wider * pixel_deg) & (np.abs(y) <= 10.5 + 0.5 * wider * pixel_deg)
     assert np.array_equal(uniform_region(spec.all_receivers[0].targets, receiver, wider), expected)
+
+
+@pytest.mark.parametrize("columns", [8, 31, 128])
+def test_light_in_the_target_is_told_by_its_own_shape_on_any_raster(columns: int) -> None:
+    """A ring beside the middle, cut by the receiver's edge above: pixels on its edges count in part."""
+    receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, columns, max(1, columns // 2)))
+    ring = RingTarget(outer_diameter_mm=50.0, inner_diameter_mm=21.0, centre_mm=(17.0, 28.0))
+    hits = np.random.default_rng(0).uniform((-70.0, -50.0), (70.0, 50.0), (20_000, 2))
+    away = np.hypot(*(hits - (17.0, 28.0)).T)
+    expected = (away <= 25.0) & (away > 10.5) & (np.abs(hits) <= (60.0, 40.0)).all(axis=1)
+    drawn, half = drawn_target((ring,), receiver), coarser_target((ring,), receiver)
+    assert (drawn.contains(hits) != expected).mean() < 2e-3
+    assert (half.contains(hits) != expected).mean() < 4e-3
+    assert half.light.shape == tuple(max(1, side // 2) for side in drawn.light.shape)
+    upper = np.pi * (25.0**2 - 10.5**2) - cap_area(25.0, 12.0) + cap_area(10.5, 10.5)
+    assert drawn.coverage.sum() * np.prod(receiver.grid.pixel) == pytest.approx(upper, rel=2e-3)
+
+
+def cap_area(radius: float, height: float) -> float:
+    """Area of a disc beyond a chord at ``height`` from its centre."""
+    return float(radius**2 * np.arccos(height / radius) - height * np.sqrt(radius**2 - height**2))
+
+
+def test_a_target_with_soft_edges_ends_at_a_tenth_of_its_light() -> None:
+    """As deep in its fading edge, wide or narrow, by sub-pixels or between pixels."""
+    for edge in (1.0, 4.0):
+        target = RectangleTarget(width_mm=60.0, height_mm=300.0, edge_mm=edge, centre_mm=(5.0, 0.0))
+        reach = 30.0 - edge * float(ndtri(0.1))  # Gaussian integral
+        places = 5.0 + reach + np.array([-0.3, 0.3])
+        hits = np.column_stack([np.append(places, 10.0 - places), np.zeros(4)])
+        for side in (24, 480):
+            receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, side, side // 3))
+            np.testing.assert_array_equal(drawn_target((target,), receiver).contains(hits), [True, False, True, False])
+
+
+def test_a_wide_soft_edge_is_seen_between_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    target = RectangleTarget(width_mm=61.0, height_mm=33.0, edge_mm=7.0, centre_mm=(4.0, 2.0))
+    receiver = Plane(AXIAL, PixelGrid(120.0, 80.0, 48, 32))
+    exact = drawn_target((target,), receiver)
+    pattern._drawn.cache_clear()
+    monkeypatch.setattr(pattern, "_MOST_FILTERED", 0)
+    seen = drawn_target((target,), receiver)
+    pattern._drawn.cache_clear()
+    assert seen is not exact and (seen.inside != exact.inside).mean() < 3e-3
