@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from lensforge.agreement.comparing import beyond, differing, judged, unlike
 from lensforge.lens import Lens
-from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
+from lensforge.manufacturing.findings import check_findings, wall_criteria
 from lensforge.manufacturing.result import Check, FaceName, FaceResult, ToolResult, Wall
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 
@@ -20,14 +20,11 @@ def check_contradictions(check: Check, lens: Lens) -> Iterator[str]:
     """Contradictions of the record of a manufacturing check."""
     spec, walls = lens.spec, check.wall
     yield from _shop(check, lens)
-    yield from differing(
-        "min_wall_mm", check.min_wall_mm, min(walls.radial.thickness_mm, walls.normal.thickness_mm), "its walls"
-    )
-    derived_walls = (radial_criterion(spec, walls.radial), *thickest_criteria(spec, walls.thickest))
-    yield from judged("criteria", check.criteria, derived_walls)
+    yield from differing("min_wall_mm", check.min_wall_mm, walls.thinnest.thickness_mm, "its walls")
+    yield from judged("criteria", check.criteria, wall_criteria(spec, walls))
     derived = check_findings(spec, check.inner, check.outer, check.min_wall_mm, check.relief, check.tools)
     yield from judged("verdicts", check.verdicts, derived)
-    for wall in (walls.normal, walls.radial, walls.thickest, walls.thickest_normal):
+    for wall in (walls.thinnest, walls.thickest):
         yield from _wall(wall)
     yield from _thinnest(check, lens)
     yield from _face("inner", check.inner, check.inner_sag_mm, check.inner_kappa_max, check.inner_residual_mm)
@@ -64,11 +61,11 @@ def _wall(wall: Wall) -> Iterator[str]:
 
 
 def _thinnest(check: Check, lens: Lens) -> Iterator[str]:
-    """The radial wall is nowhere thinner than stated, nor thicker."""
+    """No ray from the origin has less wall than the thinnest, which is between any two points, nor more than stated."""
     u = fibonacci_hemisphere(_DIRECTIONS)
     wall, walls, source = lens.outer.radius(u) - lens.inner.radius(u), check.wall, "the surfaces of lens.json"
     least, most = float(wall.min()), float(wall.max())
-    yield from beyond("wall.radial", walls.radial.thickness_mm, -np.inf, least + _SAMPLED * abs(least), source)
+    yield from beyond("wall.thinnest", walls.thinnest.thickness_mm, -np.inf, least + _SAMPLED * abs(least), source)
     yield from beyond("wall.thickest", walls.thickest.thickness_mm, most - _SAMPLED * abs(most), np.inf, source)
 
 
