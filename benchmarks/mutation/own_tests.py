@@ -262,7 +262,6 @@ TESTS: dict[str, tuple[str, ...]] = {
         "manufacturing/test_machining_numbers",
         "manufacturing/test_tools",
     ),
-    "manufacturing/wall.py": ("manufacturing/test_wall", "optimisation/test_envelope"),
 }
 
 

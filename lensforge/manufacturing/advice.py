@@ -6,6 +6,7 @@ from lensforge.manufacturing.findings import GOOD_DRAFT_DEG, asked_draft_deg
 from lensforge.manufacturing.result import Check, FaceName, Finding, ToolResult
 from lensforge.spec import Spec
 
+_LEAST_WALL_MM = 1e-3  # a thinner one is none
 _MOST_TILT_DEG, _MOST_DRAFT_DEG = 120.0, 25.0  # of manufacture.max_tilt_deg and constraints.*_draft_deg
 
 
@@ -14,8 +15,7 @@ def advice(finding: Finding, spec: Spec, check: Check) -> str:
     if finding.holds or finding.name == "relief":
         return ""
     if finding.name == "wall":
-        missing = 0.0 if finding.value is None else spec.constraints.min_thickness_mm - finding.value
-        return f"constraints.min_thickness_mm = {_up(spec.constraints.min_thickness_mm + missing, 2)} and design again"
+        return _for_wall(finding, spec)
     surface: FaceName = "inner" if finding.surface == "inner" else "outer"
     if finding.name == "cutter":
         return _for_cutter(surface, finding, spec)
@@ -27,6 +27,16 @@ def advice(finding: Finding, spec: Spec, check: Check) -> str:
             [_design_again(f"{surface}_draft_deg", GOOD_DRAFT_DEG if asked_deg is None else asked_deg, spec, surface)]
         )
     return _for_tool(surface, finding, check)
+
+
+def _for_wall(finding: Finding, spec: Spec) -> str:
+    """A search from faces that are farther apart, which keeps the wall, or a spec that takes the wall there is."""
+    starts = (("outer", "larger"), ("inner", "smaller"))
+    free = [each for each in starts if getattr(spec.lens, f"fixed_{each[0]}") is None]
+    changes = [f"a {how} lens.{surface}_offset_mm and design again" for surface, how in free[:1]]
+    if finding.value is not None and finding.value >= _LEAST_WALL_MM:
+        changes.append(f"constraints.min_thickness_mm = {_down(finding.value)} where that is enough")
+    return _or(changes)
 
 
 def _for_cutter(surface: FaceName, finding: Finding, spec: Spec) -> str:

@@ -10,10 +10,11 @@ from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.form import fit_faces
 from lensforge.geometry.part import Part, SplineNodes
 from lensforge.geometry.plan import lay_out
+from lensforge.geometry.wall import Span, thickest, thinnest
 from lensforge.lens import Lens
 from lensforge.manufacturing.face import AirSide, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck, check_face, face_result
-from lensforge.manufacturing.findings import check_findings, radial_criterion, thickest_criteria
+from lensforge.manufacturing.findings import check_findings, wall_criteria
 from lensforge.manufacturing.relief import check_relief, read_base_mesh
 from lensforge.manufacturing.result import (
     Check,
@@ -24,7 +25,6 @@ from lensforge.manufacturing.result import (
 )
 from lensforge.manufacturing.scallop import scallop
 from lensforge.manufacturing.tools import check_tools
-from lensforge.manufacturing.wall import normal_lines, radial_lines, thickest, thinnest
 
 
 def check_part(part: Part) -> Check:
@@ -48,20 +48,19 @@ def check_lens(lens: Lens, nodes: SplineNodes | None = None) -> Check:
     relief = check_relief(plan, custom, manufacture.cutter_radius_mm, inner, outer)
     tools = check_tools(manufacture.tools, inner, outer, plan, custom, float(np.deg2rad(manufacture.max_tilt_deg)))
     faces = face_result(inner), face_result(outer)
-    min_wall_mm = min(walls.radial.thickness_mm, walls.normal.thickness_mm)  # the radial one may be less at a rim
     return Check(
         inputs={"lens": lens.sha256},
         make=manufacture.make,
         scale=manufacture.scale,
         inner=faces[0],
         outer=faces[1],
-        min_wall_mm=min_wall_mm,
+        min_wall_mm=walls.thinnest.thickness_mm,
         wall=walls,
         relief=relief,
         scallop=_scallops(lens, inner, outer),
         tools=tools,
-        criteria=(radial_criterion(lens.spec, walls.radial), *thickest_criteria(lens.spec, walls.thickest)),
-        verdicts=check_findings(lens.spec, *faces, min_wall_mm, relief, tools),
+        criteria=wall_criteria(lens.spec, walls),
+        verdicts=check_findings(lens.spec, *faces, walls.thinnest.thickness_mm, relief, tools),
         seconds=time.perf_counter() - started,
         chart_axis=inner.samples.grid.axis,
         inner_xyz=_map(inner, inner.samples.points),
@@ -99,18 +98,13 @@ def _faces(lens: Lens, nodes: SplineNodes | None) -> tuple[FaceCheck, FaceCheck]
 
 def _walls(inner: FaceCheck, outer: FaceCheck, scale: float) -> Walls:
     """Walls of the lens itself: ``scale`` is that of the faces against the lens's."""
-    samples, face = inner.samples, outer.samples.face
-    return Walls(
-        normal=_of_lens(thinnest(samples, face, normal_lines), scale),
-        radial=_of_lens(thinnest(samples, face, radial_lines), scale),
-        thickest=_of_lens(thickest(samples, face, radial_lines), scale),
-        thickest_normal=_of_lens(thickest(samples, face, normal_lines), scale),
-    )
+    faces = inner.samples.face.patch, outer.samples.face.patch
+    return Walls(thinnest=_of_lens(thinnest(*faces), scale), thickest=_of_lens(thickest(*faces), scale))
 
 
-def _of_lens(wall: Wall, scale: float) -> Wall:
+def _of_lens(wall: Span, scale: float) -> Wall:
     """A wall between the faces of a mould, ``scale`` times the lens's, as that of the lens."""
-    inner, outer = (tuple(value / scale for value in point) for point in (wall.inner_point_mm, wall.outer_point_mm))
+    inner, outer = (tuple((point / scale).tolist()) for point in (wall.inner_mm, wall.outer_mm))
     return Wall(thickness_mm=wall.thickness_mm / scale, inner_point_mm=inner, outer_point_mm=outer)
 
 

@@ -7,16 +7,15 @@ what the file's own numbers say.
 from math import ceil, degrees
 
 from lensforge.criteria import Criterion, at_least, at_most, within
-from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
+from lensforge.geometry.acceptance import NORMAL_LIMIT_MRAD
 from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
-from lensforge.manufacturing.result import Cutter, FaceName, FaceResult, Finding, ToolResult, Wall
+from lensforge.manufacturing.result import Cutter, FaceName, FaceResult, Finding, ToolResult, Wall, Walls
 from lensforge.spec import BaseSection, Spec
 
 GOOD_DRAFT_DEG = 2.0
 _WHOLE = 1.0 - 1e-9  # share that counts as the whole face
 _BALL = 1.0 + 1e-6  # relative: a ball that is larger than the largest by rounding still reaches the face
-# The export allows this error of a wall between two faces, and of the normals of one.
-_WALL_TOLERANCE_MM, _TILT_TOLERANCE_DEG = 2e-6 * FORM_LIMIT_NM, degrees(1e-3 * NORMAL_LIMIT_MRAD)
+_TILT_TOLERANCE_DEG = degrees(1e-3 * NORMAL_LIMIT_MRAD)  # the export allows this error of a face's normals
 _FACES: tuple[FaceName, FaceName] = ("inner", "outer")
 _AnyRelief = OuterRelief | InnerRelief | CustomBaseRelief
 
@@ -31,29 +30,31 @@ def check_findings(
         *(cutter_finding(name, face.cutter) for name, face in faces),
         *relief_findings(relief, spec.base),
         *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
-        wall_finding(wall_mm, spec.constraints.min_thickness_mm),
+        wall_finding(wall_mm, spec),
         *(draft_finding(name, face, spec) for name, face in faces),
         *(finding for tool in tools for finding in tool_findings(tool)),
     )
 
 
-def radial_criterion(spec: Spec, radial: Wall) -> Criterion:
-    """The radial wall, which the design constrains as the paper does; along the normal it may be thinner."""
-    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in radial.inner_point_mm)  # no "-0"
-    limit = spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
-    remedy = f"raise lens.outer_offset_mm or give the last level more steps; the wall is thinnest at ({place}) mm"
-    return at_least("radial wall", radial.thickness_mm, limit, "mm", remedy)
-
-
-def thickest_criteria(spec: Spec, thickest: Wall) -> tuple[Criterion, ...]:
-    """The largest radial wall, where the spec limits it."""
-    limits = spec.constraints
+def wall_criteria(spec: Spec, walls: Walls) -> tuple[Criterion, ...]:
+    """The thinnest wall, and the thickest where the spec limits it; both within the tolerance of the search."""
+    limits, again = spec.constraints, "or give the last level more steps; the wall is"
+    remedy = f"raise lens.outer_offset_mm {again} thinnest at ({_place(walls.thinnest)}) mm"
+    least = at_least("thinnest wall", walls.thinnest.thickness_mm, least_wall_mm(spec), "mm", remedy)
     if limits.max_wall_mm is None:
-        return ()
-    place = ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in thickest.inner_point_mm)
-    limit = limits.max_wall_mm + limits.tolerance_mm
-    remedy = f"raise lens.inner_offset_mm or give the last level more steps; the wall is thickest at ({place}) mm"
-    return (at_most("largest radial wall", thickest.thickness_mm, limit, "mm", remedy),)
+        return (least,)
+    remedy = f"raise lens.inner_offset_mm {again} thickest at ({_place(walls.thickest)}) mm"
+    most = limits.max_wall_mm + limits.tolerance_mm
+    return least, at_most("largest radial wall", walls.thickest.thickness_mm, most, "mm", remedy)
+
+
+def least_wall_mm(spec: Spec) -> float:
+    """The least wall that still counts as that of the spec."""
+    return spec.constraints.min_thickness_mm - spec.constraints.tolerance_mm
+
+
+def _place(wall: Wall) -> str:
+    return ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in wall.inner_point_mm)  # no "-0"
 
 
 def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
@@ -149,14 +150,12 @@ def tilt_finding(surface: FaceName, slope_deg: float, allowed_deg: float) -> Fin
     return Finding(name="tilt", surface=surface, value=slope_deg, sense="<=", limit=limit, unit="deg", reason=reason)
 
 
-def wall_finding(wall_mm: float, required_mm: float) -> Finding:
-    """Thinnest wall, radial or along the normal, against the radial thickness of the spec."""
-    limit = required_mm - _WALL_TOLERANCE_MM
+def wall_finding(wall_mm: float, spec: Spec) -> Finding:
+    """Thinnest wall against that of the spec."""
+    limit = least_wall_mm(spec)
     word = "at least" if within(wall_mm, ">=", limit) else "less than"
-    reason = (
-        f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {required_mm:g}, "
-        "which bounds the radial thickness only"
-    )
+    required_mm = spec.constraints.min_thickness_mm
+    reason = f"the thinnest wall is {wall_mm:.4g} mm, {word} constraints.min_thickness_mm = {required_mm:g}"
     return Finding(name="wall", surface="body", value=wall_mm, sense=">=", limit=limit, unit="mm", reason=reason)
 
 

@@ -93,12 +93,10 @@ class Wall(Record):
 
 
 class Walls(Record):
-    """The thinnest wall along the cavity's normal and along the ray from the origin; ``thickest``: along the ray."""
+    """The shortest line between the faces, and the longest part of a ray from the origin between them."""
 
-    normal: Wall
-    radial: Wall
+    thinnest: Wall
     thickest: Wall
-    thickest_normal: Wall
 
 
 class Scallop(Record):

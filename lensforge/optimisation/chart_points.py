@@ -50,13 +50,22 @@ class ChartPoints:
         """Cosine of the polar angle."""
         return self.scale - 1.0
 
+    @cached_property
+    def directions(self) -> Float[Tensor, "k 3"]:
+        """Unit vectors from the origin."""
+        return torch.stack([self.x * self.scale, self.y * self.scale, self.cosine], dim=1)
+
 
 @dataclass(frozen=True)
 class RadiusJet:
-    """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` is needed."""
+    """``rho`` (mm) and its derivatives by the chart coordinates at ``k`` points; none where only ``rho`` is needed.
+
+    ``table``: that it was taken from.
+    """
 
     rho: Float[Tensor, " k"]
     derivatives: Float[Tensor, "d k"]  # by X, Y, XX, XY, YY
+    table: Float[Tensor, "side side"] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +88,7 @@ class ChartOperator:
         """Radius and derivatives of each table; differentiable by its coefficients."""
         columns = torch.stack([table.reshape(-1) for table in tables], dim=1)
         values = (self.operator @ columns).T.reshape(len(tables), -1, len(self.points.x))
-        return [RadiusJet(each[0], each[1:]) for each in values]
+        return [RadiusJet(each[0], each[1:], table) for each, table in zip(values, tables, strict=True)]
 
 
 def constraint_points(grid: TableGrid, symmetry: str, *, every_node: int | None = None) -> Float[np.ndarray, "k 2"]:

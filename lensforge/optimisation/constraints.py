@@ -1,6 +1,7 @@
 """Constraints on a lens: the paper's three, Eqs. (10) to (14), and optional ones for manufacture and assembly.
 
-The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small. Optionally no concave region is tighter
+The paper's g1 keeps the cavity clear, g2 the wall thick, g3 the lens small; the wall is the distance between the faces,
+not that along a ray, which a steep face makes longer. Optionally no concave region is tighter
 than the ball that mills it (curvature alone: the gouge test of ``check`` is global), and each face has a draft, so that
 a mould opens along the axis; the wall is nowhere too thick, the lens not too high, and the cavity clear of a keep-out.
 A constraint that the spec leaves out is not computed.
@@ -18,15 +19,17 @@ from torch import Tensor
 from lensforge.optimisation.chart_points import ChartPoints, RadiusJet
 from lensforge.optimisation.keep_out import KeepOutExtent
 from lensforge.optimisation.limits import Limit, limits_of
-from lensforge.optimisation.surface_shape import draft_sine, least_curvature
+from lensforge.optimisation.surface_shape import draft_sine, least_curvature, wall_mm
 from lensforge.spec import Spec
 
 # The search aims this far inside the limits, relative to the cutter's curvature, and in degrees: its last steps still
 # move by that much, and a peak lies between the points. Of lengths: ``ConstraintsSection.margin_mm``.
 _CURVATURE_MARGIN = 0.01
 _DRAFT_MARGIN_DEG = 0.1
+_REACH = 0.01  # of the largest radius: so much above its limit a wall is still followed, where multipliers act
 _STEEP = 0.5  # sine of the draft above which the field is constant: the arcsine's slope is infinite at the apex
 
+WALL = "wall_margin_mm"
 Field = Callable[[RadiusJet, RadiusJet, ChartPoints], Float[Tensor, " k"]]
 
 
@@ -60,6 +63,7 @@ def constraints_of(spec: Spec) -> tuple[Constraint, ...]:
 
 def _of_paper(spec: Spec) -> list[Constraint]:
     limits = spec.constraints
+    reach_mm = limits.min_thickness_mm + _REACH * limits.max_radius_mm
 
     def cavity(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
         squared = (inner.rho**2) * (1.0 - points.cosine**2)
@@ -67,12 +71,12 @@ def _of_paper(spec: Spec) -> list[Constraint]:
         return paraboloid + inner.rho * points.cosine - limits.cavity_height_mm
 
     def wall(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
-        return outer.rho - inner.rho - limits.min_thickness_mm
+        return wall_mm(inner, outer, points, reach_mm) - limits.min_thickness_mm
 
     def size(inner: RadiusJet, outer: RadiusJet, points: ChartPoints) -> Tensor:
         return limits.max_radius_mm - outer.rho
 
-    return _of_lengths(spec, {"cavity_clearance_mm": cavity, "wall_margin_mm": wall, "radius_margin_mm": size})
+    return _of_lengths(spec, {"cavity_clearance_mm": cavity, WALL: wall, "radius_margin_mm": size})
 
 
 def _of_lengths(spec: Spec, fields: dict[str, Field]) -> list[Constraint]:

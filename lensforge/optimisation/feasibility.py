@@ -14,10 +14,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge.errors import InputError
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.wall import thinnest
 from lensforge.lens import Lens
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
-from lensforge.optimisation.constraints import Constraint, constraints_of
+from lensforge.optimisation.constraints import WALL, Constraint, constraints_of
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import DIRECTIONS
 from lensforge.optimisation.parameters import Parametrisation
@@ -44,11 +46,16 @@ _HOPELESS = 10.0  # margins missing after a projection; a search of hundreds of 
 def measure_constraints(lens: Lens, directions: int = DIRECTIONS) -> Margins:
     """Measure the least value of each constraint.
 
-    Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each.
+    Lengths: by the exact sum, over a Fibonacci grid of the hemisphere and its rim, one of mirror images each. The wall:
+    between the splines that an export would write.
     """
     constraints = constraints_of(lens.spec)
     points, inner, outer = _exact_radii(lens, directions)
-    found = {each.key: float(each.field(inner, outer, points).min()) for each in constraints if not each.derivatives}
+    wall = thinnest(fit_patch(lens.inner), fit_patch(lens.outer))
+    found = {WALL: wall.thickness_mm - lens.spec.constraints.min_thickness_mm}
+    for each in constraints:
+        if not each.derivatives and each.key != WALL:
+            found[each.key] = float(each.field(inner, outer, points).min())
     of_shape = [each for each in constraints if each.derivatives]
     if of_shape:
         grid = grid_for(lens.detail_rad, _NODES_PER_SIGMA)

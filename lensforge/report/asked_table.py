@@ -65,9 +65,9 @@ def _wall_rows(results: Results) -> Iterator[AskedRow]:
     yield AskedRow(
         name="Thinnest wall",
         asked=f"≥ {_mm(limits.min_thickness_mm)}",
-        got=_mm(check.wall.radial.thickness_mm),
-        state=_state(results, "radial wall"),
-        note=f"seen from the LED; across the wall it is {_mm(check.min_wall_mm)}",
+        got=_mm(check.min_wall_mm),
+        state=_state(results, "thinnest wall"),
+        note="along the normal",
     )
     if limits.max_wall_mm is not None:
         yield AskedRow(

@@ -169,8 +169,8 @@ def _mill_cards(results: Results) -> Iterator[Card]:
     note = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm"
     value, unit = ("any", "") if largest is None else (number(largest, 3), "mm")
     yield Card("Ball mill", value, unit, note, "pass" if fits else "open")
-    wall = f"along the cavity's normal; required: {results.spec.constraints.min_thickness_mm:g} mm radially"
-    yield Card("Thinnest wall", number(record.min_wall_mm, 4), "mm", wall, _state(results, "radial wall"))
+    wall = f"along the normal; required: {results.spec.constraints.min_thickness_mm:g} mm"
+    yield Card("Thinnest wall", number(record.min_wall_mm, 4), "mm", wall, _state(results, "thinnest wall"))
     most = results.spec.constraints.max_wall_mm
     if most is not None:
         thickest = f"along the ray from the origin; at most {most:g} mm allowed"

@@ -13,7 +13,7 @@ _WORDS = {
     "height margin": "height, below its maximum",
     "keep out clearance": "distance from the keep-out solid, to spare",
     "flux not converged": "light that the simulation could not follow",
-    "radial wall": "thinnest wall, seen from the LED",
+    "thinnest wall": "thinnest wall, along the normal",
     "largest radial wall": "thickest wall, seen from the LED",
     "form_error": f"form of the optical faces in the {_STEP}",
     "normal_error": f"slope of the optical faces in the {_STEP}",

@@ -121,7 +121,7 @@ def _require_fixed_below(lens: LensSection, limits: ConstraintsSection) -> None:
 
 def _require_room_for_draft(limits: ConstraintsSection, inner: _Meridian) -> None:
     """Draft of both faces against the largest radius."""
-    out = inner + limits.min_thickness_mm  # the wall is measured along rays from the origin
+    out = inner + limits.min_thickness_mm  # along a ray from the origin the wall is no thinner than along its normal
     at_rim = out * (np.sin(_POLAR) + np.cos(_POLAR) * tan(radians(limits.outer_draft_deg or 0.0)))
     needed = float(at_rim.max())
     if needed > limits.max_radius_mm:

@@ -22,7 +22,7 @@ class ConstraintsSection(Section):
     cavity_radius_mm: Millimetres
     """Radius of that paraboloid at z = 0. A ray file needs it given."""
     min_thickness_mm: MillimetresOrZero
-    """Least wall, along rays from the origin."""
+    """Least wall along the normal: the least distance between the two faces."""
     max_radius_mm: Millimetres
     """Largest distance of the outer surface from the origin."""
     inner_concave_radius_mm: Millimetres | None = None

@@ -6,6 +6,8 @@ import numpy as np
 
 from lensforge.deviations.factors import Factor
 from lensforge.errors import InputError
+from lensforge.geometry.patch import fit_patch
+from lensforge.geometry.wall import thinnest
 from lensforge.lens import Lens
 from lensforge.sources.build import build_source
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -30,8 +32,8 @@ def require_bearable(lens: Lens, factors: Sequence[Factor]) -> None:
     Raises :class:`InputError`, which names the tolerance and what is left for it.
     """
     u = fibonacci_hemisphere(_DIRECTIONS)
-    inner, outer = lens.inner.radius(u), lens.outer.radius(u)
-    wall, reach = float((outer - inner).min()), float(outer.max())
+    wall = thinnest(fit_patch(lens.inner), fit_patch(lens.outer)).thickness_mm
+    reach = float(lens.outer.radius(u).max())
     points = build_source(lens.spec.source, lens.dispersion).outline()
     distance = np.linalg.norm(points, axis=1)
     along = points / np.where(distance > 0.0, distance, 1.0)[:, None]

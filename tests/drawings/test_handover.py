@@ -169,7 +169,7 @@ def test_what_the_shop_cannot_do_and_what_could_not_be_measured_is_said(results)
         Finding(name="cutter", surface="inner", value=1.0, sense="<=", limit=0.5, unit="mm", reason="no ball fits"),
         Finding(name="wall", surface="body", value=1.0, sense=">=", limit=0.5, unit="mm", reason="it is thick"),
     )
-    unknown = Criterion(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
+    unknown = Criterion(name="thinnest wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="more")
     check = results.check.model_copy(update={"verdicts": verdicts, "criteria": (unknown,)})
     handed = make_handover(replace(results, found={**results.found, "check": check}), COARSE)
     assert [verdict.reason for verdict in handed.refused] == ["no ball fits"]

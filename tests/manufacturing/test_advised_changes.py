@@ -24,13 +24,17 @@ def with_tools(*tools: ToolResult) -> Check:
     return Check.model_construct(tools=tools)
 
 
-def test_a_wall_without_a_value_is_asked_for_as_the_spec_has_it() -> None:
+def test_a_thin_wall_is_designed_again_or_taken_as_it_is() -> None:
     spec = small_spec(constraints__min_thickness_mm=1.5)
     missing = Finding(name="wall", surface="body", value=None, sense=">=", limit=1.5, unit="mm", reason="none")
-    assert advice(missing, spec, with_tools()) == "constraints.min_thickness_mm = 1.5 and design again"
-    assert advice(wall_finding(1.4, 1.5), spec, with_tools()) == "constraints.min_thickness_mm = 1.6 and design again"
-    assert advice(wall_finding(1.4999, 1.5), spec, with_tools()).startswith("constraints.min_thickness_mm = 1.51 ")
-    assert advice(wall_finding(1.5, 1.5), spec, with_tools()) == ""
+    again = "a larger lens.outer_offset_mm and design again"
+    assert advice(missing, spec, with_tools()) == again
+    there = f"{again}, or constraints.min_thickness_mm = 1.432 where that is enough"
+    assert advice(wall_finding(1.4329, spec), spec, with_tools()) == there
+    lower = spec.replace({"constraints.min_thickness_mm": 1.432})
+    assert wall_finding(1.4329, lower).holds
+    assert advice(wall_finding(-11.42, spec), spec, with_tools()) == again
+    assert advice(wall_finding(1.5, spec), spec, with_tools()) == ""
 
 
 def test_a_reason_of_the_relief_is_advice_enough() -> None:

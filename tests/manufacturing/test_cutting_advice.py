@@ -8,7 +8,7 @@ from scenes import small_spec
 import lensforge as lf
 from lensforge.commands.check_blocks import check_blocks
 from lensforge.manufacturing.advice import advice
-from lensforge.manufacturing.findings import cutter_finding, tilt_finding, wall_finding
+from lensforge.manufacturing.findings import cutter_finding, tilt_finding
 from lensforge.manufacturing.result import Cutter, FaceName, Finding
 from lensforge.spec import Spec
 
@@ -55,13 +55,6 @@ def test_a_machine_that_tilts_as_advised_is_enough(small_run: lf.Run, surface: F
 def test_what_the_search_has_kept_already_is_not_advised_again(small_run: lf.Run) -> None:
     spec = small_spec(constraints__inner_concave_radius_mm=1.0, manufacture__cutter_radius_mm=1.0)
     assert set(changes(cutter(1.0, 0.9), spec, small_run.check)) == {"manufacture.cutter_radius_mm"}
-
-
-def test_a_thicker_wall_makes_up_for_what_is_missing(small_run: lf.Run) -> None:
-    spec = small_spec()
-    asked = spec.constraints.min_thickness_mm
-    found = changes(wall_finding(asked - 0.123, asked), spec, small_run.check)
-    assert found["constraints.min_thickness_mm"] == pytest.approx(asked + 0.13, abs=0.0051)
 
 
 def test_what_holds_needs_no_advice(small_run: lf.Run) -> None:

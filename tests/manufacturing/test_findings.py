@@ -3,21 +3,20 @@
 import pytest
 from scenes import small_spec
 
-from lensforge.geometry.acceptance import FORM_LIMIT_NM, NORMAL_LIMIT_MRAD
+from lensforge.geometry.acceptance import NORMAL_LIMIT_MRAD
 from lensforge.manufacturing.findings import (
     asked_draft_deg,
     check_findings,
     cutter_finding,
     draft_finding,
-    radial_criterion,
     relief_findings,
-    thickest_criteria,
     tilt_finding,
     tool_findings,
+    wall_criteria,
     wall_finding,
 )
 from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
-from lensforge.manufacturing.result import Cutter, Draft, FaceResult, ToolReach, ToolResult, Wall
+from lensforge.manufacturing.result import Cutter, Draft, FaceResult, ToolReach, ToolResult, Wall, Walls
 from lensforge.spec import BaseSection
 
 
@@ -53,8 +52,9 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
     assert found.limit == (None if largest_mm is None else pytest.approx(0.5 * (1.0 + 1e-6), rel=1e-12))
 
 
-def test_tilt_and_wall_have_the_tolerance_of_the_export() -> None:
-    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, 2e-6 * FORM_LIMIT_NM
+def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:
+    spec = small_spec(constraints__min_thickness_mm=2.0)
+    degrees, mm = 0.0572957795 * NORMAL_LIMIT_MRAD, spec.constraints.tolerance_mm
     within, beyond = (
         tilt_finding("outer", 90.0 + 0.99 * degrees, 90.0),
         tilt_finding("outer", 90.0 + 1.01 * degrees, 90.0),
@@ -62,23 +62,24 @@ def test_tilt_and_wall_have_the_tolerance_of_the_export() -> None:
     assert within.holds and "stays within manufacture.max_tilt_deg = 90" in within.reason
     assert not beyond.holds and "would exceed" in beyond.reason and "the outer face is up to 90.0" in beyond.reason
     assert (within.surface, within.sense, within.unit) == ("outer", "<=", "deg")
-    thin, enough = wall_finding(2.0 - 1.01 * mm, 2.0), wall_finding(2.0 - 0.99 * mm, 2.0)
-    assert not thin.holds and "less than constraints.min_thickness_mm = 2," in thin.reason
+    thin, enough = wall_finding(2.0 - 1.01 * mm, spec), wall_finding(2.0 - 0.99 * mm, spec)
+    assert not thin.holds and "less than constraints.min_thickness_mm = 2" in thin.reason
     assert enough.holds and "at least constraints" in enough.reason and enough.sense == ">="
 
 
 WALL = Wall(thickness_mm=1.5, inner_point_mm=(1.0, -1e-9, 0.123456), outer_point_mm=(0.0, 0.0, 2.0))
+THICK = Wall(thickness_mm=2.5, inner_point_mm=(0.0, 1.0, 0.0), outer_point_mm=(0.0, 3.5, 0.0))
 
 
-def test_the_radial_wall_has_the_tolerance_of_the_search() -> None:
-    spec = small_spec(constraints__min_thickness_mm=1.5)
+def test_both_walls_have_the_tolerance_of_the_search() -> None:
+    spec, walls = small_spec(constraints__min_thickness_mm=1.5), Walls(thinnest=WALL, thickest=THICK)
     allowed = spec.constraints.tolerance_mm
-    found = radial_criterion(spec, WALL)
-    assert found.limit == 1.5 - allowed and found.passed and "thinnest at (1, 0, 0.1235) mm" in found.remedy
-    assert thickest_criteria(spec, WALL) == ()
-    limited = spec.replace({"constraints.max_wall_mm": 1.6})
-    (most,) = thickest_criteria(limited, WALL)
-    assert most.limit == 1.6 + allowed and most.value == 1.5 and most.passed and "(1, 0, 0.1235)" in most.remedy
+    (least,) = wall_criteria(spec, walls)
+    assert least.limit == 1.5 - allowed and least.passed and "thinnest at (1, 0, 0.1235) mm" in least.remedy
+    for limit, passed in ((2.5 - 0.99 * allowed, True), (2.5 - 1.01 * allowed, False)):
+        _, most = wall_criteria(spec.replace({"constraints.max_wall_mm": limit}), walls)
+        assert most.limit == limit + allowed and most.value == 2.5 and most.passed == passed
+        assert "raise lens.inner_offset_mm" in most.remedy and "thickest at (0, 1, 0) mm" in most.remedy
 
 
 def face(least_deg: float, undercut: float = 0.0) -> FaceResult:

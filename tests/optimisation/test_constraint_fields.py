@@ -11,7 +11,7 @@ from scenes import small_spec
 
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartOperator, ChartPoints, RadiusJet, constraint_points
-from lensforge.optimisation.constraints import Constraint, constraints_of
+from lensforge.optimisation.constraints import WALL, Constraint, constraints_of
 from lensforge.optimisation.design import Margins
 from lensforge.optimisation.keep_out import KeepOutExtent
 from lensforge.optimisation.limits import DIRECTIONS, constraint_criteria, limits_of
@@ -40,14 +40,13 @@ def jets(count: int = 30) -> tuple[RadiusJet, RadiusJet, ChartPoints]:
 def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
     spec = shop_spec(manufacture={"make": make})
     inner, outer, points = jets()
-    found = {each.key: each.field(inner, outer, points).numpy() for each in constraints_of(spec)}
+    found = {each.key: each.field(inner, outer, points).numpy() for each in constraints_of(spec) if each.key != WALL}
     a, b = inner.rho.numpy(), outer.rho.numpy()
     cosine = points.cosine.numpy()
     sign = 1 if make == "part" else -1
     drafts = [np.degrees(np.arcsin(np.clip(draft_sine(each, points).numpy(), -1.0, 0.5))) for each in (inner, outer)]
     wanted = {
         "cavity_clearance_mm": 0.5 / 1.0**2 * a**2 * (1.0 - cosine**2) + a * cosine - 0.5,
-        "wall_margin_mm": b - a - 1.0,
         "radius_margin_mm": 7.0 - b,
         "inner_curvature_margin_per_mm": 1.0 / 2.5 + least_curvature(inner, points, -sign).numpy(),
         "outer_curvature_margin_per_mm": 1.0 / 4.0 + least_curvature(outer, points, sign).numpy(),
@@ -59,6 +58,52 @@ def test_fields_of_all_constraints_are_their_definitions(make: str) -> None:
     assert list(found) == list(wanted)
     for key, values in wanted.items():
         np.testing.assert_allclose(found[key], values, atol=1e-9, err_msg=key)
+
+
+def decentred(radius: float, centre: tuple[float, float, float], grid: TableGrid) -> torch.Tensor:
+    """The table of a sphere about another point."""
+    u = grid.sample_directions()
+    along = u @ np.array(centre)
+    rho = along + np.sqrt(along**2 + radius**2 - np.dot(centre, centre))
+    return torch.from_numpy(grid.coefficients(rho[:, None]).reshape(grid.side, grid.side))
+
+
+@pytest.mark.parametrize(("limit_mm", "bound"), [(2.0, True), (0.05, False)])
+def test_the_wall_is_the_distance_to_the_outer_face_where_it_may_bind(limit_mm: float, bound: bool) -> None:
+    """To a sphere of 6 mm about (0.9, 0.4, 0.2); below z = 0 there is no face, and on the ray it is farther."""
+    spec, grid, centre = small_spec(constraints__min_thickness_mm=limit_mm), TableGrid(97), np.array([0.9, 0.4, 0.2])
+    operator = ChartOperator.of(grid, constraint_points(grid, "none", every_node=4), derivatives=False)
+    inner, outer = operator.jets(decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid))
+    found = constraints_of(spec)[1].field(inner, outer, operator.points).numpy() + limit_mm
+    start = (inner.rho[:, None] * operator.points.directions).numpy()
+    away = start - centre
+    wall, radial = 6.0 - np.linalg.norm(away, axis=1), (outer.rho - inner.rho).numpy()
+    above = (centre + 6.0 * away / np.linalg.norm(away, axis=1, keepdims=True))[:, 2] > 0.01
+    thin = above & (wall < limit_mm)
+    assert thin.any() == bound and (found <= radial + 1e-12).all()
+    np.testing.assert_allclose(found[thin], wall[thin], atol=1e-5)
+    assert bound or np.array_equal(found, radial), "where it does not bind it is not sought"
+    assert not bound or (radial[thin] - found[thin]).max() > 0.03
+
+
+def test_the_wall_has_its_derivative() -> None:
+    grid = TableGrid(40)
+    operator = ChartOperator.of(grid, constraint_points(grid, "none"), derivatives=False)
+    tables = [decentred(4.2, (-0.2, 0.0, 0.1), grid), decentred(6.0, (0.9, 0.4, 0.2), grid)]
+    chance = np.random.default_rng(0)
+    along = [torch.from_numpy(chance.normal(size=(grid.side, grid.side))) for _ in tables]
+    shares = torch.from_numpy(chance.normal(size=len(operator.points.x)))
+
+    def total(*moved: torch.Tensor) -> torch.Tensor:
+        return (shares * constraints_of(small_spec())[1].field(*operator.jets(*moved), operator.points)).sum()
+
+    gradients = torch.autograd.grad(total(*(table.requires_grad_() for table in tables)), tables)
+    ends = [
+        total(*(table.detach() + step * way for table, way in zip(tables, along, strict=True)))
+        for step in (1e-6, -1e-6)
+    ]
+    expected = sum(float((slope * way).sum()) for slope, way in zip(gradients, along, strict=True))
+    assert float(ends[0] - ends[1]) / 2e-6 == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_draft_counts_up_to_30_degrees_and_has_a_slope_at_the_horizon() -> None:

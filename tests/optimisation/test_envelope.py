@@ -13,11 +13,7 @@ from scenes import hemisphere_directions, random_surface, small_spec, sphere, ta
 import lensforge as lf
 from lensforge.cad_files import step_reading
 from lensforge.errors import InputError
-from lensforge.geometry.patch import fit_patch
 from lensforge.lens import Lens
-from lensforge.manufacturing.face import AirSide, OpticalFace, sample_face
-from lensforge.manufacturing.findings import thickest_criteria
-from lensforge.manufacturing.wall import radial_lines, thickest
 from lensforge.optimisation.augmented_lagrangian import AugmentedLagrangian
 from lensforge.optimisation.chart_points import ChartPoints
 from lensforge.optimisation.constraints import constraints_of
@@ -135,21 +131,6 @@ def test_height_and_largest_wall_of_a_freeform_are_those_of_its_points() -> None
     found = measure_constraints(lens)
     assert found.height_margin_mm == pytest.approx(5.0 - height, abs=2e-3)
     assert found.largest_wall_margin_mm == pytest.approx(2.5 - wall, abs=2e-3)
-
-
-def test_a_wall_thicker_than_the_limit_misses_it_where_it_is_thickest() -> None:
-    """Between two spheres whose centres are 0.5 mm apart in z: 3.5 mm on the axis, less all around it."""
-    inner, outer = sphere_at(3.0, 0.0), sphere_at(6.0, 0.5)
-    samples = sample_face(OpticalFace(fit_patch(inner, 60), AirSide.INSIDE), 41)
-    found = thickest(samples, OpticalFace(fit_patch(outer, 60), AirSide.OUTSIDE), radial_lines)
-    assert found.thickness_mm == pytest.approx(3.5, abs=1e-6)
-    assert found.inner_point_mm == pytest.approx((0.0, 0.0, 3.0), abs=1e-6)
-    assert found.outer_point_mm == pytest.approx((0.0, 0.0, 6.5), abs=1e-6)
-    (criterion,) = thickest_criteria(small_spec(constraints__max_wall_mm=3.4), found)
-    assert not criterion.passed and "raise lens.inner_offset_mm" in criterion.remedy
-    (criterion,) = thickest_criteria(small_spec(constraints__max_wall_mm=3.5), found)
-    assert criterion.passed
-    assert thickest_criteria(small_spec(), found) == ()
 
 
 def test_all_fields_have_their_derivatives(ball_file: Path) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from lensforge.evaluation.light import LightMetrics, light_criteria
 from lensforge.evaluation.receiver_light import WindowSize
 from lensforge.geometry.acceptance import mesh_volume_limit, part_criteria
-from lensforge.manufacturing.findings import check_findings, radial_criterion
+from lensforge.manufacturing.findings import check_findings, wall_criteria
 from lensforge.manufacturing.relief_result import OuterRelief, Relief
 from lensforge.measurement.comparison import DeviationExtent, photo_criteria, surface_criteria
 from lensforge.optimisation.design import Margins
@@ -126,7 +126,7 @@ def check(result, lens):
 
 def findings(result, lens):
     found = check_findings(lens.spec, result.inner, result.outer, result.min_wall_mm, result.relief, result.tools)
-    return {"verdicts": found, "criteria": (radial_criterion(lens.spec, result.wall.radial),)}
+    return {"verdicts": found, "criteria": (*wall_criteria(lens.spec, result.wall),)}
 
 
 def proof(result, lens):

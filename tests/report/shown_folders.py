@@ -104,7 +104,7 @@ def limits_missed():
         )
         for name, sense, bound, value in (("HV", ">=", 60.0, 41.0), ("off", "<=", 90.0, 71.5))
     )  # fmt: skip
-    unknown = Criterion(name="radial wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="give more")
+    unknown = Criterion(name="thinnest wall", value=None, sense=">=", limit=1.0, unit="mm", remedy="give more")
     wall = finding("wall", "body", False, "the thinnest wall is 0.7 mm")
     results = make_results(
         ("design", "evaluate", "export", "check"),

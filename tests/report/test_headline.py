@@ -87,7 +87,7 @@ def test_every_card_has_the_number_that_its_label_names():
         "Form error": ("1.8", "nm", "of the STEP file as read back; normals within 0.0075 mrad"),
         "Volume": ("3833.5", "mm³", "of the solid, base included"),
         "Ball mill": ("0.77", "mm", "largest radius that reaches all of both faces; the shop has 1 mm"),
-        "Thinnest wall": ("1.875", "mm", "along the cavity's normal; required: 1 mm radially"),
+        "Thinnest wall": ("1.875", "mm", "along the normal; required: 1 mm"),
         "Exported part": (
             "0.0225", "", "NMSE against the design, by 20\u2009000 rays through it; ray noise alone: 0.033",
         ),

@@ -66,8 +66,7 @@ def _part(part, limits):
 def _wall(check, limits):
     thin, thick = f"{ASKED} / Thinnest wall", f"{ASKED} / Thickest wall"
     yield shown(f"{thin} / Asked", "≥ {} mm", limits.min_thickness_mm)
-    yield shown(f"{thin} / Got", "{} mm", check.wall.radial.thickness_mm)
-    yield shown(f"{thin} / note", "across the wall it is {} mm", check.min_wall_mm)
+    yield shown(f"{thin} / Got", "{} mm", check.min_wall_mm)
     if limits.max_wall_mm is not None:
         yield shown(f"{thick} / Asked", "≤ {} mm", limits.max_wall_mm)
         yield shown(f"{thick} / Got", "{} mm", check.wall.thickest.thickness_mm)
