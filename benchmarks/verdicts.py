@@ -1,7 +1,7 @@
-"""The verdict on every shipped spec, taken the whole way, and on lenses that are known to be useless.
+"""The verdict on every shipped spec, and on lenses that are known to be useless.
 
-python benchmarks/verdicts.py                     the shipped specs, those of publications too, as a user designs them, at
-                                                  draft; the last outcome of each is kept in docs/verdicts.json
+python benchmarks/verdicts.py                     the shipped specs, those of publications too, at draft, as a user
+                                                  designs them; the last outcome of each is kept in docs/verdicts.json
 python benchmarks/verdicts.py pi published/street these
 python benchmarks/verdicts.py --fill              run nothing; the table of docs/nightly.md again
 python benchmarks/verdicts.py --useless           the lenses that no customer would accept: calibrates the bounds
@@ -27,7 +27,7 @@ from lensforge.spec import Accuracy
 from lensforge.verdict import verdict_on
 
 sys.path.append(str(Path(__file__).parent))
-from result_tables import between_marks, table  # noqa: E402
+from result_tables import between_marks, table
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"

@@ -11,7 +11,7 @@ from lensforge.evaluation.light import Light
 from lensforge.evaluation.metrics import relative_square
 from lensforge.geometry.part import Part
 from lensforge.verification.acceptance import (
-    DEVIATION_PER_DISTANCE,
+    DEVIATION_RAD,
     agreement_of,
     balance_error,
     proof_criteria,
@@ -20,6 +20,7 @@ from lensforge.verification.acceptance import (
 from lensforge.verification.light_result import OwnRays
 from lensforge.verification.own_rays_criteria import LEAST_RAYS
 from lensforge.verification.proof import Agreement, Proof, ReceiverProof
+from lensforge.verification.screen import Screen
 from lensforge.verification.stray_result import StrayLight
 
 _QUANTILES, _P99 = 500, 495  # intervals of the gaps' distribution, and the index of its 99 %
@@ -28,19 +29,19 @@ _ENOUGH = 2 * _QUANTILES  # rays for a root mean square by quantiles
 
 
 def proof_contradictions(
-    proof: Proof, distances_mm: Sequence[float], light: Light | None, part: Part | None = None
+    proof: Proof, screens: Sequence[Screen], light: Light | None, part: Part | None = None
 ) -> Iterator[str]:
-    """Contradictions of the record of a verification; ``distances_mm``: to the spec's receivers."""
+    """Contradictions of the record of a verification; ``screens``: the spec's receivers."""
     yield from judged("criteria", proof.criteria, proof_criteria(proof))
     yield from _sizes(proof, part)
-    if len(proof.receivers) != len(distances_mm):
-        yield f"receivers: {len(proof.receivers)}, the spec has {len(distances_mm)}"
+    if len(proof.receivers) != len(screens):
+        yield f"receivers: {len(proof.receivers)}, the spec has {len(screens)}"
         return
-    for receiver, distance_mm in zip(proof.receivers, distances_mm, strict=True):
+    for receiver, screen in zip(proof.receivers, screens, strict=True):
         lit = None if light is None else next((each for each in light.receivers if each.name == receiver.name), None)
         if light is not None and lit is None:
             yield f"receivers: {receiver.name}: not in evaluate.json"
-        yield from _on_receiver(receiver, distance_mm, None if lit is None else lit.map)
+        yield from _on_receiver(receiver, screen, None if lit is None else lit.map)
         if receiver.own_rays is None:
             yield f"receivers: {receiver.name}: own_rays is missing"
         elif lit is not None:
@@ -63,9 +64,9 @@ def _sizes(proof: Proof, part: Part | None) -> Iterator[str]:
     yield from unlike("altered_files", proof.altered_files, part.altered, "the files in the folder are")
 
 
-def _on_receiver(proof: ReceiverProof, distance_mm: float, design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
-    flux, limit = proof.flux, DEVIATION_PER_DISTANCE * distance_mm
-    yield from differing("deviation_limit_mm", proof.deviation_limit_mm, limit, "the spec's distances")
+def _on_receiver(proof: ReceiverProof, screen: Screen, design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
+    flux, limit = proof.flux, DEVIATION_RAD * screen.reach_mm(proof.design_irradiance)
+    yield from differing("deviation_limit_mm", proof.deviation_limit_mm, limit, "where its light goes")
     yield from differing("flux", sum(flux.model_dump().values()), 1.0, "the laws of conservation")
     yield from differing("flux.missed", flux.missed, sum(proof.missed_by_cause.model_dump().values()), "its causes")
     yield from differing("efficiency", proof.efficiency, flux.detected, "its shares of flux")

@@ -27,6 +27,7 @@ from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
+from lensforge.screens import screens_of
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.yield_result import Yield
 from lensforge.verification.proof import Proof
@@ -60,7 +61,7 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             own = light if isinstance(light, Light) else None
             part = found.get(Part.stage)
             of = part if isinstance(part, Part) else None
-            yield from proof_contradictions(result, _distances_mm(lens), own, of)
+            yield from proof_contradictions(result, screens_of(lens.spec), own, of)
         case StrayLight():
             yield from stray_contradictions(result)
         case Photometry():
@@ -75,10 +76,3 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             yield from surface_contradictions(result)
         case Correction():
             yield from correction_contradictions(result, lens)
-
-
-def _distances_mm(lens: Lens) -> list[float]:
-    """Distances to the receivers, by which the limits of a verification scale."""
-    from lensforge.screens import screens_of
-
-    return [screen.distance_mm for screen in screens_of(lens.spec)]
