@@ -33,6 +33,7 @@ STEPS = {
     "wheel": "make wheel",
     "docs": "make docs",
     "notebooks": "make notebooks",
+    "verdicts": ".venv/bin/python benchmarks/verdicts.py",
     "random": f"LENSFORGE_FUZZ=10 {_TESTS} -m 'not nightly' {_RANDOM}",
     "slow": f"LENSFORGE_FUZZ=2 {_TESTS}",  # all: other tests have more cases, too, and check the arrays of every call
     "fuzz": ".venv/bin/python benchmarks/fuzz.py --cases 100000 --foreign 2000",

@@ -57,7 +57,7 @@ def casts(directory: Path, most: int) -> Iterator[dict[str, Any]]:
     count = 2**12
     while count <= len(rays):
         ((cast, _),) = cast_mitsuba(part, rays, lens.refractive_index, [expected], count)
-        criteria = mitsuba_criteria(cast, screen.distance_mm)
+        criteria = mitsuba_criteria(cast, screen.reach_mm(designed))
         yield cast.model_dump(mode="json") | {"criteria": [criterion.model_dump(mode="json") for criterion in criteria]}
         count *= 4
 

@@ -1,26 +1,39 @@
-"""The verdict on the light of every shipped spec, and of lenses that are known to be useless: calibrates its bounds.
+"""The verdict on every shipped spec, and on lenses that are known to be useless.
 
-python benchmarks/verdicts.py --accuracy draft
-python benchmarks/verdicts.py --accuracy standard pi flat_top_compact flat_top_milled "6 mm source in an 8 mm lens"
+python benchmarks/verdicts.py                     the shipped specs, those of publications too, at draft, as a user
+                                                  designs them; the last outcome of each is kept in docs/verdicts.json
+python benchmarks/verdicts.py pi published/street these
+python benchmarks/verdicts.py --fill              run nothing; the table of docs/nightly.md again
+python benchmarks/verdicts.py --useless           the lenses that no customer would accept: calibrates the bounds
 
-A row ends with the verdict that was expected where the verdict is another one. A shipped spec whose ray file comes from
-a vendor and is not there is named and left out.
+Exit code 1 where a command does not end with 0. A spec whose ray file comes from a vendor and is not
+there is named and left out.
 """
 
 import lensforge as lf  # before torch, whose idle threads then sleep
 
 # isort: split
 import argparse
-from collections.abc import Iterator
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lensforge.spec import Accuracy
 from lensforge.verdict import verdict_on
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+sys.path.append(str(Path(__file__).parent))
+from result_tables import between_marks, table
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+KEPT, PAGE, FOLDERS = ROOT / "docs" / "verdicts.json", ROOT / "docs" / "nightly.md", ROOT / "build" / "verdicts"
 COLUMNS = ("lens", "NMSE without noise", "share in the target", "efficiency", "light")
+PARTS = ("light", "files", "cutting")
 
 
 def useless() -> Iterator[tuple[str, lf.Spec]]:
@@ -55,16 +68,58 @@ def useless() -> Iterator[tuple[str, lf.Spec]]:
     )
 
 
-def cases() -> Iterator[tuple[str, lf.Spec, str]]:
-    """Name, spec and expected verdict on the light."""
-    for path in sorted(EXAMPLES.glob("*.toml")):
-        yield path.stem, lf.load_spec(path), "pass"
-    for name, spec in useless():
-        yield name, spec, "fail"
+def shipped() -> dict[str, Path]:
+    """The shipped specs by name."""
+    found = sorted(EXAMPLES.glob("*.toml")) + sorted(EXAMPLES.glob("published/*.toml"))
+    return {path.relative_to(EXAMPLES).with_suffix("").as_posix(): path for path in found}
+
+
+def outcome_of(name: str, path: Path) -> dict[str, Any]:
+    """Design a spec as a user does, at draft: exit code, the verdict's three parts, and what was said where not 0."""
+    folder = FOLDERS / name
+    command = [sys.executable, "-m", "lensforge", "design", str(path), "--accuracy", "draft", "--out", str(folder)]
+    ended = subprocess.run([*command, "--quiet"], cwd=ROOT, capture_output=True, encoding="utf-8")
+    run = folder / "run.json"
+    verdict = json.loads(run.read_text(encoding="utf-8"))["verdict"] if ended.returncode < 2 and run.exists() else {}
+    said = ended.stderr.strip().splitlines()
+    return {
+        "exit": ended.returncode,
+        **{part: verdict.get(part, "") for part in PARTS},
+        "said": said[-1].replace(f"{folder}: ", "") if ended.returncode and said else "",
+    }
+
+
+def keep(name: str, found: dict[str, Any]) -> None:
+    """Put an outcome in the place of the earlier one of its spec."""
+    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    written = KEPT.with_suffix(".new")
+    written.write_text(json.dumps({**kept, name: found}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    written.replace(KEPT)
+
+
+def filled(page: str, kept: dict[str, Any]) -> str:
+    """The page with the table of what is ``kept``."""
+    rows = [
+        (name, str(kept[name]["exit"]), *(kept[name][part] for part in PARTS)) for name in shipped() if name in kept
+    ]
+    return between_marks(page, PAGE.name, "verdicts", table(rows, ("spec", "exit code", *PARTS)))
+
+
+def run_shipped(names: Sequence[str]) -> int:
+    """Design each spec; the number of those that do not end with 0."""
+    wrong = 0
+    for name in names:
+        found = outcome_of(name, shipped()[name])
+        vendor = found["exit"] == 2 and "no such file" in found["said"]
+        if not vendor:
+            keep(name, found)
+            wrong += found["exit"] != 0
+        print(f"{name}: {'left out' if vendor else found['exit']} {found['said']}", flush=True)
+    return wrong
 
 
 def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[str, ...]:
-    """The figures on which the verdict rests, and the verdict."""
+    """The figures on which the verdict on the light rests, and the verdict."""
     design = lf.design(spec, accuracy=accuracy, anyway=True)
     light = lf.evaluate(design.lens)
     verdict = verdict_on(design.lens, design, light, None, None, None).light
@@ -73,21 +128,22 @@ def row(name: str, spec: lf.Spec, expected: str, accuracy: Accuracy) -> tuple[st
     return name, *(f"{figure:.3f}" for figure in figures), shown
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help="shipped specs or useless lenses; default: all")
-    parser.add_argument("--accuracy", choices=("draft", "standard", "reference"), default="draft")
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", help="shipped specs; default: all")
+    parser.add_argument("--fill", action="store_true", help="run nothing")
+    parser.add_argument("--useless", action="store_true", help="the lenses that no customer would accept")
     options = parser.parse_args()
-    print("| " + " | ".join(COLUMNS) + " |")
-    print("|" + "---|" * len(COLUMNS))
-    for name, spec, expected in cases():
-        if options.names and name not in options.names:
-            continue
-        try:
-            print("| " + " | ".join(row(name, spec, expected, options.accuracy)) + " |", flush=True)
-        except lf.InputError as error:
-            print(f"{name}: left out: {error}", flush=True)
+    if options.useless:
+        print(table([row(name, spec, "fail", "draft") for name, spec in useless()], COLUMNS))
+        return 0
+    if unknown := [name for name in options.names if name not in shipped()]:
+        parser.error(f"no shipped spec {unknown[0]!r}; one of {', '.join(shipped())}")
+    wrong = 0 if options.fill else run_shipped(options.names or list(shipped()))
+    kept = json.loads(KEPT.read_text(encoding="utf-8"))
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), kept), encoding="utf-8")
+    return min(wrong, 1)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

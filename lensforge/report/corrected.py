@@ -77,7 +77,8 @@ def correction_pictures(made: Correction) -> list[PagePicture]:
 def _file(made: Correction) -> str:
     """The file's name and form error, and the scale that a mould insert asks for."""
     error = number(made.form_error_nm.max, 2)
-    name = f"lens_corrected_{made.surface}.step, {made.step_schema}, form error {error} nm as read back"
+    under = "" if made.conditions is None else f"_{made.conditions.name}"
+    name = f"lens_corrected_{made.surface}{under}.step, {made.step_schema}, form error {error} nm as read back"
     return name if made.scale == 1.0 else f"{name}; it is the lens, to be scaled by {made.scale:.12g} for the mould"
 
 

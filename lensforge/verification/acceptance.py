@@ -7,32 +7,34 @@ numbers say.
 from collections.abc import Iterator
 
 from lensforge.criteria import Criterion, at_most
-from lensforge.verification.advice import Evidence, form_of_mesh
+from lensforge.verification.advice import FINER, Evidence, form_of_mesh
 from lensforge.verification.allowances import FLUX_SHARE, NOISE_ALLOWANCE
 from lensforge.verification.own_rays_criteria import emission_criterion, own_rays_criteria
 from lensforge.verification.proof import Agreement, BrepCast, MitsubaCast, PlainCast, Proof, ReceiverProof
 from lensforge.verification.size_criteria import other_body, size_criteria
 from lensforge.verification.stray_result import StrayFlux, StrayLight
 
-# Rays may land 0.1 mm off for each metre to the receiver, rms. A lens a few mm wide that is 1 % too large or has a
+# Rays may land as far off as if the lens turned them by so much, rms: 0.1 mm for each metre that the light goes, more
+# where it arrives at a slope (Screen.reach_mm). A lens a few mm wide that is 1 % too large or has a
 # surface displaced by 20 um is at several times that; 200,000 triangles of the roughest lens use a fifth of it.
-DEVIATION_PER_DISTANCE = 1e-4
+DEVIATION_RAD = 1e-4
 FATE_SHARE = FLUX_SHARE  # of rays that end otherwise
 # With the same rays the irradiance may change by a tenth of what other rays would change, or by 1 % rms of itself.
 SAME_RAYS_FLOORS, SAME_RAYS_ALLOWANCE = 0.1, 1e-4
 # The difference from the design's irradiance may be noise only: that of both, if the design has no fewer rays.
 NOISE_FLOORS = 2.5
+FINE_FACETS_UM = 1.0  # rms height of the faces over their facets, 0.34 as exported: such facets land rays right
 
 BREP_RAYS = 1024  # through the STEP file: the CAD kernel casts a few hundred in a second
 # Half of the mesh's limit. The B-rep itself lands rays within 0.1 um at 150 mm of the exact surfaces; the
 # deviation from the design is that of the design's own table: 4 um at draft accuracy, 2 um at standard.
-BREP_DEVIATION_PER_DISTANCE = 5e-5
+BREP_DEVIATION_RAD = 5e-5
 BREP_FLUX_SHARE = 1e-4
 BREP_FATE_RAYS = 2  # of 1024: rays that graze an edge or the limit of total reflection may end either way
 
-# 1 mm for each metre to the receiver, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
+# 1 mrad, rms: flat facets of a mesh of 200,000 triangles use 0.2 to 0.4 of it. Smaller
 # errors are found by the casts through the curved surface.
-MITSUBA_DEVIATION_PER_DISTANCE = 1e-3
+MITSUBA_DEVIATION_RAD = 1e-3
 MITSUBA_FLUX_SHARE = MITSUBA_FATE_SHARE = 2e-3
 
 BALANCE = 1e-9  # shares of flux add up to 1: nothing is drawn at random
@@ -79,23 +81,27 @@ def _named(criterion: Criterion, receiver: str) -> Criterion:
 
 
 def _receiver_criteria(proof: Proof, receiver: ReceiverProof) -> list[Criterion]:
-    """Criteria of the casts on one receiver; its distance follows from the limit of the deviation."""
-    brep, mitsuba, distance_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_PER_DISTANCE
-    step_alike = None if brep is None else brep_evidence(brep, distance_mm).lands_alike
+    """Criteria of the casts on one receiver; the reach of its light follows from the limit of the deviation."""
+    brep, mitsuba, reach_mm = receiver.brep, receiver.mitsuba, receiver.deviation_limit_mm / DEVIATION_RAD
+    step_alike = None if brep is None else brep_evidence(brep, reach_mm).lands_alike
     fault, other = proof.faults.mesh, other_body(proof.sizes, "lens.stl")
-    evidence = mesh_evidence(receiver, form_of_mesh(proof.open_edges, step_alike, other), fault)
+    fine = proof.facet_height_um.rms <= FINE_FACETS_UM
+    evidence = mesh_evidence(receiver, form_of_mesh(proof.open_edges, step_alike, other, fine=fine), fault, fine=fine)
     return [
         *_mesh_criteria(receiver, evidence),
-        *([] if brep is None else brep_criteria(brep, distance_mm, _step_fault(proof))),
-        *([] if mitsuba is None else mitsuba_criteria(mitsuba, distance_mm, fault or other)),
+        *([] if brep is None else brep_criteria(brep, reach_mm, _step_fault(proof))),
+        *([] if mitsuba is None else mitsuba_criteria(mitsuba, reach_mm, fault or other, fine=fine)),
         *([] if receiver.own_rays is None else own_rays_criteria(receiver.own_rays)),
     ]
 
 
-def mesh_evidence(receiver: ReceiverProof, form: str = "", fault: str = "") -> Evidence:
-    """Agreement of the mesh with the design on one receiver, and its limits; ``form``, ``fault``: its remedies."""
+def mesh_evidence(receiver: ReceiverProof, form: str = "", fault: str = "", *, fine: bool = False) -> Evidence:
+    """Agreement of the mesh with the design on one receiver, and its limits; ``form``, ``fault``: its remedies.
+
+    ``fine``: its facets are not the cause of what differs.
+    """
     limit = receiver.deviation_limit_mm
-    return Evidence(agreement_of(receiver), limit, FLUX_SHARE, FATE_SHARE, form, fault)
+    return Evidence(agreement_of(receiver), limit, FLUX_SHARE, FATE_SHARE, form, fault, fine)
 
 
 def _step_fault(proof: Proof) -> str:
@@ -123,9 +129,9 @@ def plain_criterion(plain: PlainCast) -> Criterion:
     return at_most("plain_cast_disagreements", plain.disagreements, 0.0, "casts", remedy)
 
 
-def brep_criteria(cast: BrepCast, distance_mm: float, fault: str = "") -> list[Criterion]:
-    """Acceptance criteria of a STEP file; ``distance_mm``: to the receiver, ``fault``: recognised in the file."""
-    design, seen = cast.against_design, brep_evidence(cast, distance_mm, fault)
+def brep_criteria(cast: BrepCast, reach_mm: float, fault: str = "") -> list[Criterion]:
+    """Acceptance criteria of a STEP file; ``reach_mm``: of the receiver's light, ``fault``: recognised in the file."""
+    design, seen = cast.against_design, brep_evidence(cast, reach_mm, fault)
     allowed = BREP_FATE_RAYS * max(1.0, cast.rays / BREP_RAYS)
     return [
         at_most("brep_deviation_rms", design.rms, seen.deviation_mm, "mm", seen.of_deviation()),
@@ -134,18 +140,21 @@ def brep_criteria(cast: BrepCast, distance_mm: float, fault: str = "") -> list[C
     ]
 
 
-def brep_evidence(cast: BrepCast, distance_mm: float, fault: str = "") -> Evidence:
-    """Agreement of the STEP file with the design, and its limits; ``distance_mm``: to the receiver."""
+def brep_evidence(cast: BrepCast, reach_mm: float, fault: str = "") -> Evidence:
+    """Agreement of the STEP file with the design, and its limits; ``reach_mm``: of the receiver's light."""
     form = "export again; if it stays, lens.step is not the lens of lens.json"
-    limit, fates = BREP_DEVIATION_PER_DISTANCE * distance_mm, BREP_FATE_RAYS / BREP_RAYS
-    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault)
+    limit, fates = BREP_DEVIATION_RAD * reach_mm, BREP_FATE_RAYS / BREP_RAYS
+    return Evidence(cast.against_design, limit, BREP_FLUX_SHARE, fates, form, fault, fine=True)
 
 
-def mitsuba_criteria(cast: MitsubaCast, distance_mm: float, fault: str = "") -> list[Criterion]:
-    """Acceptance criteria of the exported mesh by Mitsuba; ``distance_mm``: to the receiver, ``fault``: of the mesh."""
+def mitsuba_criteria(cast: MitsubaCast, reach_mm: float, fault: str = "", *, fine: bool = False) -> list[Criterion]:
+    """Acceptance criteria of the exported mesh by Mitsuba; ``reach_mm``: of the receiver's light.
+
+    ``fault``: of the mesh; ``fine``: its facets are not the cause of what differs.
+    """
     design, floor = cast.against_design, noise_limit(cast.noise_floor_nmse)
-    limit, form = MITSUBA_DEVIATION_PER_DISTANCE * distance_mm, form_of_mesh(0, None)
-    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault)
+    limit, form = MITSUBA_DEVIATION_RAD * reach_mm, form_of_mesh(0, None, fine=fine)
+    seen = Evidence(design, limit, MITSUBA_FLUX_SHARE, MITSUBA_FATE_SHARE, form, fault, fine)
     fates = design.fates_flux
     return [
         at_most("mitsuba_nmse_vs_design", cast.nmse_vs_design, floor, "", seen.of_pixels()),
@@ -162,7 +171,7 @@ def balance_error(flux: StrayFlux) -> float:
 
 def stray_criteria(stray: StrayLight) -> tuple[Criterion, ...]:
     """Acceptance criteria of the flux budget with reflections; it closes on every receiver."""
-    finer = "export with a finer mesh"
+    finer = FINER
     report = "do not trust this flux budget, it does not close: please report it"
     held = (
         "light goes round in the part until it is too dim to follow: state lens.absorption_per_mm of the material, or "

@@ -22,7 +22,8 @@ _BY_PART = {
     "starts_inside": "the source is in the part's material: it is inside out or another lens; export again",
     "starts_outside": "the source is outside the part's cavity: it is another lens; export again",
 }
-_AT_A_LIMIT = "this light is near the rim or the limit of total reflection: export with a finer mesh"
+FINER = "export with a finer mesh (--rings N)"
+_AT_A_LIMIT = f"this light is near the rim or the limit of total reflection: {FINER}"
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Evidence:
     """Agreement of a file with the design, and its limits: rms deviation (mm), shares of flux for losses and fates.
 
     ``form``: what to try where its rays land elsewhere. ``fault``: the fault that was recognised in the file, if any;
-    then all else follows from it.
+    then all else follows from it. ``fine``: no facets can be the cause, those of a STEP or finer ones than needed.
     """
 
     agreement: Agreement
@@ -39,6 +40,7 @@ class Evidence:
     fates: float
     form: str
     fault: str = ""
+    fine: bool = False
 
     @property
     def lands_alike(self) -> bool:
@@ -73,7 +75,7 @@ class Evidence:
         named = ", ".join(_said(pair) for pair in pairs[:_NAMED])
         advice = _BY_PART.get(pairs[0].part) or _BY_DESIGN.get(pairs[0].design)
         if advice is None:
-            advice = _AT_A_LIMIT if self.lands_alike else self.form
+            advice = _AT_A_LIMIT if self.lands_alike and not self.fine else self.form
         return f"{named}; {advice}"
 
     def of_pixels(self) -> str:
@@ -84,23 +86,28 @@ class Evidence:
             return self.of_fates()
         if self.agreement.flux > self.flux:
             return self.of_flux()
-        return "the landings keep their limit, but cross the borders of pixels: export with a finer mesh"
+        return self.form if self.fine else f"the landings keep their limit, but cross the borders of pixels: {FINER}"
 
 
-def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "") -> str:
+def form_of_mesh(open_edges: int, step_lands_alike: bool | None, other_body: str = "", *, fine: bool = False) -> str:
     """Remedy of a mesh whose rays land elsewhere; ``step_lands_alike``: those of the STEP file, None: not cast.
 
-    ``other_body``: words on how its size differs from that of the export; empty where it does not.
+    ``other_body``: words on how its size differs from that of the export; empty where it does not. ``fine``: its facets
+    are not the cause.
     """
     if open_edges > 0:
         return "export again: the mesh is not closed"
     if other_body:
         return other_body
+    if step_lands_alike is False:
+        return (
+            "lens.step lands its rays elsewhere, too, so the mesh is not the cause: the files are another lens; export"
+        )
+    if fine:
+        return "the facets are fine enough, so a face of lens.stl lies elsewhere, or it has a void: export again"
     if step_lands_alike is None:
-        return "export with a finer mesh; if it stays, the file is not the lens of lens.json"
-    if step_lands_alike:
-        return "lens.step lands its rays right, so export with a finer mesh; if it stays, lens.stl is not this lens"
-    return "lens.step lands its rays elsewhere, too, so the mesh is not the cause: the files are another lens; export"
+        return f"{FINER}; if it stays, the file is not the lens of lens.json"
+    return f"lens.step lands its rays right, so {FINER}; if it stays, lens.stl is not this lens"
 
 
 def _said(pair: FatePair) -> str:

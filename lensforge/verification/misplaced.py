@@ -31,7 +31,7 @@ RAYS = 128
 _SAME_RATIO = 5e-3  # of the sides of two boxes: those of coarse facets are shorter by less
 _LANDED = 0.8  # of the rays, at least, for a candidate that counts
 _FITS = 0.2  # a candidate's distance, of that of the part as it lies, at most; wrong ones are as far off as that
-_FITS_PER_DISTANCE = 2e-3  # and of the receiver's distance: what is recognised need not be exact
+_FITS_RAD = 2e-3  # and as far as so much turns the light at the lens: what is recognised need not be exact
 _STEP_DEG = 10.0  # between the turns about z that are tried where the outline is round
 _UNITS = {
     1.0 / 25.4: "the file is in inches",
@@ -140,9 +140,9 @@ def recognised(
         seen = gaps[np.isfinite(gaps)]
         return float(np.median(seen)) if len(seen) >= _LANDED * len(gaps) else np.inf
 
-    before = distance(_AS_IT_LIES)
-    most = min(_FITS * before, _FITS_PER_DISTANCE * landings.screen.distance_mm)
-    if found.volume_mm3 < 0.0 and before <= _FITS_PER_DISTANCE * landings.screen.distance_mm:
+    before, fits_mm = distance(_AS_IT_LIES), _FITS_RAD * landings.screen.reach_mm(landings.irradiance)
+    most = min(_FITS * before, fits_mm)
+    if found.volume_mm3 < 0.0 and before <= fits_mm:
         return INWARDS
     best = _best(distance, found, exported, most) if exported is not None else None
     words = "" if best is None else best.words

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from lensforge.errors import InputError
 
 _AT_ONE_METRE = 1000.0  # mm: gaps between directions are given as they are there
+_FLATTEST = 1e-3  # cosine of arrival: pixels seen edge on would allow any gap
 _BEHIND = 1e-12  # of a plane's normal: a ray that rises less never reaches it
 
 Triple = tuple[float, float, float]
@@ -60,12 +61,39 @@ class Screen:
         axes: Float[np.ndarray, "3 3"] = turn.apply(np.eye(3))
         return axes
 
-    @property
-    def distance_mm(self) -> float:
-        """Distance from the lens origin, for the limits of deviations; those of directions are taken at 1 m."""
+    def reach_mm(self, light: Float[np.ndarray, "rows columns"]) -> float:
+        """Millimetres on the screen of a radian at the lens: rms over its ``light``; of directions those at 1 m.
+
+        A ray from the lens origin that goes L mm and arrives at an angle a from the normal lands L / cos a off.
+        """
         if self.kind == "far_field":
             return _AT_ONE_METRE
-        return self.radius_mm or float(abs(self.axes[2] @ self.centre_mm))
+        points, normals = self._centres(*light.shape)
+        paths = np.linalg.norm(points, axis=-1)
+        cosines = np.abs(np.sum(points * normals, axis=-1)) / paths
+        reach = paths / np.maximum(cosines, _FLATTEST)
+        return float(np.sqrt(np.sum(light * reach**2) / np.sum(light)))
+
+    def _centres(self, rows: int, columns: int) -> tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w 3"]]:
+        """Middles of pixels (mm) of a plane, a cylinder or a sphere, and the normals there."""
+        x, y = np.meshgrid(
+            self.width * ((np.arange(columns) + 0.5) / columns - 0.5),
+            self.height * ((np.arange(rows) + 0.5) / rows - 0.5),
+        )
+        if self.kind == "plane":
+            normals = np.stack([np.zeros_like(x), np.zeros_like(x), np.ones_like(x)], axis=-1)
+            points = np.stack([x, y, np.zeros_like(x)], axis=-1)
+        elif self.kind == "sphere":
+            radius = np.maximum(np.hypot(x, y) / self.radius_mm, np.finfo(float).tiny)
+            angle = 2.0 * np.arcsin(np.minimum(0.5 * radius, 1.0))
+            across = np.sin(angle) / radius / self.radius_mm
+            normals = np.stack([across * x, across * y, np.cos(angle)], axis=-1)
+            points = self.radius_mm * normals
+        else:
+            azimuth = x / self.radius_mm
+            normals = np.stack([np.sin(azimuth), np.zeros_like(x), np.cos(azimuth)], axis=-1)
+            points = self.radius_mm * normals + y[..., None] * np.array([0.0, 1.0, 0.0])
+        return points @ self.axes + self.centre_mm, normals @ self.axes
 
     @property
     def mm_per_unit(self) -> float:

@@ -17,7 +17,7 @@ from lensforge.records import BodySize, Extent
 from lensforge.sources.bundle import RayBundle
 from lensforge.verification.acceptance import (
     BREP_RAYS,
-    DEVIATION_PER_DISTANCE,
+    DEVIATION_RAD,
     brep_evidence,
     mesh_evidence,
     proof_criteria,
@@ -158,7 +158,7 @@ def _faults(
         found = found.model_copy(update={"mesh": words})
     if step is None or first.brep is None or sizes is None or sizes.step is None:
         return found
-    if not brep_evidence(first.brep, light[2].screen.distance_mm).lands_alike:
+    if not brep_evidence(first.brep, first.deviation_limit_mm / DEVIATION_RAD).lands_alike:
         body = StepBody(step) if isinstance(step, bytes) else step
         found = found.model_copy(update={"step": recognised(through_step(body), sizes.step.size, exported, *light)})
     return found
@@ -197,7 +197,7 @@ def _on_receiver(
         efficiency=flux.detected,
         efficiency_design_same_rays=share(rays, expected.flux[screen.in_window(expected.landings)]),
         deviation_mm=LandingDeviation(rms=agreement.rms, max=agreement.max, p99=agreement.p99),
-        deviation_limit_mm=DEVIATION_PER_DISTANCE * screen.distance_mm,
+        deviation_limit_mm=DEVIATION_RAD * screen.reach_mm(expected.irradiance),
         rays_compared=agreement.compared,
         flux_deviation=agreement.flux,
         fate_disagreements=agreement.fates,

@@ -1,5 +1,9 @@
 """Lenses on which the bounds of the verdict are calibrated: what is known of them without a search."""
 
+import json
+from pathlib import Path
+
+import pytest
 import verdicts
 
 import lensforge as lf
@@ -9,10 +13,19 @@ from lensforge.sources.build import build_source
 from lensforge.verdict import LEAST_SHARE
 
 
-def test_every_shipped_spec_is_expected_to_pass_and_every_useless_lens_to_fail() -> None:
-    expected = {name: state for name, _, state in verdicts.cases()}
-    assert expected["pi"] == expected["flat_top_compact"] == "pass"
-    assert [name for name, state in expected.items() if state == "fail"] == [name for name, _ in verdicts.useless()]
+def test_every_shipped_spec_is_run_and_ends_as_a_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = {path.relative_to(verdicts.EXAMPLES).as_posix() for path in verdicts.EXAMPLES.rglob("*.toml")}
+    assert {f"{name}.toml" for name in verdicts.shipped()} == files and "published/street" in verdicts.shipped()
+    for name in ("KEPT", "PAGE", "FOLDERS"):
+        monkeypatch.setattr(verdicts, name, tmp_path / getattr(verdicts, name).name)
+    unread = tmp_path / "unread.toml"
+    unread.write_text("[lens]\ncolour = 1\n", encoding="utf-8")
+    monkeypatch.setattr(verdicts, "shipped", lambda: {"unread": unread})
+    assert verdicts.run_shipped(["unread"]) == 1
+    kept = json.loads(verdicts.KEPT.read_text(encoding="utf-8"))["unread"]
+    assert kept["exit"] == 2 and kept["light"] == "" and "constraints: missing" in kept["said"]
+    page = verdicts.filled("<!-- verdicts -->\n\n<!-- end of verdicts -->", {"unread": kept})
+    assert "| unread | 2 |  |  |  |" in page
 
 
 def test_no_lens_brings_the_light_of_the_large_source_into_the_small_far_rectangle() -> None:

@@ -67,6 +67,7 @@ def test_other_rays_have_files_of_their_own(folder: Path) -> None:
     done = run(folder, "--points", folder / "points.csv", "--surface", "inner", "--wavelength", 3.0, "--rays", 64)
     assert done.exit_code == 0, done.output
     assert {"correct_inner_64rays.json", "lens_corrected_inner_64rays.step"} <= {each.name for each in folder.iterdir()}
+    assert "lens_corrected_inner_64rays.step" in done.stdout and "lens_corrected_inner.step" not in done.stdout
     assert lf.load(folder).corrections["inner"].wavelength_mm == 2.5
 
 

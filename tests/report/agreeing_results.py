@@ -12,6 +12,7 @@ from lensforge.optimisation.design import Margins
 from lensforge.optimisation.limits import constraint_criteria
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Metric
+from lensforge.screens import screens_of
 from lensforge.surfaces.srbf import fibonacci_hemisphere
 from lensforge.verification.acceptance import proof_criteria, stray_criteria
 from lensforge.verification.size_result import SizedFile, Sizes
@@ -130,7 +131,7 @@ def findings(result, lens):
 
 
 def proof(result, lens):
-    return {"receivers": tuple(map(proof_on_receiver, result.receivers))}
+    return {"receivers": tuple(map(proof_on_receiver, result.receivers, screens_of(lens.spec)))}
 
 
 def proof_of(result, exported, lit):
@@ -155,9 +156,10 @@ def proof_of(result, exported, lit):
     return changed.model_copy(update={"criteria": proof_criteria(changed)})
 
 
-def proof_on_receiver(result):
+def proof_on_receiver(result, screen):
     seen = squares(result.irradiance, result.design_irradiance)
-    change = {"nmse_vs_design": seen, "noise_floor_nmse": seen, "deviation_limit_mm": 0.015}
+    limit_mm = 1e-4 * screen.reach_mm(result.design_irradiance)
+    change = {"nmse_vs_design": seen, "noise_floor_nmse": seen, "deviation_limit_mm": limit_mm}
     for name, gaps in (
         ("mesh", result.gaps_mesh_mm),
         ("brep", result.gaps_step_mm),

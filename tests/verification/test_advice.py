@@ -1,5 +1,7 @@
 """Remedies follow their cause: the mesh is named where the mesh is it, and only there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -113,6 +115,16 @@ def test_an_inside_out_mesh_says_so():
 )
 def test_the_step_file_tells_whether_the_mesh_is_the_cause(edges, step, says):
     assert says in form_of_mesh(edges, step)
+
+
+def test_fine_facets_are_not_blamed_for_a_shifted_face_or_a_void():
+    shifted = lens_mesh(INNER.radius, replace(OUTER, centre=(-0.34, 0.3, -0.5)).radius, 150, (16.0, 2.0))
+    void = trimesh.creation.icosphere(subdivisions=3, radius=0.9).apply_translation([2.1, -1.4, 11.2])
+    void.invert()
+    for part in (shifted, trimesh.util.concatenate([mesh(rings=150), void])):
+        remedies, _ = failed(part)
+        assert remedies and MESH not in "".join(remedies.values())
+        assert "a face of lens.stl lies elsewhere, or it has a void" in "".join(remedies.values())
 
 
 @pytest.mark.parametrize("fate", list(CastFate)[1:])

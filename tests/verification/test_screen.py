@@ -113,6 +113,34 @@ def test_screen_and_receiver_see_the_same_light_and_window(name, variance):
     assert not (inside & ~screen.on_pixels(hits)).any()
 
 
+def moved_by_a_radian(screen, ways):
+    """Largest movement (mm) on the screen of each ray from the origin, for a turn at the origin, by differences."""
+    across = np.cross(ways, np.where(np.abs(ways[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turns = [1e-6 * across, 1e-6 * np.cross(ways, across)]
+    start = np.zeros_like(ways)
+    slopes = [(screen.land(start, ways + turn) - screen.land(start, ways - turn)) / 2e-6 for turn in turns]
+    return np.linalg.norm(np.stack(slopes, axis=-1), ord=2, axis=(1, 2))
+
+
+@pytest.mark.parametrize("name", [name for name in SKEWED if "plane" in name or "cylinder" in name])
+def test_reach_is_how_far_light_moves_on_the_screen_for_a_turn_at_the_lens(name):
+    screen, ways = replace(built(name, 0.0)[0], columns=150, rows=150), exit_rays(40_000, seed=5)[1]
+    ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    flux, hits = np.random.default_rng(6).random(len(ways)), screen.land(np.zeros_like(ways), ways)
+    seen = screen.on_pixels(hits)
+    moved = moved_by_a_radian(screen, ways[seen])
+    rms = np.sqrt(np.average(moved**2, weights=flux[seen]))
+    assert seen.sum() > 1000
+    assert screen.reach_mm(screen.irradiance(hits, flux)) == pytest.approx(rms, rel=0.02)
+
+
+def test_reach_of_a_screen_around_the_lens_is_its_radius_and_of_directions_a_metre():
+    light = np.random.default_rng(7).random((PIXELS, PIXELS))
+    sphere = next(built(name, 0.0)[0] for name in SKEWED if "sphere" in name)
+    assert sphere.reach_mm(light) == pytest.approx(60.0) and built("far field", 0.0)[0].reach_mm(light) == 1000.0
+
+
 def test_a_window_is_a_rectangle_a_circle_or_where_both_overlap():
     place = np.array([[0.0, 0.0], [39.0, 0.0], [0.0, 21.0], [35.0, 18.0], [41.0, 0.0], [np.nan, np.nan]])
     square = Screen.square(100.0, 200.0, 10)

@@ -4,12 +4,20 @@ import cadquery as cq
 import numpy as np
 import pytest
 import trimesh
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeWire
+from OCP.BRepLib import BRepLib
+from OCP.Geom2d import Geom2d_Circle
+from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt2d
+from scipy.interpolate import make_interp_spline
 
+from lensforge.geometry.edges import geom_surface
+from lensforge.geometry.patch import Patch
 from lensforge.records import BodySize
 from lensforge.verification.body import facet_errors, mesh_size
 from lensforge.verification.size_criteria import size_criteria
 from lensforge.verification.size_result import Faults, SizedFile, Sizes
 from lensforge.verification.step_body import StepBody
+from lensforge.verification.step_size import bounds_mm
 
 RADIUS, BASE, HEIGHT = 13.0, 16.0, 2.0
 
@@ -55,6 +63,28 @@ def test_the_size_of_a_step_is_that_of_the_closed_form(tmp_path):
     assert size.volume_mm3 == pytest.approx(wanted.volume_mm3, rel=1e-7)
     assert size.area_mm2 == pytest.approx(wanted.area_mm2, rel=1e-7)
     np.testing.assert_allclose(size.bounds_mm, wanted.bounds_mm, rtol=0.0, atol=1e-5)
+
+
+def wavy(x, y):
+    """Height of a crown off the middle, with bumps an eighth wide."""
+    return 3.0 - 0.2 * (x - 0.4) ** 2 - 0.3 * (y + 0.1) ** 2 + 0.1 * np.cos(51.0 * x + 2.1) * np.cos(49.0 * y - 0.9)
+
+
+def test_the_top_of_a_wavy_face_is_that_of_its_highest_bump():
+    middle, radius, along = (0.15, -0.2), 0.7, np.linspace(-1.02, 1.02, 180)
+    x, y = np.meshgrid(along, along, indexing="ij")
+    lines = make_interp_spline(along, np.stack([x, y, wavy(x, y)], axis=-1), k=5)
+    columns = make_interp_spline(along, lines.c.transpose(1, 0, 2), k=5)
+    surface = geom_surface(Patch(np.ascontiguousarray(columns.c.transpose(1, 0, 2)), lines.t))
+    rim = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(*middle), gp_Dir2d(1.0, 0.0)), radius)
+    edge = BRepBuilderAPI_MakeEdge(rim, surface).Edge()
+    BRepLib.BuildCurves3d_s(edge)
+    face = BRepBuilderAPI_MakeFace(surface, BRepBuilderAPI_MakeWire(edge).Wire(), True).Face()
+    reach = radius * np.linspace(0.0, 1.0, 1500)[:, None]
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 3001)
+    heights = wavy(middle[0] + reach * np.cos(azimuths), middle[1] + reach * np.sin(azimuths))
+    low, high = bounds_mm(face, [face])
+    np.testing.assert_allclose([*low, *high], [-0.55, -0.9, heights.min(), 0.85, 0.5, heights.max()], rtol=0, atol=2e-4)
 
 
 @pytest.mark.parametrize("rows", [2, 3, 4])

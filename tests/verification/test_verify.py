@@ -197,7 +197,22 @@ def test_what_does_not_fit_is_input_error(verify, change, message):
         verify(right(rings=6), **change, plain_rays=1)
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 45.0])
+def test_a_wall_at_a_slope_allows_what_as_large_an_error_of_the_lens_moves_there(verify, turn_deg):
+    """A beam 0.1 rad to each side goes as far as to a wall that it meets head on, and moves there by 1 / cos more."""
+    turn = np.radians(turn_deg)
+    facing = (np.sin(turn), 0.0, np.cos(turn))
+    wall = replace(SCREEN, centre_mm=(0.0, 0.0, DISTANCE), facing=facing)
+    _, flux, ways = oracle(INNER, OUTER, RAYS, INDEX, DISTANCE)
+    exits = np.column_stack([HITS, np.full(len(HITS), DISTANCE)]) - 100.0 * ways
+    seen = np.linalg.norm(HITS, axis=1) < 15.0
+    hits = np.where(seen[:, None], wall.land(exits, ways), np.nan)
+    flux = np.where(seen, flux, 0.0)
+    limit = verify(right(), screen=wall, landings=hits, flux=flux, irradiance=wall.irradiance(hits, flux), plain_rays=1)
+    assert limit.first.deviation_limit_mm == pytest.approx(1e-4 * DISTANCE / np.cos(turn), rel=0.05)
+
+
 def test_criteria_read_as_sentences(verify):
     result = verify(right(rings=8), plain_rays=1)
     criterion = next(criterion for criterion in result.criteria if criterion.name == "deviation_rms")
-    assert "finer mesh" in str(criterion)
+    assert "finer mesh (--rings N)" in str(criterion)
