@@ -57,7 +57,8 @@ _ROWS = [
 _YAML = (
     b"&a ", b"*a", b"<<: *a\n", b"!!python/object/apply:os.system [true]", b"!!binary aGk=", b"!!set {a, b}",
     b":".join([b"1"] * 5000), b"2001-01-01 00:00:00", b"[" * 2000, b"{a: " * 500, b"- " * 3000, b"? " * 3000,
-    b"x: &x [y, y, y, y, y]\nz: &z [*x, *x, *x, *x, *x]\n", b"---\n" * 100, b"...\n", b"%YAML 1.1\n---\n", b"~", b"| \n",
+    b"x: &x [y, y, y, y, y]\nz: &z [*x, *x, *x, *x, *x]\n", b"---\n" * 100, b"...\n", b"%YAML 1.1\n---\n", b"~",
+    b"| \n",
     b"[" + b"1," * 20_000 + b"]", b"".join(b"k%d: 1\n" % k for k in range(4000)), b"0x1F",
     b"1_000", b"\t", b"\\x00",
 )  # fmt: skip

@@ -18,6 +18,7 @@ from lensforge.materials.data import MaterialData
 from lensforge.materials.formulas import HUGE, NAMES, Formula, IndexTable
 
 _MOST_BYTES = 4 * MIB  # the largest table of the database has 1 MiB
+_LEAST_UM = 1e-3  # no light of a lens is shorter
 _MOST_EVENTS, _DEEPEST = 10_000, 16  # of YAML: a file of the database has a few hundred, four levels deep
 _Loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # no types, no tags; in C where PyYAML was built with it
 
@@ -95,7 +96,12 @@ def _table(block: dict[str, Any], path: Path, columns: int) -> Float[np.ndarray,
     rows = [line.split() for line in str(block.get("data", "")).splitlines() if line.strip()]
     try:
         table = np.array([[float(word) for word in row[:columns]] for row in rows])
-        if table.ndim != 2 or table.shape[1] != columns or not (np.abs(table) < HUGE).all() or table[:, 0].min() <= 0.0:
+        if (
+            table.ndim != 2
+            or table.shape[1] != columns
+            or not (np.abs(table) < HUGE).all()
+            or table[:, 0].min() < _LEAST_UM
+        ):
             raise ValueError
     except ValueError:
         raise InputError(f"{path}: its table is not {columns} columns of numbers; download it again") from None
