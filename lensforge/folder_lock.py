@@ -138,13 +138,21 @@ def _acquire(folder: Path, path: Path) -> int:
             if _is_at(handle, path):
                 return handle
         except OSError as error:
-            os.close(handle)
+            _give_up(handle, path)
             raise InputError(f"{path}: cannot be written ({error.strerror}); give another folder") from None
         except BaseException:
             os.close(handle)
             raise
         os.close(handle)
     raise InputError(f"{folder}: in use by other processes, each for a moment; try again")
+
+
+def _give_up(handle: int, path: Path) -> None:
+    """Close a file into which nothing could be written, and delete it where it is empty: on a full disk it stays so."""
+    with suppress(OSError):
+        if os.fstat(handle).st_size == 0 and _is_at(handle, path):
+            path.unlink()
+    os.close(handle)
 
 
 def _open(path: Path) -> int:

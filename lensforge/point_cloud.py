@@ -34,13 +34,13 @@ def read_cloud(path: Path, missing: str = "give the file of the measured points"
         if not fields or fields[0].startswith("#"):
             continue
         if _DECIMAL_COMMAS.search(line):
-            raise InputError(f"{path}: line {number}: {_quoted(line)}: decimal commas; write decimal points")
+            raise InputError(f"{path}: line {number}: decimal commas; write decimal points")
         try:
             points.append(tuple(map(float, fields[:3])))
         except ValueError:
             if points:
-                raise InputError(f"{path}: line {number}: {_quoted(line)}: must be x, y, z in mm") from None
-            skipped = skipped or f"line {number}: {_quoted(line)}"
+                raise InputError(f"{path}: line {number}: must be x, y, z in mm") from None
+            skipped = skipped or f"line {number}"
             continue
         if len(points[-1]) < 3:
             raise InputError(f"{path}: line {number}: {len(fields)} numbers, must be x, y, z in mm")
@@ -55,7 +55,3 @@ def read_cloud(path: Path, missing: str = "give the file of the measured points"
     if furthest > _FURTHEST_MM:
         raise InputError(f"{path}: a coordinate of {furthest:.4g} mm, must be at most {_FURTHEST_MM:g}; remove it")
     return cloud
-
-
-def _quoted(line: str) -> str:
-    return repr(line.strip()[:40])

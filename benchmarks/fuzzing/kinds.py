@@ -17,6 +17,7 @@ _MODULES = {
         "csv",
     ),
     "photometric_files": ("ies", "ldt", "tm33", "spectrum", "points"),
+    "material_files": ("agf", "yaml", "index"),
     "records": (
         "lens", "run", "design", "evaluate", "export", "check", "verify", "stray", "sensitivity", "yield",
         "photometry",

@@ -7,17 +7,18 @@ the reference temperature, as rays here are. Zeros in TD and ED mean that nothin
 """
 
 from difflib import get_close_matches
-from math import log
+from math import log, nan
 from pathlib import Path
 
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.materials.data import MaterialData
-from lensforge.materials.formulas import NAMES, Formula
+from lensforge.materials.formulas import HUGE, NAMES, Formula
 from lensforge.materials.temperature import HIGHEST_C, LOWEST_C, REFERENCE_C, SCHOTT_COEFFICIENTS, TemperatureLaw
 
 _TAGS = ("NM", "CD", "LD", "TD", "ED")
-_MOST_BYTES = 16 * MIB  # the largest catalogue of a glass maker has 1 MiB
+_MOST_BYTES = 4 * MIB  # the largest catalogue of a glass maker has 1 MiB
+_MOST_GLASSES, _LONGEST_NAME = 5000, 60  # all makers together have 3,000; a search for a name like it takes a second
 # Catalogues write 0 for light that they could not measure; what is left of 25 mm then is lost in any lens.
 _LEAST_TRANSMITTANCE = 1e-6
 
@@ -61,6 +62,11 @@ def _lines_of(path: Path, glass: str) -> list[str]:
             current = blocks.setdefault(words[1].upper(), [])
         if words:
             current.append(line.strip())
+    if len(blocks) > _MOST_GLASSES or max(map(len, blocks), default=0) > _LONGEST_NAME:
+        raise InputError(
+            f"{path}: {len(blocks)} glasses, at most {_MOST_GLASSES} are read, with names of {_LONGEST_NAME} "
+            "characters; give the catalogue of one maker"
+        )
     if glass.upper() not in blocks:
         close = get_close_matches(glass.upper(), blocks, 3, 0.5)
         hint = f"closest: {', '.join(close)}" if close else "lens.material must be one of its names"
@@ -112,6 +118,9 @@ def _two(words: list[str], path: Path, glass: str) -> tuple[float, float]:
 
 def _number(word: str, path: Path, glass: str) -> float:
     try:
-        return float(word)
+        number = float(word)
     except ValueError:
-        raise InputError(f"{path}: {glass} has {word[:20]!r} where a number must be") from None
+        number = nan
+    if not abs(number) < HUGE:
+        raise InputError(f"{path}: {glass} has {word[:20]!r} where a number must be")
+    return number

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 
 Waves = Float[np.ndarray, " n"]
+HUGE = 1e30  # no number of a material is as large: what is comes from a damaged file
 MOST_COEFFICIENTS = 24  # formula 4 of refractiveindex.info has 17, tables of polynomials a few more
 
 
@@ -151,7 +152,8 @@ class Formula:
     def index(self, wavelengths_nm: Waves) -> Waves:
         """The refractive index at each wavelength; NaN where the formula gives none."""
         kind = _KINDS[self.name]
-        given = (*self.coefficients, *(0.0 for _ in range(kind.least - len(self.coefficients))))
+        zeros = (0.0 for _ in range(kind.least - len(self.coefficients)))
+        given = [np.float64(each) for each in (*self.coefficients, *zeros)]  # whose powers raise no error
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             value = kind.value(given, 1e-3 * np.asarray(wavelengths_nm, dtype=np.float64))
             return np.sqrt(value) if kind.squared else value

@@ -103,11 +103,11 @@ def _row(line: str, path: Path) -> list[float]:
     words = [word.strip(",") for word in re.split(r"[\s;]+", line) if word.strip(",")]
     words = [word.replace(",", ".") for word in words] if len(words) > 1 else line.split(",")
     if len(words) != 2:
-        raise InputError(f"{path}: {_shown(line)!r}: {len(words)} columns; two, wavelength (nm) and relative power")
+        raise InputError(f"{path}: a line of {len(words)} columns, must be two: wavelength (nm) and relative power")
     try:
         return [number_in(word) for word in words]
     except ValueError:
-        raise InputError(f"{path}: {_shown(line)!r}: not two columns of numbers; wavelength (nm) and power") from None
+        raise InputError(f"{path}: a line is not two columns of numbers; wavelength (nm) and power") from None
 
 
 def _shown(line: str) -> str:

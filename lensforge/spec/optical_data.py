@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from lensforge.errors import InputError
 from lensforge.materials.data import MaterialData
-from lensforge.materials.formulas import MOST_COEFFICIENTS, Formula, IndexTable
+from lensforge.materials.formulas import HUGE, MOST_COEFFICIENTS, Formula, IndexTable
 from lensforge.materials.material import Absorption, Dispersion, Material
 from lensforge.materials.reading import read_material
 from lensforge.materials.temperature import HIGHEST_C, LOWEST_C, REFERENCE_C, TemperatureLaw
@@ -18,6 +18,8 @@ from lensforge.spec.section import Label, Section
 _Wavelength = Annotated[float, Field(ge=100.0, le=20_000.0)]
 _MOST_ROWS = 10_000  # of tables: 0.1 nm over the visible range and more
 _Wavelengths = Annotated[tuple[_Wavelength, ...], Field(max_length=_MOST_ROWS)]
+_Coefficient = Annotated[float, Field(ge=-HUGE, le=HUGE)]
+_Schott = Annotated[float, Field(ge=-1e3, le=1e3)]  # the largest is the wavelength of the pole, in um
 Celsius = Annotated[float, Field(ge=LOWEST_C, le=HIGHEST_C)]
 Expansion = Annotated[float, Field(ge=-1e-4, le=1e-3)]  # 1/K; silicones have 3e-4
 _LEAST_INDEX, _LARGEST_INDEX = 1.0, 4.0
@@ -33,7 +35,7 @@ class OpticalData(Section):
     """Name of a dispersion formula, such as "sellmeier" (pairs b, c in um^2: n^2 - 1 = sum b w^2 / (w^2 - c)) or
     "cauchy" (n = a + b / w^2 + ...), wavelength w in um.
     """
-    coefficients: Annotated[tuple[float, ...], Field(max_length=MOST_COEFFICIENTS)] = ()
+    coefficients: Annotated[tuple[_Coefficient, ...], Field(max_length=MOST_COEFFICIENTS)] = ()
     """Coefficients of the formula."""
     range_nm: tuple[_Wavelength, _Wavelength] | None = None
     """Wavelengths over which the formula holds."""
@@ -48,7 +50,7 @@ class OpticalData(Section):
     ] = ()
     """Absorption at each of these wavelengths."""
 
-    schott_coefficients: tuple[float, float, float, float, float, float] | None = None
+    schott_coefficients: tuple[_Schott, _Schott, _Schott, _Schott, _Schott, _Schott] | None = None
     """Coefficients [D0, D1, D2, E0, E1, pole] of the index against temperature (SCHOTT)."""
     reference_temperature_c: Celsius = REFERENCE_C
     """Temperature at which the index is the one above."""

@@ -16,6 +16,7 @@ from lensforge.spec.fields import all_sections, kind_of, sections_in, unit_of, w
 _MOST_LINES = 20  # of a message; a list of a thousand wrong numbers has one cause
 _MOST_CHARACTERS = 480  # of what is wrong in a line
 _LIKENESS = 0.77  # of two names: "diametre_mm" and "diameter_mm" have 0.9, "cone" and "none" 0.75
+_NO_HINT = "known here: "
 _KINDS = ("union_tag_invalid", "union_tag_not_found")
 
 
@@ -43,7 +44,8 @@ def spec_error(error: ValidationError, origin: str, root: type[BaseModel]) -> Wr
         place = _place(each["loc"], root)
         hint, instead = _hint(place, root)
         meant.add(instead)
-        lines.append(_line(origin, place.name, each["input"], f"unknown; {hint}"))
+        value = None if hint.startswith(_NO_HINT) else each["input"]  # of another file's field: not for a message
+        lines.append(_line(origin, place.name, value, f"unknown; {hint}"))
     for place, group in _by_place([each for each in entries if each not in unknown], root):
         if not (group[0]["type"] == "missing" and place.name in meant):
             words = " or ".join(dict.fromkeys(_problem(each, place) for each in group))
@@ -105,7 +107,7 @@ def _hint(place: _FieldPlace, root: type[BaseModel]) -> tuple[str, str]:
             return f"it belongs to [{name}]", ""
     names = [name for each in all_sections(root) for name in each.model_fields]
     elsewhere = _nearest(place.last, names)
-    known = f"known here: {', '.join(place.known)}"
+    known = f"{_NO_HINT}{', '.join(place.known)}"
     return (f"{known}; elsewhere there is {elsewhere}" if elsewhere and len(place.last) > 2 else known), ""
 
 

@@ -9,6 +9,8 @@ from jaxtyping import Float
 from lensforge.errors import InputError
 from lensforge.files import MIB, read_file
 from lensforge.npz_file import arrays_in
+from lensforge.records.arrays import LARGEST
+from lensforge.records.validation import unquoted
 
 _MOST_BYTES = 64 * MIB  # a text of 2000 x 2000 numbers of 16 characters
 _ZIP = b"PK\x03\x04"  # begins every npz file
@@ -20,9 +22,9 @@ def read_table(path: Path) -> Float[np.ndarray, "h w"]:
     values = _from_npz(content, path) if content.startswith(_ZIP) else _from_csv(content, path)
     if values.ndim != 2 or values.size == 0:
         raise InputError(f"{path}: shape {values.shape}, must be a table of rows and columns")
-    if not np.isfinite(values).all() or values.min() < 0.0 or not values.max() > 0.0:
+    if not (values.min() >= 0.0 and 1.0 / LARGEST <= values.max() <= LARGEST):
         found = f"{values.min():.4g} to {values.max():.4g}"
-        raise InputError(f"{path}: {found}; must be finite, 0 or above, and not 0 everywhere")
+        raise InputError(f"{path}: {found}; must be 0 or above, and its largest from {1.0 / LARGEST:g} to {LARGEST:g}")
     return values
 
 
@@ -43,6 +45,5 @@ def _from_csv(content: bytes, path: Path) -> np.ndarray:
         delimiter = "," if any("," in row for row in rows) else None
         return np.loadtxt(io.StringIO("\n".join(rows)), delimiter=delimiter, ndmin=2)
     except ValueError as error:
-        reason = " ".join(str(error).split())[:120]
         words = "write commas between numbers, and points in them"
-        raise InputError(f"{path}: no table of numbers ({reason}); {words}") from None
+        raise InputError(f"{path}: no table of numbers ({unquoted(error)}); {words}") from None

@@ -59,7 +59,7 @@ def measure_yield(
     started, announce = time.perf_counter(), announce or (lambda _: None)
     study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
     require_bearable(lens, study.factors)
-    kept = KeptParts.of(file, study.recipe)
+    kept = KeptParts.of(file, study)
     found = MeasuredParts(study, workers or Threads(), kept, progress, parts)
     if rays is None:
         announce("pilot parts")

@@ -1,6 +1,8 @@
 """Files of materials: Zemax catalogues, refractiveindex.info, tables; read, kept in the spec, refused in one line."""
 
 import json
+import tracemalloc
+import warnings
 from math import exp, pi
 
 import numpy as np
@@ -9,6 +11,7 @@ from scenes import small_spec
 
 from lensforge.errors import InputError
 from lensforge.materials.catalogue import MATERIALS
+from lensforge.materials.formulas import NAMES, Formula
 from lensforge.materials.reading import read_material
 from lensforge.sources.build import build_source
 from lensforge.spec import load_spec
@@ -147,7 +150,21 @@ def test_rays_of_a_spectrum_have_index_and_absorption_at_their_wavelengths(tmp_p
         ("c.agf", AGF, {"material": "empty"}, r"empty has no line CD"),
         ("c.agf", AGF.replace("1.03961212", "x1"), {"material": "glass-a"}, r"glass-a has 'x1' where a number must be"),
         ("c.agf", AGF.replace("0.998", "1.998"), {"material": "glass-a"}, r"an internal transmittance of 1\.998"),
-        ("a.yml", "a: [", {}, r"a\.yml: not YAML"),
+        ("c.agf", AGF.replace("NM GLASS-A 2", "NM GLASS-A inf"), {"material": "glass-a"}, r"has 'inf' where a number"),
+        ("c.agf", AGF.replace("1.03961212", "1e308"), {"material": "glass-a"}, r"has '1e308' where a number must be"),
+        ("c.agf", AGF.replace("0.17 20", "1e200 20"), {"material": "glass-a"}, r"has '1e200' where a number must be"),
+        ("c.agf", AGF.replace("0.17 20", "1e20 20"), {"material": "glass-a"}, r"schott_coefficients.5 = 1e\+20"),
+        ("c.agf", AGF + "NM X 1\n" * 9 + "NM " + "X" * 300, {"material": "y"}, r"6 glasses, .* names of 60 characters"),
+        ("c.agf", "".join(f"NM G{k} 2\n" for k in range(5001)), {"material": "y"}, r"5001 glasses, at most 5000"),
+        ("a.yml", "a:\n  secret: [", {}, r"a\.yml: not YAML from line 3, column 1 on; download"),
+        ("a.yml", "a: &a secret\nb: *a", {}, r"a\.yml: an alias in line 2, which no material needs"),
+        ("a.yml", "DATA: [" + "1, " * 10_000 + "1]", {}, r"more than 10000 entries, or more than 16 levels"),
+        ("a.yml", "DATA: " + "[" * 17 + "]" * 17, {}, r"more than 10000 entries, or more than 16 levels"),
+        ("a.yml", "DATA: " + ":".join(["1"] * 300_000), {}, r"a\.yml: has no list DATA"),
+        ("a.yml", "DATA: !!python/tuple [1]", {}, r"a\.yml: has no list DATA"),
+        ("a.yml", NK.replace("0.400 2", "0.0 2"), {}, r"its table is not 2 columns of numbers"),
+        ("a.yml", NK.replace("1.2969", "1e308"), {}, r"coefficients.1 = 1e\+308"),
+        ("a.yml", NK.replace("formula 2", "formula 1").replace("0.011721", "1e308"), {}, r"coefficients.2 = 1e\+308"),
         ("a.yml", "a: 1", {}, r"a\.yml: has no list DATA"),
         ("a.yml", "DATA:\n  - type: tabulated k\n    data: 1 2\n", {}, r"a\.yml: has no index, only tabulated k"),
         ("a.yml", NK.replace("0.4368 1.052", "0.4368"), {}, r"wavelength_range must be 2 numbers at least"),
@@ -174,6 +191,45 @@ def test_what_cannot_be_used_is_one_line(tmp_path, name, content, lens, message)
     with pytest.raises(InputError, match=message) as error:
         small_spec(lens__material_file=str(path), **fields)
     assert "\n" not in str(error.value)
+
+
+def test_the_smallest_file_beyond_a_bound_is_refused_and_the_largest_within_is_read(tmp_path):
+    """Values of YAML are texts: 1:30, which a reader of types takes for 90, is no number; neither is a date."""
+    text = NK.replace("somebody", "x").replace("DATA:", "NUMBER: 1:30\nDATE: 2001-01-01\nDATA:")
+    deep = text + "DEEP: " + "[" * 14 + "]" * 14 + "\nLONG: [" + "1, " * 9900 + "1]\n"
+    for name, content in {"plain": text, "deep": deep}.items():
+        assert read_material(written(tmp_path, f"{name}.yml", content), None).absorption_nm == (400.0, 500.0, 600.0)
+    with (tmp_path / "large.yml").open("w", encoding="utf-8") as file:
+        file.truncate(4 * 2**20 + 1)
+    for suffix in ("yml", "agf", "csv"):
+        (tmp_path / f"large.{suffix}").write_bytes((tmp_path / "large.yml").read_bytes())
+        with pytest.raises(InputError, match="4 MiB, must be at most 4 MiB"):
+            read_material(tmp_path / f"large.{suffix}", "x")
+
+
+@pytest.mark.parametrize("levels", [6, 9])
+def test_aliases_of_aliases_take_neither_time_nor_memory(tmp_path, levels):
+    """Nine to the power of ``levels`` entries in 500 bytes."""
+    lists = [f"{chr(98 + k)}: &{chr(98 + k)} [{', '.join(['*' + chr(97 + k)] * 9)}]\n" for k in range(levels)]
+    path = written(tmp_path, "a.yml", "a: &a [x]\n" + "".join(lists) + f"DATA: [{{type: *{chr(97 + levels)}}}]\n")
+    assert path.stat().st_size < 600
+    tracemalloc.start()
+    with pytest.raises(InputError, match="an alias in line 2"):
+        read_material(path, None)
+    assert tracemalloc.get_traced_memory()[1] < 2**20
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("huge", [1e308, -1e308, 1e-320])
+def test_no_coefficient_ends_in_an_error_of_arithmetic(name, huge):
+    """Each coefficient in turn beyond what its square or power can be: no index there, and the spec refuses it."""
+    for place in range(10):
+        formula = Formula(name, tuple(huge if k == place else 1.5 - 0.1 * k for k in range(10)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = formula.index(np.array([450.0, 550.0]))
+        assert found.shape == (2,) and found.dtype == np.float64
 
 
 def test_a_missing_file_is_one_line(tmp_path):

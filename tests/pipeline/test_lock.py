@@ -276,3 +276,13 @@ def test_many_short_holders_never_meet(tmp_path: Path) -> None:
     assert [process.wait(timeout=120) for process in processes] == [0, 0, 0]
     assert (tmp_path / "number").read_text(encoding="utf-8") == "180"
     assert [path.name for path in tmp_path.iterdir()] == ["number"]
+
+
+def test_no_empty_lock_stays_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int, text: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(folder_lock, "_write", full)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left"), locked(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []

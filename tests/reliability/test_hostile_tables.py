@@ -3,6 +3,7 @@
 import io
 import tracemalloc
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,13 @@ from refusals import one_line
 
 import lensforge as lf
 from lensforge.errors import InputError
+from lensforge.materials.reading import read_material
 from lensforge.npz_file import arrays_in
+from lensforge.point_cloud import read_cloud
 from lensforge.sources.build import build_source
 from lensforge.sources.radiance_table import read_radiance
 from lensforge.sources.spectrum_file import read_spectrum_file
+from lensforge.targets.tables import read_table
 
 MIB = 2**20
 
@@ -129,3 +133,36 @@ def test_long_rows_of_a_radiance_table_are_drawn_in_smaller_blocks(tmp_path, mon
     rays = source.sample(4096, 1)
     monkeypatch.setattr("lensforge.sources.radiance._BLOCK_NUMBERS", 2**40)
     assert np.array_equal(source.sample(4096, 1).directions, rays.directions)
+
+
+@pytest.mark.parametrize("read", [read_spectrum_file, read_cloud, read_table, lf.load_spec, read_material])
+@pytest.mark.parametrize(
+    "content",
+    [
+        "hunter2\n",
+        "hunter2:x:0\n",
+        "1 hunter2 3\n",
+        "[hunter2\n",
+        "'hunter2\n",
+        "a: *hunter2\n",
+        'api_key = "hunter2"\n',
+    ],
+)
+def test_a_file_that_is_something_else_is_not_quoted(read: Callable[..., object], content: str, tmp_path: Path) -> None:
+    """A path may name another file than was meant: its content belongs into no message and no log."""
+    for suffix in (".yml", ".csv") if read is read_material else (".csv",):
+        path = tmp_path / f"other{suffix}"
+        path.write_text(content)
+        with pytest.raises(InputError) as refusal:
+            read(path, "glass") if read is read_material else read(path)
+        assert "hunter2" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("largest", [1e308, 1.1e30, 0.9e-30])
+def test_tables_of_light_beyond_all_light_are_refused(largest: float, tmp_path: Path) -> None:
+    (tmp_path / "light.csv").write_text(f"{largest}, 0\n0, {largest}\n")
+    with pytest.raises(InputError, match="its largest from 1e-30 to 1e\\+30") as refusal:
+        read_table(tmp_path / "light.csv")
+    one_line(refusal)
+    (tmp_path / "light.csv").write_text("1e30, 0\n")
+    assert read_table(tmp_path / "light.csv").max() == 1e30

@@ -147,11 +147,11 @@ def test_rows_are_read_as_they_stand_from_blue_to_red(content, rows, tmp_path):
         ("# comment only\n", "it has none"),
         ("OPTIS - Spectrum file v1.0\nLED\n0\n", "0 samples announced, 0 found"),
         ("OPTIS - Spectrum file v1.0\nLED\nmore\n3\n450 1\n", "line 3 of an OPTIS spectrum"),
-        ("x" * 60 + " 1 2\n", "x" * 40 + "': 3 columns"),
-        ("450 \x011 2\n", "450 .1 2': 3 columns"),
+        ("x" * 60 + " 1 2\n", "a line of 3 columns"),
+        ("450 \x011 2\n", "a line of 3 columns"),
     ],
 )
-def test_other_lines_are_refused_with_what_is_shown_of_them(content, message, tmp_path):
+def test_other_lines_are_refused(content, message, tmp_path):
     content = "450 0\n" * content.startswith("x") + content
     with pytest.raises(InputError, match=message):
         read(tmp_path, content)

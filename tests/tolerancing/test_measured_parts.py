@@ -1,17 +1,22 @@
 """Measured parts: kept at an interrupt, the same bits after it, nothing of another study."""
 
+import json
+import os
+
 import numpy as np
 import pytest
 from parts import lens_with, study_of
 
 from lensforge.errors import Cancelled, InputError
+from lensforge.records.stored import with_checksum
+from lensforge.tolerancing import kept_parts
 from lensforge.tolerancing.kept_parts import KeptParts
 from lensforge.tolerancing.measured_parts import MeasuredParts, Threads
 from lensforge.tolerancing.yield_study import measure_yield
 
 
 def _parts(study, file=None, progress=None) -> MeasuredParts:
-    return MeasuredParts(study, Threads(), KeptParts.of(file, study.recipe), progress)
+    return MeasuredParts(study, Threads(), KeptParts.of(file, study), progress)
 
 
 def test_an_interrupted_study_goes_on_to_the_same_bits(tmp_path) -> None:
@@ -72,11 +77,49 @@ def test_a_damaged_file_is_one_line(tmp_path) -> None:
     file = tmp_path / "parts.npz"
     _parts(study_of(rays=256), file).of(range(2))
     whole = file.read_bytes()
-    for content in (b"", b"no archive", whole[: len(whole) // 2], whole[:-30], whole.replace(b"jobs", b"jabs")):
+    for content in (b"", b"no archive", whole[: len(whole) // 2], whole[:-30], whole.replace(b"rays", b"rats")):
         file.write_bytes(content)
         with pytest.raises(InputError, match=r"no parts of a study .* delete it to begin again") as error:
             _parts(study_of(rays=256), file)
         assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("rewritten", [False, True])
+@pytest.mark.parametrize("name", ["rays", "numbers", "scales", "values", "head"])
+def test_other_numbers_than_those_that_were_measured_are_refused(tmp_path, name: str, rewritten: bool) -> None:
+    """One entry of each array is changed, or all hashes with it: then the numbers must still be those of a study."""
+    study, file = study_of(rays=256), tmp_path / "parts.npz"
+    _parts(study, file).of(range(3), {"gap_mm": 2.0})
+    with np.load(file) as found:
+        arrays = {key: found[key].copy() for key in found.files}
+    if name == "head":
+        arrays["head"][-3] ^= 1
+    elif rewritten:
+        arrays[name] = arrays[name][:-1]
+        head = json.loads(arrays["head"].tobytes()) | {"sha256": kept_parts._sha256(arrays)}
+        arrays["head"] = np.frombuffer(json.dumps(with_checksum(head)).encode(), dtype=np.uint8)
+    else:
+        arrays[name].flat[0] += 1
+    np.savez(file, **arrays)
+    with pytest.raises(InputError, match="delete it to begin again"):
+        _parts(study, file)
+
+
+def test_a_pipe_and_a_device_are_no_parts(tmp_path) -> None:
+    study = study_of(rays=256)
+    os.mkfifo(tmp_path / "parts.npz")  # whose reading would not end
+    (tmp_path / "device.npz").symlink_to("/dev/zero")
+    (tmp_path / "nowhere.npz").symlink_to(tmp_path / "none")
+    with (tmp_path / "large.npz").open("wb") as file:
+        file.truncate(2**30)
+    for name, words in {
+        "parts": "a pipe",
+        "device": "a device",
+        "nowhere": "no such file",
+        "large": "1024 MiB",
+    }.items():
+        with pytest.raises(InputError, match=words):
+            _parts(study, tmp_path / f"{name}.npz")
 
 
 def test_threads_do_not_change_a_bit() -> None:

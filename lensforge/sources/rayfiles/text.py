@@ -7,6 +7,7 @@ from itertools import chain
 import numpy as np
 from jaxtyping import Float
 
+from lensforge.records.validation import unquoted
 from lensforge.sources.rayfiles.binary import FileImage, release_pages
 from lensforge.sources.rayfiles.rayfile import as_float64
 from lensforge.sources.rayfiles.spool import spooled
@@ -66,8 +67,7 @@ def _numbers(image: FileImage, body: bytes, line: int, delimiter: str | None) ->
             io.BytesIO(body), ndmin=2, comments=None, delimiter=delimiter, encoding="latin-1"
         )
     except ValueError as error:
-        problem = " ".join(str(error).split("\n")[0].split())[:160]
-        raise image.refuse(f"rows from line {line} on cannot be read as numbers ({_printable(problem)})") from None
+        raise image.refuse(f"rows from line {line} on cannot be read as numbers ({unquoted(error)})") from None
     return rows
 
 
@@ -101,7 +101,3 @@ def opening_lines(head: bytes) -> list[str] | None:
         return None
     lines = [line.removesuffix("\r") for line in head.decode("latin-1").split("\n")]
     return lines if len(lines) > 1 else None
-
-
-def _printable(text: str) -> str:
-    return "".join(character if character.isprintable() else "?" for character in text)
