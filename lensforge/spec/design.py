@@ -16,6 +16,7 @@ from lensforge.records.validation import its_type
 from lensforge.spec.derived import with_derived
 from lensforge.spec.drawing import DrawingSection
 from lensforge.spec.feasible import require_feasible
+from lensforge.spec.fields import words_of
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
 from lensforge.spec.light_limits import LightLimitSpec
@@ -45,7 +46,7 @@ class Spec(Section):
     """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
     """The LED: where light starts, how much, and in which directions."""
-    lens: LensSection
+    lens: LensSection = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
@@ -132,6 +133,13 @@ class Spec(Section):
         everything = self.model_dump(mode="json")
         name_kinds(content, everything)
         return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
+
+    @model_validator(mode="after")
+    def _sizes_are_known(self) -> "Spec":
+        if self.constraints.missing:
+            name = self.constraints.missing[0]
+            raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
+        return self
 
     @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
