@@ -184,7 +184,10 @@ class Spec(Section):
         """The receivers with their names; of a target alone the one that it implies."""
         if (self.target is None) == (not self.receivers):
             given = "both are given" if self.receivers else "neither is given"
-            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where")
+            also = (
+                "; limits judge the light, the search needs a target, too" if self.limits and not self.receivers else ""
+            )
+            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where{also}")
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
     def is_cut(self, face: Literal["inner", "outer"]) -> bool:

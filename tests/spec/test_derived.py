@@ -96,6 +96,15 @@ def test_a_size_that_no_rule_gives_is_named() -> None:
     assert lf.Spec(source=LAMP, target=spots, constraints=limits).all_receivers[0].size == (195.0, 195.0)
 
 
+def test_limits_alone_say_that_the_search_needs_a_target() -> None:
+    content = tomllib.loads(SHORTEST)
+    del content["target"]
+    content["limits"] = [{"kind": "points", "at_mm": [[0.0, 0.0]], "at_least_w_per_m2": 1.0}]
+    with pytest.raises(lf.InputError, match="limits judge the light, the search needs a target, too") as refusal:
+        parse_spec(content, "lamp")
+    assert len(str(refusal.value).splitlines()) == 1
+
+
 @pytest.mark.parametrize(("section", "kind"), [("source", "disk"), ("target", "rectangel")])
 def test_a_wrong_kind_is_named_alone(section: str, kind: str) -> None:
     content = tomllib.loads(SHORTEST)
