@@ -1,11 +1,15 @@
 """Fields of the library's pydantic classes for Sphinx: a name, a short type and a description for each."""
 
+import inspect
 import re
 import types
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
+
+from lensforge.spec.fields import arguments_of, default_of, words_of
+from lensforge.spec.section import Section
 
 # Methods with which a stage writes and reads its records: not part of the library's contract.
 _OF_THE_RECORDS = {
@@ -39,6 +43,13 @@ def _entry(name: str, words: str, kind: str) -> str:
 
 def field_lines(model: type) -> list[str]:
     """Entries of reStructuredText for the fields of ``model``, where it is of pydantic."""
+    if issubclass(model, Section):
+        return [
+            _entry(
+                name, words_of(model, name), "; ".join(filter(None, (_type_of(model, name), default_of(model, name))))
+            )
+            for name in arguments_of(model)
+        ]
     lines = []
     for name, field in getattr(model, "model_fields", {}).items():
         if get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1:
@@ -46,6 +57,10 @@ def field_lines(model: type) -> list[str]:
         default = "" if field.default in (PydanticUndefined, None, ()) else f", by default {field.default!r}"
         lines.append(_entry(name, field.description or "", short_type(field.annotation) + default))
     return lines
+
+
+def _type_of(section: type[Section], name: str) -> str:
+    return short_type(section.model_fields[name].annotation)
 
 
 def property_lines(model: type) -> list[str]:
@@ -64,6 +79,8 @@ def property_lines(model: type) -> list[str]:
 def add_fields(_app: Any, kind: str, _name: str, documented: Any, _options: Any, lines: list[str]) -> None:
     """Append fields and properties of a class to its docstring."""
     if kind == "class" and isinstance(documented, type):
+        if issubclass(documented, Section):  # whose own words end with its arguments, as plain text
+            lines[:] = inspect.cleandoc(vars(documented)["__doc__"]).splitlines()
         lines += ["", *field_lines(documented), *property_lines(documented), ""]
 
 

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import click
 
 from lensforge.commands.command_group import NOTES, CommandGroup
-from lensforge.commands.design import design
+from lensforge.commands.design import design, preview
 from lensforge.commands.examples import examples
 from lensforge.commands.interrupts import Interrupts
 from lensforge.commands.new import new
@@ -76,7 +76,7 @@ def cli(context: click.Context) -> None:
 
 for command in (
     design, evaluate, export, check, verify, report, rays, tradeoff, sweep, sensitivity, yield_, photometry, handover,
-    compare, correct, schema, new, examples,
+    compare, correct, schema, new, examples, preview,
 ):  # fmt: skip
     cli.add_command(command)
 

@@ -3,7 +3,7 @@
 import click
 
 SECTIONS = {
-    "Design": ("new", "design", "sweep", "tradeoff", "examples", "schema"),
+    "Design": ("new", "preview", "design", "sweep", "tradeoff", "examples", "schema"),
     "One stage of a result folder again": ("evaluate", "export", "check", "verify", "photometry", "report"),
     "Tolerances": ("sensitivity", "yield"),
     "The shop and the machined part": ("handover", "compare", "correct"),

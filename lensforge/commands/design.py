@@ -7,9 +7,11 @@ import click
 
 from lensforge import pipeline
 from lensforge.commands.conclusion import finish_run
+from lensforge.commands.light_blocks import light_rows
 from lensforge.commands.options import (
     ACCURACY,
     DEVICE,
+    OPEN,
     RAYS,
     SCHEDULER,
     SEED,
@@ -17,10 +19,13 @@ from lensforge.commands.options import (
     resume_after_interrupt,
     with_rays,
 )
-from lensforge.commands.output import Output, with_output
+from lensforge.commands.output import Output, document, print_json, with_output
+from lensforge.commands.part_blocks import lens_rows
+from lensforge.commands.screen import Block, print_screen
 from lensforge.commands.whole_number import WholeNumber
 from lensforge.errors import InputError
 from lensforge.optimisation.checkpoint import CHECKPOINT
+from lensforge.results import REPORT_FILE
 from lensforge.run_folder import Run
 from lensforge.spec import Accuracy, Spec, load_spec
 
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
 @THREADS
 @SCHEDULER
 @DEVICE
+@OPEN
 @with_output
 def design(
     spec: Path,
@@ -57,6 +63,7 @@ def design(
     threads: int | None,
     scheduler: str | None,
     device: Literal["cpu", "cuda"],
+    shown: bool,
     output: Output,
 ) -> None:
     """Make a lens from SPEC, from the search to the report.
@@ -88,7 +95,55 @@ def design(
             scheduler=scheduler,
         )
         clock.total()
+    if shown:
+        click.launch(str(run.folder / REPORT_FILE))
     finish_run(output, run)
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Result folder; default: cad_out/<spec name>_preview.")
+@SEED
+@THREADS
+@click.option("--anyway", is_flag=True, help="Search even where less than half of what a target asks is possible.")
+@OPEN
+@with_output
+def preview(
+    spec: Path,
+    out: Path | None,
+    seed: int,
+    threads: int | None,
+    anyway: bool,
+    shown: bool,
+    output: Output,
+) -> None:
+    """Search a draft of SPEC, and draw its light: a first look, without the files of a part."""
+    from lensforge.commands.progress import DesignProgress
+    from lensforge.commands.stage_clock import StageClock
+
+    content = load_spec(spec)
+    directory = out or Path("cad_out") / f"{content.name}_preview"
+    with StageClock("design", quiet=output.quiet) as clock:
+        told = DesignProgress(clock, content)
+        run = pipeline.preview(
+            content,
+            directory,
+            seed=seed,
+            threads=threads,
+            progress=told.on_step,
+            announce=clock.begin,
+            warn=clock.warn,
+            anyway=anyway,
+        )
+        clock.total()
+    if shown:
+        click.launch(str(directory / pipeline.PICTURE_FILE))
+    if output.json:
+        print_json(document(run, run.design, run.light))
+    elif output.screen:
+        rows = [*light_rows(run.light), *lens_rows(run.design, content)]
+        picture = ("Picture", str(directory / pipeline.PICTURE_FILE))
+        print_screen([Block(f"{content.name}: a draft, {run.design.steps} steps", [*rows, picture])])
 
 
 def run_with_progress(

@@ -29,12 +29,12 @@ _PATIENCE_SECONDS = 1.0
 class Interrupts:
     """The signals that end a command: noted from :meth:`install` on, raised inside :meth:`raised` only.
 
-    ``resumable``: set by a command that leaves something from which its ``--resume`` continues.
+    ``resumable``: set by a command whose ``--resume`` continues from what it leaves; None in all others.
     """
 
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
-        self.resumable: Callable[[], bool] = lambda: False
+        self.resumable: Callable[[], bool] | None = None
         self._at = 0.0
         self._raising = False
         self._before: dict[int, Any] = {}
@@ -44,8 +44,10 @@ class Interrupts:
     def words(self) -> str:
         """Words for the user: the end, and how to continue, only where there is something to continue from."""
         what = "interrupted" if self.received is None else _WORDS[self.received.name]
-        if not self.resumable():
+        if self.resumable is None:
             return what
+        if not self.resumable():
+            return f"{what}; there is nothing to resume yet: run the same command again"
         return f"{what}; the same command with --resume continues from the last checkpoint"
 
     @property

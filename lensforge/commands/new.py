@@ -2,15 +2,17 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from lensforge.arguments import source_of
 from lensforge.errors import InputError
 from lensforge.files import replacing, require_writable
+from lensforge.manufacturing.findings import GOOD_DRAFT_DEG
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.spec import Spec, parse_spec
 from lensforge.spec.derived import WHY, with_derived
@@ -18,19 +20,30 @@ from lensforge.spec.files import resolve_files
 from lensforge.spec.json_schema import SCHEMA_FILE, spec_schema
 from lensforge.spec.new_text import new_text
 from lensforge.spec.ray_source import RayfileSource
-from lensforge.spec.shorthand import SOURCES, TARGETS, source_in, target_in
+from lensforge.spec.shorthand import SOURCE_KINDS, SOURCES, TARGET_KINDS, TARGETS, source_in, target_in
 
 _MATERIAL = "PMMA"
 _OF_USUAL_BASE_MM = 24.0  # largest radius of a lens whose cavity the base of 25.4 mm holds with room to spare
-_MEASURED = "measured: 99 % of the ray file's flux starts inside"
+_CUTTER, _CUTTERS = "1", "radius of the shop's ball cutter in mm, mould, or none"
+
+
+def _completed(kinds: Sequence[str]) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """Completion of a kind, or of the name of a file."""
+
+    def complete(_context: click.Context, _option: click.Parameter, begun: str) -> list[CompletionItem]:
+        found = [CompletionItem(f"{kind}:") for kind in kinds if f"{kind}:".startswith(begun)]
+        return found or [CompletionItem(begun, type="file")]
+
+    return complete
 
 
 @click.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
-@click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.")
-@click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.")
+@click.option("--source", metavar="SOURCE", help=f"The LED: {SOURCES}.", shell_complete=_completed(SOURCE_KINDS))
+@click.option("--target", metavar="TARGET", help=f"The light: {TARGETS}.", shell_complete=_completed(TARGET_KINDS))
 @click.option("--max-radius", type=click.FloatRange(1e-6, 1e9), help="Largest radius of the lens in mm.")
 @click.option("--material", help=f"One of {', '.join(MATERIALS)}; default: {_MATERIAL}.")
+@click.option("--cutter", metavar="CUTTER", help=f"What the shop needs: {_CUTTERS}; default: {_CUTTER}.")
 @click.option("--anyway", is_flag=True, help="Write it even where less than half of the light is possible.")
 def new(
     spec: Path | None,
@@ -38,6 +51,7 @@ def new(
     target: str | None,
     max_radius: float | None,
     material: str | None,
+    cutter: str | None,
     anyway: bool,
 ) -> None:
     """Write a commented SPEC.toml; what is not given is asked for in a terminal. Without SPEC.toml: to stdout."""
@@ -49,7 +63,8 @@ def new(
     }
     radius = max_radius or _asked("--max-radius", "largest radius of the lens in mm", _radius)
     named = material or (_asked("--material", "material", str, _MATERIAL) if _at_terminal() else _MATERIAL)
-    content = _content(_name(spec), sections, radius, named)
+    shop = cutter or (_asked("--cutter", _CUTTERS, str, _CUTTER) if _at_terminal() else _CUTTER)
+    content = _content(_name(spec), sections, radius, named, _made_by(shop))
     folder = Path() if spec is None else spec.parent
     text = _checked_text(content, folder, anyway)
     if spec is None:
@@ -89,12 +104,34 @@ def _radius(answer: str) -> float:
     return value
 
 
+def _made_by(cutter: str) -> dict[str, dict[str, Any]]:
+    """Tables of the spec for a lens that ``cutter`` can make: the limits that the check would advise."""
+    if cutter == "none":
+        return {}
+    if cutter == "mould":
+        drafts = {"inner_draft_deg": GOOD_DRAFT_DEG, "outer_draft_deg": GOOD_DRAFT_DEG}
+        return {"constraints": drafts, "manufacture": {"make": "insert"}}
+    try:
+        radius = float(cutter)
+    except ValueError:
+        radius = 0.0
+    if not 1e-6 <= radius <= 1e9:
+        raise InputError(f"--cutter {cutter}: must be the {_CUTTERS}")
+    hollows = {"inner_concave_radius_mm": radius, "outer_concave_radius_mm": radius}
+    return {
+        "constraints": {**hollows, "inner_draft_deg": 0.0, "outer_draft_deg": 0.0},
+        "manufacture": {"cutter_radius_mm": radius},
+    }
+
+
 def _name(spec: Path | None) -> str:
     name = "lens" if spec is None else spec.stem
     return "".join(each if each.isascii() and (each.isalnum() or each in "-_") else "_" for each in name)[:64] or "lens"
 
 
-def _content(name: str, sections: dict[str, Any], radius_mm: float, material: str) -> dict[str, Any]:
+def _content(
+    name: str, sections: dict[str, Any], radius_mm: float, material: str, made_by: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
     """Tables of the spec as they were asked for."""
     if material not in MATERIALS:
         raise InputError(f"--material {material}: must be one of {', '.join(MATERIALS)}")
@@ -102,8 +139,9 @@ def _content(name: str, sections: dict[str, Any], radius_mm: float, material: st
         "name": name,
         "source": sections["source"],
         "lens": {"material": material, "levels": "auto"},
-        "constraints": {"max_radius_mm": radius_mm},
+        "constraints": {"max_radius_mm": radius_mm, **made_by.get("constraints", {})},
         "target": sections["target"],
+        **({"manufacture": made_by["manufacture"]} if made_by else {}),
     }
     if radius_mm > _OF_USUAL_BASE_MM:
         found["base"] = {"diameter_mm": 1.8 * radius_mm, "height_mm": 0.125 * radius_mm}
@@ -115,20 +153,19 @@ def _checked_text(content: dict[str, Any], folder: Path, anyway: bool) -> str:
     from lensforge.optimisation.scene_check import SceneCheck
     from lensforge.sources.cavity import cavity_around
 
-    reasons = dict(WHY)
     resolved = {key: dict(value) if isinstance(value, dict) else value for key, value in content.items()}
     resolve_files(resolved, Path())
     if content["source"]["kind"] == "rayfile":
         measured = cavity_around(RayfileSource(**resolved["source"]))
         content["constraints"].update(measured)
         resolved["constraints"].update(measured)
-        reasons.update({f"constraints.{name}": _MEASURED for name in measured})
     made: Spec = parse_spec(resolved, "new")
     scene = SceneCheck.of(made, source_of(made))
     scene.require_light(anyway=anyway)
     for words in scene.warnings():
         click.echo(f"lensforge: {words}", err=True)
-    filled, _ = with_derived(content)
+    filled, names = with_derived(content)
+    reasons = {f"{section}.{name}": WHY[f"{section}.{name}"] for section, name in names if section}
     for section in ("source", "target"):
         if "file" in filled[section]:
             filled[section]["file"] = _relative(resolved[section]["file"], folder)

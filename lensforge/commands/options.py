@@ -43,6 +43,7 @@ IES_VERSION = click.option(
     type=click.Choice([str(year) for year in get_args(IesVersion)]),
     help=f"Year of LM-63 that an .ies file follows, for programs that read no newer one; default: {NEWEST}.",
 )
+OPEN = click.option("--open", "shown", is_flag=True, help="Open the page or picture in the desktop's own program.")
 DEVICE = click.option(
     "--device",
     type=click.Choice(["cpu", "cuda"]),

@@ -1,4 +1,4 @@
-"""The screen on stdout: titled blocks of labelled lines, the same on a terminal and in a pipe."""
+"""The screen on stdout: titled blocks of labelled lines; a terminal wraps long ones, a pipe has each whole."""
 
 import shutil
 import sys
@@ -11,6 +11,7 @@ import click
 from lensforge.commands.printing import printable
 
 _WIDTH, _LEAST_WIDTH = 80, 40  # columns; a narrower terminal wraps the lines at its own width
+_UNBOUNDED = 1_000_000  # of a pipe, in which programs look for lines
 _WIDEST_LABEL = 24
 
 Row = tuple[str, str]  # label and text
@@ -25,7 +26,7 @@ class Block:
 
 
 def print_screen(blocks: Sequence[Block]) -> None:
-    """Print ``blocks``, their texts in one column, long lines wrapped."""
+    """Print ``blocks``, their texts in one column, long lines wrapped on a terminal."""
     shown = click.HelpFormatter(width=_width())
     labels = [printable(label) for block in blocks for label, _ in block.rows]
     widest = min(max(map(len, labels), default=0), _WIDEST_LABEL)
@@ -40,7 +41,7 @@ def print_screen(blocks: Sequence[Block]) -> None:
 
 def _width() -> int:
     if sys.stdout is None or not sys.stdout.isatty():  # None: closed by the shell
-        return _WIDTH
+        return _UNBOUNDED
     return max(min(shutil.get_terminal_size().columns, _WIDTH), _LEAST_WIDTH)
 
 

@@ -151,8 +151,8 @@ class Light(SimulatedResult):
         return self
 
     def __str__(self) -> str:
-        named = {"NMSE": self.nmse, "uniformity": self.uniformity, "efficiency": self.efficiency}
-        figures = ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
+        several = len(self.receivers) > 1
+        figures = "; ".join(f"{each.name}: {_figures(each)}" if several else _figures(each) for each in self.receivers)
         where = "" if self.conditions is None else f" under other conditions ({self.conditions})"
         rows, columns = self.map.shape
         return f"light{where}: {figures} ({self.rays} rays, {columns} x {rows} pixels, {self.filter})"
@@ -171,6 +171,11 @@ class Light(SimulatedResult):
         shown = self.first if receiver is None else named[receiver]
         unit = light_unit(self.lumens_per_watt, far_field=shown.chart.far_field)
         return plot_map(getattr(shown, which), shown.chart, unit, axes)
+
+
+def _figures(light: ReceiverLight) -> str:
+    named = {"NMSE": light.nmse, "uniformity": light.uniformity, "efficiency": light.efficiency}
+    return ", ".join(f"{name} {metric}" for name, metric in named.items() if metric is not None)
 
 
 class LightMetrics(Record):

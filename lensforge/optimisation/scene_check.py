@@ -14,17 +14,22 @@ from lensforge.errors import InputError
 from lensforge.kernels.fates import Fate
 from lensforge.lens import Lens
 from lensforge.optimisation.asked_light import LEAST_POSSIBLE, Asked, AskedShare, asked_light
+from lensforge.receivers.build import receivers_of
+from lensforge.receivers.posed import PosedReceiver
 from lensforge.sources.bundle import RayBundle, Source
 from lensforge.spec import Spec
+from lensforge.spec.receivers import PlaneReceiver
 from lensforge.surfaces.conic import sphere
 from lensforge.surfaces.spline import grid_for, tabulate
 from lensforge.surfaces.surface import Surface
+from lensforge.targets.pattern import target_light
 from lensforge.tracing.tables import Scene, trace_tables
 
 _RAYS, _SEED = 2**14, 0
 _NODES_PER_SIGMA = 4.0  # the starting lens is smooth: its entry is right to the noise of the rays
 _LEAST_ENTERING = 1e-3  # of the flux; the rest of such a search is noise
 _WARN_LOST, _WARN_POSSIBLE = 0.1, 0.7  # shares that a user should know of before waiting for a search
+_STEEP, _PIXELS = 0.7, 64  # a component of an axis along z; pixels along a side
 _MAIN_CAUSE = 0.1  # of the light that is lost: smaller causes need no remedy of their own
 _LOST = {
     Fate.BACKWARD: "goes backward, towards -z",
@@ -85,6 +90,9 @@ class SceneCheck:
         for field, asked in self._asked():
             if asked.met < _WARN_POSSIBLE:
                 yield f"{field}: {asked.possible_words} {self._through()}; try {asked.remedies()}"
+        for section, receiver in zip(self.spec.all_receivers, receivers_of(self.spec, _PIXELS), strict=True):
+            if isinstance(section, PlaneReceiver):
+                yield from _of_plane(section, receiver)
 
     def _asked(self) -> Iterator[tuple[str, Asked]]:
         """Targets and limits by the names of their fields."""
@@ -120,6 +128,25 @@ class SceneCheck:
         if self.spec.target is not None and self.spec.target.distance_mm is not None:
             return f"{largest} at target.distance_mm = {self.spec.target.distance_mm:g}"
         return largest
+
+
+def _of_plane(section: PlaneReceiver, receiver: PosedReceiver) -> Iterator[str]:
+    """Lines on a plane that stands steeply, whose axes nobody sees, and on a target behind the plane of the LED."""
+    x, y, _ = receiver.pose.axes
+    if section.rotation_deg == 0.0 and max(abs(x[2]), abs(y[2])) > _STEEP:
+        along = " and ".join(
+            f"{name} along ({', '.join(f'{each + 0.0:.2g}' for each in axis.round(6))})"
+            for name, axis in (("x", x), ("y", y))
+        )
+        yield f"receivers: {section.name}: it has {along} in the lens; rotation_deg turns it about its normal"
+    wanted = target_light(section.targets, receiver)
+    height_mm = receiver.places(*np.meshgrid(receiver.grid.x(), receiver.grid.y()))[..., 2]
+    behind = float(wanted[height_mm < 0.0].sum() / wanted.sum())
+    if behind > 0.0:
+        yield (
+            f"receivers: {section.name}: {_percent(behind)} of its target lies behind the LED's plane z = 0, where "
+            "a lens sends little light; move or shrink the target"
+        )
 
 
 def _shares_by_fate(spec: Spec, rays: RayBundle, start: Lens | None) -> dict[Fate, float]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from math import ceil, floor, hypot, inf, log10
 from typing import Any
 
+from pydantic import BaseModel
+
 _CAVITY = 1.2  # radius of the cavity over that of the circle around the source: shipped specs have 1.13 to 1.41
 _CAVITY_LEAST = 0.02  # of the largest radius: around a point source
 CAVITY_HEIGHT = 0.6  # height of the cavity over its radius
@@ -30,7 +32,7 @@ WHY = {
     "lens.inner_offset_mm": f"{_INNER:g} x max_radius_mm: the search starts from this hemisphere",
     "lens.outer_offset_mm": f"{_OUTER:g} x max_radius_mm",
     "target.receiver_mm": f"{_RECEIVER:g} x the pattern",
-    "target.half_angle_deg": "4/3 x the beam",
+    "target.half_angle_deg": "4/3 x the beam, of beam and batwing",
 }
 
 
@@ -70,7 +72,10 @@ class LensSizes:
 
 
 def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The tables of a spec with derived values for what they leave out, and the names of these values."""
+    """The sections of a spec with derived values for what they leave out, and the names of these values.
+
+    A section that is an object becomes a table where something is filled in.
+    """
     filled = {key: dict(value) if isinstance(value, Mapping) else value for key, value in content.items()}
     names: list[tuple[str, str]] = []
     limits = filled.get("constraints")
@@ -80,17 +85,17 @@ def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple
     place = _reach(source) or ((0.0, 0.0) if _get(source, "kind") in _AREAS else None)
     sizes = LensSizes(largest or 1.0, *(place or (0.0, 0.0)))
     lens = filled.setdefault("lens", {})
-    if isinstance(lens, dict):
+    if isinstance(lens, dict | BaseModel):
         for side in ("inner", "outer"):
-            if lens.get(f"fixed_{side}") is None:
+            if _get(lens, f"fixed_{side}") is None:
                 _fill(filled, names, "lens", f"{side}_offset_mm", getattr(sizes, f"{side}_offset_mm"))
-    if isinstance(limits, dict):
+    if isinstance(limits, dict | BaseModel):
         _fill(filled, names, "constraints", "min_thickness_mm", sizes.min_thickness_mm)
         if place is not None:
             _fill(filled, names, "constraints", "cavity_radius_mm", sizes.cavity_radius_mm)
             _fill(filled, names, "constraints", "cavity_height_mm", sizes.cavity_height_mm)
     target = filled.get("target")
-    if isinstance(target, dict):
+    if isinstance(target, dict | BaseModel):
         receiver = _receiver_of(target)
         if receiver is not None:
             _fill(filled, names, "target", *receiver)
@@ -100,8 +105,8 @@ def with_derived(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[tuple
 
 
 def _fill(filled: dict[str, Any], names: list[tuple[str, str]], section: str, name: str, value: float) -> None:
-    if filled[section].get(name) is None:
-        filled[section][name] = value
+    if _given(filled[section], name) is None:
+        filled[section] = {**_table(filled[section]), name: value}
         names.append((section, name))
 
 
@@ -133,30 +138,44 @@ def _source_extent(source: Any) -> float | None:
     return 0.5 * hypot(width, height)
 
 
-def _receiver_of(target: Mapping[str, Any]) -> tuple[str, float] | None:
+def _given(section: Any, name: str) -> Any:
+    """What the user gave as ``name``: a section of another spec holds what was derived there, too."""
+    return None if isinstance(section, BaseModel) and name not in section.model_fields_set else _get(section, name)
+
+
+def _table(section: Any) -> dict[str, Any]:
+    if not isinstance(section, BaseModel):
+        return dict(section)
+    names = [name for name in type(section).model_fields if name in section.model_fields_set or name == "kind"]
+    return {name: getattr(section, name) for name in names}
+
+
+def _receiver_of(target: Any) -> tuple[str, float] | None:
     """Name and value of the receiver that a target leaves out; None where it has one, or its size is not known."""
     if _number(target, "distance_mm") is not None:
         across = _pattern_mm(target)
         return None if across is None else ("receiver_mm", _digits(_RECEIVER * across, ceil))
-    if target.get("kind") not in ("beam", "batwing", "photometric") or target.get("receiver_mm") is not None:
+    if _get(target, "kind") not in ("beam", "batwing", "photometric") or _get(target, "receiver_mm") is not None:
         return None
-    widths = _sizes(target.get("fwhm_deg", target.get("to_deg")))
+    widths = _sizes(_get(target, "fwhm_deg") or _get(target, "to_deg"))
     wide = _HALF_ANGLE * max(widths) if widths else _MOST_HALF_ANGLE_DEG
     return "half_angle_deg", min(_digits(wide, ceil), _MOST_HALF_ANGLE_DEG)
 
 
-def _pattern_mm(target: Mapping[str, Any]) -> float | None:
+def _pattern_mm(target: Any) -> float | None:
     """Side (mm) of the square about the axis that holds a pattern."""
     sides = [value for name in _ACROSS if (value := _number(target, name)) is not None]
-    sides += [2.0 * each for each in _sizes(target.get("half_width_mm"))]
+    if sides and (pitch := _number(target, "pitch_mm")) is not None:
+        sides = [sides[0] + (max(_number(target, name) or 1.0 for name in ("columns", "rows")) - 1.0) * pitch]
+    sides += [2.0 * each for each in _sizes(_get(target, "half_width_mm"))]
     if not sides:
         return None
     up = _number(target, "height_mm")
-    if up is None and isinstance(text := target.get("text"), str) and text:
+    if up is None and isinstance(text := _get(target, "text"), str) and text:
         up = _GLYPH * sides[0] / len(text)
     across = max(*sides, up or 0.0)
     turned = hypot(across, up or across) if _number(target, "rotation_deg") else across
-    x, y, _ = _triple(target.get("centre_mm"))
+    x, y, _ = _triple(_get(target, "centre_mm"))
     return turned + 2.0 * max(abs(x), abs(y))
 
 

@@ -16,6 +16,7 @@ from lensforge.records.validation import its_type
 from lensforge.spec.derived import with_derived
 from lensforge.spec.drawing import DrawingSection
 from lensforge.spec.feasible import require_feasible
+from lensforge.spec.fields import words_of
 from lensforge.spec.files import resolve_files
 from lensforge.spec.lens import LensSection
 from lensforge.spec.light_limits import LightLimitSpec
@@ -45,7 +46,7 @@ class Spec(Section):
     """Name of the design, by default that of the file; its results go to cad_out/NAME."""
     source: SourceSpec
     """The LED: where light starts, how much, and in which directions."""
-    lens: LensSection
+    lens: LensSection = Field(default_factory=LensSection)
     """Material, and the two surfaces from which the search starts."""
     constraints: ConstraintsSection
     """Limits that every lens of the search keeps: room for the LED, wall, size, and what can be made."""
@@ -134,6 +135,13 @@ class Spec(Section):
         return tomli_w.dumps({"name": self.name, **table_of(plain(content))})
 
     @model_validator(mode="after")
+    def _sizes_are_known(self) -> "Spec":
+        if self.constraints.missing:
+            name = self.constraints.missing[0]
+            raise ValueError(f"constraints.{name}: missing: {words_of(ConstraintsSection, name)}")
+        return self
+
+    @model_validator(mode="after")
     def _stages_match_levels(self) -> "Spec":
         steps = self.optimise.steps_per_level
         if self.lens.levels != "auto" and steps is not None and len(steps) != len(self.lens.levels):
@@ -176,7 +184,10 @@ class Spec(Section):
         """The receivers with their names; of a target alone the one that it implies."""
         if (self.target is None) == (not self.receivers):
             given = "both are given" if self.receivers else "neither is given"
-            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where")
+            also = (
+                "; limits judge the light, the search needs a target, too" if self.limits and not self.receivers else ""
+            )
+            raise ValueError(f"target or receivers: {given}; give one: what light is wanted, and where{also}")
         return (implied_receiver(self.target),) if self.target is not None else named(self.receivers)
 
     def is_cut(self, face: Literal["inner", "outer"]) -> bool:

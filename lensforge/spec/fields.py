@@ -10,11 +10,12 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 
 from lensforge.records import Record
+from lensforge.spec.derived import WHY
 
 # Units by the end of a field's name, the longest end first.
 _UNITS = {
@@ -40,7 +41,50 @@ def words_of(section: type[BaseModel], name: str) -> str:
 
 def summary_of(section: type[BaseModel]) -> str:
     """Docstring of a section as one paragraph after another."""
-    return inspect.cleandoc(section.__doc__ or "").replace("``", "`")
+    return inspect.cleandoc(vars(section)["__doc__"] or "").replace("``", "`")
+
+
+def default_of(section: type[BaseModel], name: str) -> str:
+    """What a field holds where it is left out: ``needed``, ``derived: ...``, a value, or "" for nothing."""
+    field = section.model_fields[name]
+    if field.is_required():
+        return "needed"
+    if field.default_factory is not None:
+        return f"default: {getattr(field.default_factory, '__name__', '')}()"
+    if field.default is None:
+        return next((f"derived: {why}" for key, why in WHY.items() if key.rpartition(".")[2] == name), "")
+    return f"default: {field.default!r}"
+
+
+def arguments_of(section: type[BaseModel]) -> list[str]:
+    """Names of a section's fields, the needed ones first, without the kind that the class itself says."""
+    fields = section.model_fields
+    names = [name for name in fields if name != "kind" or kind_of(section) is None]
+    return sorted(names, key=lambda name: not fields[name].is_required())
+
+
+def help_of(section: type[BaseModel]) -> str:
+    """Summary of a section and all of its arguments, with words, unit and default, as ``help`` shows them."""
+    lines = [summary_of(section), "", "Arguments, by name:"]
+    for name in arguments_of(section):
+        default = default_of(section, name)
+        words = words_of(section, name)
+        lines.append(f"    {name}: {words} ({default})" if default else f"    {name}: {words}")
+    return "\n".join(lines)
+
+
+def signature_of(section: type[BaseModel]) -> inspect.Signature:
+    """Fields of a section as arguments by name, without the bounds of their types."""
+    first = getattr(section, "positional", None)
+    types = get_type_hints(section)
+    arguments = []
+    for name in arguments_of(section):
+        field = section.model_fields[name]
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if name == first else inspect.Parameter.KEYWORD_ONLY
+        made = ... if field.default_factory is not None else field.default
+        default = inspect.Parameter.empty if field.is_required() else made
+        arguments.append(inspect.Parameter(name, kind, default=default, annotation=types[name]))
+    return inspect.Signature(sorted(arguments, key=lambda each: each.kind))
 
 
 def kind_of(section: type[BaseModel]) -> str | None:

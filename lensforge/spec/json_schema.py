@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from lensforge.spec.derived import WHY
 from lensforge.spec.design import Spec
 from lensforge.spec.fields import all_sections, kind_of, summary_of, words_of
 
@@ -20,9 +19,6 @@ def spec_schema() -> dict[str, Any]:
             field["description"] = words_of(section, name)
         if kind_of(section) is not None:  # it chooses among several, so a file has to name it
             found["required"] = ["kind", *(name for name in found.get("required", ()) if name != "kind")]
-    schema["required"].remove("lens")
-    limits = objects["ConstraintsSection"]
-    limits["required"] = [name for name in limits["required"] if f"constraints.{name}" not in WHY]
     return {"title": "lensforge spec", **_table(_plain(schema))}
 
 

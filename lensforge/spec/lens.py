@@ -51,7 +51,7 @@ class LensSection(LensMaterial):
             ("inner", self.inner_offset_mm, self.fixed_inner),
             ("outer", self.outer_offset_mm, self.fixed_outer),
         ):
-            if (offset is None) == (fixed is None):
+            if offset is not None and fixed is not None:
                 raise ValueError(f"give one of {name}_offset_mm, where the search starts, and [lens.fixed_{name}]")
         if self.fixed_inner is not None and self.fixed_outer is not None:
             raise ValueError("fixed_inner and fixed_outer: one of the surfaces must be free")
@@ -59,10 +59,14 @@ class LensSection(LensMaterial):
 
     @model_validator(mode="after")
     def _outer_outside_inner(self) -> "LensSection":
-        inner, outer = self.start_mm
-        if outer <= inner:
+        inner, outer = self._apexes_mm
+        if inner is not None and outer is not None and outer <= inner:
             name = "outer_offset_mm" if self.fixed_outer is None else "the vertex of fixed_outer"
             raise ValueError(f"{name} = {outer} must exceed where the inner surface meets the axis, {inner:g} mm")
+        return self
+
+    @model_validator(mode="after")
+    def _levels_are_some(self) -> "LensSection":
         if not self.levels:
             raise ValueError("levels is empty: give at least one count")
         if self.levels != "auto":
@@ -75,9 +79,14 @@ class LensSection(LensMaterial):
     @property
     def start_mm(self) -> tuple[float, float]:
         """Heights on the axis of the inner and the outer surface before the search."""
+        inner, outer = self._apexes_mm
+        assert inner is not None and outer is not None, "a spec derives what is left out"
+        return inner, outer
+
+    @property
+    def _apexes_mm(self) -> tuple[float | None, float | None]:
         inner = self.inner_offset_mm if self.fixed_inner is None else self.fixed_inner.apex_mm
         outer = self.outer_offset_mm if self.fixed_outer is None else self.fixed_outer.apex_mm
-        assert inner is not None and outer is not None
         return inner, outer
 
     @property

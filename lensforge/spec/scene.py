@@ -23,6 +23,8 @@ def implied_receiver(target: Target) -> AnyReceiver:
     if target.half_angle_deg is not None:
         return _with(FarFieldReceiver, target, half_angle_deg=target.half_angle_deg)
     if target.distance_mm is None or target.receiver_mm is None:
+        if target.distance_mm is not None:
+            raise ValueError("target.receiver_mm: missing; give the side of the square receiver, 1.5 times the pattern")
         either = "half_angle_deg" if target.unit == "deg" else "distance_mm and receiver_mm"
         raise ValueError(f"target: its receiver is missing; give {either}, or put the target into [[receivers]]")
     side = target.receiver_mm

@@ -4,7 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from lensforge.spec.section import FilePath, Millimetres, MillimetresOrZero, Section, rounded_up
+from lensforge.spec.section import (
+    LEFT_OUT,
+    DerivedMillimetres,
+    DerivedMillimetresOrZero,
+    FilePath,
+    Millimetres,
+    MillimetresOrZero,
+    Section,
+    rounded_up,
+)
 from lensforge.surfaces.srbf import MOST_LEVELS
 
 Accuracy = Literal["draft", "standard", "reference"]
@@ -17,11 +26,11 @@ DraftDegrees = Annotated[float, Field(ge=0.0, le=25.0)]
 class ConstraintsSection(Section):
     """Feasible lenses, Eqs. (10) to (14); optional limits are for manufacture and assembly."""
 
-    cavity_height_mm: Millimetres
+    cavity_height_mm: DerivedMillimetres = LEFT_OUT
     """Height of the paraboloid that stays inside the cavity: room for the LED. A ray file needs it given."""
-    cavity_radius_mm: Millimetres
+    cavity_radius_mm: DerivedMillimetres = LEFT_OUT
     """Radius of that paraboloid at z = 0. A ray file needs it given."""
-    min_thickness_mm: MillimetresOrZero
+    min_thickness_mm: DerivedMillimetresOrZero = LEFT_OUT
     """Least wall along the normal: the least distance between the two faces."""
     max_radius_mm: Millimetres
     """Largest distance of the outer surface from the origin."""
@@ -55,9 +64,17 @@ class ConstraintsSection(Section):
         """
         return 3e-4 * self.max_radius_mm
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the sizes that are neither given nor derived yet."""
+        sizes = ("cavity_height_mm", "cavity_radius_mm", "min_thickness_mm")
+        return tuple(name for name in sizes if getattr(self, name) is None)
+
     @model_validator(mode="after")
     def _cavity_and_wall_fit(self) -> "ConstraintsSection":
         """Refuse what no lens keeps: the paraboloid is furthest from the origin at its apex or its rim."""
+        if self.missing:
+            return self
         name = max("cavity_height_mm", "cavity_radius_mm", key=lambda field: float(getattr(self, field)))
         reach: float = getattr(self, name)
         needed = reach + self.min_thickness_mm + 3.0 * self.margin_mm  # one for each of the three limits
@@ -72,6 +89,8 @@ class ConstraintsSection(Section):
     @model_validator(mode="after")
     def _largest_wall_and_height_leave_room(self) -> "ConstraintsSection":
         """Refuse a wall or a height that no lens has, its margins included: one for each limit that takes part."""
+        if self.missing:
+            return self
         wall, margin = self.min_thickness_mm, self.margin_mm
         for name, least, words in (
             ("max_wall_mm", wall + 2.0 * margin, f"min_thickness_mm = {wall:g} needs"),

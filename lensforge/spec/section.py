@@ -1,6 +1,7 @@
 """The base of every section of a spec, and the types of its lengths and file names."""
 
 from datetime import date, datetime
+from inspect import Signature
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from lensforge.errors import InputError
 from lensforge.records.validation import same
+from lensforge.spec.fields import help_of, signature_of
 from lensforge.spec.wrong_fields import spec_error
 
 _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
@@ -17,7 +19,8 @@ _MOST_PATH_CHARACTERS = 4096  # of Linux; other systems take fewer
 class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metaclass, which has no public name
     """Turns the validation error of a section that a script constructs into the lines of the command line.
 
-    A class that names its field ``positional`` takes that one without its name.
+    A class that names its field ``positional`` takes that one without its name. Words and signature of a class are
+    made when they are asked for: reading all of them takes a second.
     """
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
@@ -32,6 +35,18 @@ class _Checked(type(BaseModel)):  # type: ignore[misc]  # pydantic's own metacla
             return super().__call__(**kwargs)
         except ValidationError as error:
             raise spec_error(error, cls.__name__, cls) from None
+
+    @property
+    def __signature__(cls) -> Signature:
+        return signature_of(cls)
+
+    @__signature__.setter
+    def __signature__(cls, value: object) -> None:
+        """Leave out pydantic's own, which a class has only once it has been used."""
+
+    @property
+    def __doc__(cls) -> str:  # type: ignore[override]
+        return help_of(cls)
 
 
 if TYPE_CHECKING:  # a type checker knows no metaclass without a name, and of this one it needs nothing
@@ -102,6 +117,13 @@ def iso_date(value: Any) -> str:
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e9)]
 MillimetresOrZero = Annotated[float, Field(ge=0.0, le=1e9)]
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]  # mm
+if TYPE_CHECKING:  # in a spec it is there, derived or given; only a section by itself may still be without it
+    DerivedMillimetres = float
+    DerivedMillimetresOrZero = float
+else:
+    DerivedMillimetres = Millimetres | None
+    DerivedMillimetresOrZero = MillimetresOrZero | None
+LEFT_OUT: Any = None  # of such a size
 # Powers, intensities and weights: no light has less or more, and squares of any share of it stay within floating point.
 Watts = Annotated[float, Field(ge=1e-30, le=1e12)]
 Lumens = Annotated[float, Field(ge=1e-30, le=1e12)]

@@ -6,8 +6,6 @@ from typing import Any
 
 from lensforge.errors import InputError
 
-SOURCES = "square:S, rectangle:WxH or disc:D in mm, or a ray file"
-TARGETS = "rectangle:WxH@DISTANCE, disc:D@DISTANCE, text:STRING:WIDTH@DISTANCE in mm, beam:AxB in degrees, or FILE.ies"
 _SOURCE_FIELDS: dict[str, tuple[str, ...]] = {
     "square": ("side_mm",),
     "rectangle": ("width_mm", "height_mm"),
@@ -21,6 +19,22 @@ _TARGET_FIELDS: dict[str, tuple[str, ...]] = {
     "ring": ("outer_diameter_mm", "inner_diameter_mm"),
 }
 _PHOTOMETRIC = (".ies", ".ldt")
+SOURCE_KINDS, TARGET_KINDS = tuple(_SOURCE_FIELDS), (*_TARGET_FIELDS, "text", "beam")
+
+
+def _shapes(fields: dict[str, tuple[str, ...]], end: str) -> str:
+    """Words of each shape: ``ring:OUTERxINNER@DISTANCE``."""
+    sizes = {
+        kind: "x".join(name.removesuffix("_mm").split("_")[0].upper() for name in names)
+        for kind, names in fields.items()
+    }
+    return ", ".join(f"{kind}:{size}{end}" for kind, size in sizes.items())
+
+
+SOURCES = f"{_shapes(_SOURCE_FIELDS, '')} in mm, or a ray file"
+TARGETS = (
+    f"{_shapes(_TARGET_FIELDS, '@DISTANCE')} or text:STRING:WIDTH@DISTANCE in mm, beam:AxB in degrees, or FILE.ies"
+)
 
 
 def source_in(words: str) -> dict[str, Any]:
@@ -45,7 +59,7 @@ def target_in(words: str) -> dict[str, Any]:
         return {"kind": kind, "fwhm_deg": angles}
     size, at, distance = rest.rpartition("@")
     if not at or kind not in (*_TARGET_FIELDS, "text"):
-        raise InputError(f"--target {words}: not understood; give {TARGETS}; also {', '.join(_TARGET_FIELDS)}")
+        raise InputError(f"--target {words}: not understood; give {TARGETS}")
     away = _sizes("--target", words, distance, ("distance_mm",))
     if kind != "text":
         return {"kind": kind, **_sizes("--target", words, size, _TARGET_FIELDS[kind]), **away}

@@ -66,9 +66,8 @@ class TargetSection(Section):
                 raise ValueError(f"{name}_{unit}: missing; give it, in {'mm' if unit == 'mm' else 'degrees'}")
         if self.half_angle_deg is not None and (self.distance_mm, self.receiver_mm) != (None, None):
             raise ValueError("half_angle_deg is the far field, distance_mm and receiver_mm are a plane; give one")
-        if (self.distance_mm is None) != (self.receiver_mm is None):
-            missing = "distance_mm" if self.distance_mm is None else "receiver_mm"
-            raise ValueError(f"{missing}: missing; a plane on the axis has both distance_mm and receiver_mm")
+        if self.distance_mm is None and self.receiver_mm is not None:
+            raise ValueError("distance_mm: missing; a plane on the axis has both distance_mm and receiver_mm")
         if self.on_receiver is not None and self.on_receiver != unit:
             if self.far_field_only:
                 raise ValueError("it is light of the far field; give half_angle_deg, not distance_mm and receiver_mm")

@@ -1,8 +1,10 @@
 """``lensforge examples``: a list, and copies that can be designed; a file that is there stays."""
 
+import importlib.util
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
 from pathlib import Path
 
@@ -60,17 +62,59 @@ def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
     assert "known: batwing, chip_array" in str(ran("pie").exception)
 
 
-def test_a_wheel_holds_the_specs_and_all_that_the_program_reads(tmp_path: Path) -> None:
-    """Built from a copy, without the network, by the build backend of this environment."""
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy with a wheel and an editable install in dist/, built without the network by this environment's backend."""
+    folder = tmp_path_factory.mktemp("checkout")
     for name in ("pyproject.toml", "setup.py", "README.md"):
-        shutil.copy(ROOT / name, tmp_path / name)
+        shutil.copy(ROOT / name, folder / name)
     for name in ("lensforge", "examples"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    build = "from setuptools.build_meta import build_wheel; print(build_wheel('dist'))"
-    subprocess.run([sys.executable, "-c", build], cwd=tmp_path, capture_output=True, check=True)
-    (wheel,) = (tmp_path / "dist").glob("*.whl")
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    build = "from setuptools.build_meta import *; build_editable('editable'); build_wheel('dist')"
+    subprocess.run([sys.executable, "-c", build], cwd=folder, capture_output=True, check=True)
+    return folder
+
+
+def test_a_wheel_holds_the_specs_and_all_that_the_program_reads(checkout: Path) -> None:
+    (wheel,) = (checkout / "dist").glob("*.whl")
     held = set(zipfile.ZipFile(wheel).namelist())
     shipped = {f"lensforge/shipped/{stem}.toml" for stem in SPECS}
     assert shipped | {"lensforge/shipped/led.tm25ray", "lensforge/shipped/arrow.png"} <= held
     own = {path for path in (ROOT / "lensforge").rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     assert {path.relative_to(ROOT).as_posix() for path in own} <= held
+
+
+def test_an_editable_install_is_a_path_which_type_checkers_read(checkout: Path) -> None:
+    (wheel,) = (checkout / "editable").glob("*.whl")
+    archive = zipfile.ZipFile(wheel)
+    (path,) = (name for name in archive.namelist() if name.endswith(".pth"))
+    assert Path(archive.read(path).decode().strip()).samefile(checkout)
+
+
+USER = """
+import lensforge as lf
+
+spec = lf.Spec(
+    source=lf.SquareSource(side_mm=2),
+    lens=lf.LensSection(material="PC"),
+    constraints=lf.ConstraintsSection(max_radius_mm=14),
+    target=lf.TextTarget(text="LF", width_mm=90, distance_mm=150),
+)
+height: float = spec.constraints.cavity_height_mm
+lf.LensSection(materiel="PC")
+"""
+
+
+@pytest.mark.nightly("mypy reads torch and all else: a minute")
+def test_mypy_finds_the_package_from_outside_the_checkout(checkout: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "env", with_pip=False)
+    (packages,) = (tmp_path / "env" / "lib").glob("python*/site-packages")
+    (wheel,) = (checkout / "editable").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(packages)
+    numpy = Path(importlib.util.find_spec("numpy").submodule_search_locations[0])
+    (packages / "others.pth").write_text(str(numpy.parent), encoding="utf-8")
+    (tmp_path / "user.py").write_text(USER, encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", tmp_path / "env" / "bin" / "python"]
+    found = subprocess.run([*command, "user.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    wrong = 'user.py:11: error: Unexpected keyword argument "materiel" for "LensSection"'
+    assert found.stdout.startswith(wrong) and "Found 1 error in 1 file" in found.stdout, found.stdout + found.stderr

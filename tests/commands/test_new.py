@@ -7,10 +7,12 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
 from lensforge.cli import cli, main
+from lensforge.commands.new import new
 from lensforge.errors import InputError
 from lensforge.spec import load_spec, parse_spec
 from lensforge.spec.derived import WHY
@@ -42,11 +44,50 @@ def test_a_new_spec_is_valid_and_says_what_is_derived(tmp_path: Path) -> None:
     spec = load_spec(tmp_path / "lamp.toml")
     assert spec.name == "lamp" and spec.lens.material == "PMMA" and spec.source.kind == "disc"
     kept = [line for line in text.splitlines() if "# derived: " not in line]
-    assert len(kept) == len(text.splitlines()) - 6
+    assert len(kept) == len(text.splitlines()) - 6 and "[constraints]\nmax_radius_mm = 14.0 " in text
+    assert not any("_offset_mm" in line or "receiver_mm" in line for line in kept), "derived values are comments"
     (tmp_path / "lamp.toml").write_text("\n".join(kept), encoding="utf-8")
     assert load_spec(tmp_path / "lamp.toml") == spec, "a derived value may be left out"
     for why in ("constraints.cavity_radius_mm", "lens.inner_offset_mm", "target.receiver_mm"):
         assert f"# derived: {WHY[why]}" in text
+
+
+@pytest.mark.parametrize(
+    ("cutter", "constraints", "manufacture"),
+    [
+        ((), {"concave_radius_mm": 1.0, "draft_deg": 0.0}, {"cutter_radius_mm": 1.0, "make": "part"}),
+        (("--cutter", "0.7"), {"concave_radius_mm": 0.7, "draft_deg": 0.0}, {"cutter_radius_mm": 0.7, "make": "part"}),
+        (("--cutter", "mould"), {"concave_radius_mm": None, "draft_deg": 2.0}, {"make": "insert"}),
+        (("--cutter", "none"), {"concave_radius_mm": None, "draft_deg": None}, {"make": "part"}),
+    ],
+)
+def test_a_new_spec_has_the_limits_of_the_shop(
+    cutter: tuple[str, ...], constraints: dict[str, object], manufacture: dict[str, object]
+) -> None:
+    code, output, _ = lensforge("new", *LAMP, *cutter)
+    spec = parse_spec(tomllib.loads(output), "lamp")
+    assert code == 0
+    for face in ("inner", "outer"):
+        assert {name: getattr(spec.constraints, f"{face}_{name}") for name in constraints} == constraints
+    assert {name: getattr(spec.manufacture, name) for name in manufacture} == manufacture
+
+
+def test_a_cutter_that_is_none_is_refused() -> None:
+    code, output, errors = lensforge("new", *LAMP, "--cutter", "-1")
+    assert (code, output) == (2, "") and "--cutter -1: must be the radius of the shop's ball cutter" in errors
+
+
+def test_the_size_of_a_new_spec_can_be_changed_by_hand() -> None:
+    _, output, _ = lensforge("new", *LAMP)
+    smaller = parse_spec(tomllib.loads(output.replace("max_radius_mm = 14.0", "max_radius_mm = 8.0")), "lamp")
+    assert smaller.lens.start_mm == (3.44, 7.84), "the hemispheres follow"
+
+
+def test_shapes_are_completed() -> None:
+    options = {option.name: option for option in new.params}
+    context = click.Context(new)
+    assert [each.value for each in options["target"].shell_complete(context, "r")] == ["rectangle:", "ring:"]
+    assert [each.type for each in options["source"].shell_complete(context, "led")] == ["file"]
 
 
 def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
@@ -87,9 +128,11 @@ def answered(answers: str, *arguments: str) -> Result:
 
 
 def test_a_terminal_is_asked_again_until_the_answer_is_one() -> None:
-    found = answered("disk:1\ndisc:1\nrectangle:200x150@300\n-3\n14\n\n")
+    found = answered("disk:1\ndisc:1\nrectangle:200x150@300\n-3\n14\n\n2.5\n")
     assert found.exit_code == 0, found.output
-    assert parse_spec(tomllib.loads(found.stdout), "asked").source.diameter_mm == 1.0
+    spec = parse_spec(tomllib.loads(found.stdout), "asked")
+    assert spec.source.diameter_mm == 1.0 and spec.manufacture.cutter_radius_mm == 2.5
+    assert all(f"{kind}:" in found.stderr for kind in ("ellipse", "cross", "ring", "text", "beam"))
     assert "disk:1: neither a kind" in found.stderr and "--max-radius -3: must be" in found.stderr
 
 

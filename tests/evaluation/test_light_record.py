@@ -53,12 +53,16 @@ def test_its_own_figures_are_those_of_the_first_receiver(light: Light) -> None:
 
 def test_it_says_its_figures_and_how_it_was_made(light: Light) -> None:
     words = str(light)
-    start = f"light: NMSE {light.nmse}, uniformity {light.uniformity}, efficiency {light.efficiency} "
+    wall, sky = light.receivers
+    start = f"light: wall: NMSE {wall.nmse}, uniformity {wall.uniformity}, efficiency {wall.efficiency}; "
+    start += f"sky: NMSE {sky.nmse}, efficiency {sky.efficiency} "
+    alone = str(light.model_copy(update={"receivers": (wall,)}))
+    assert alone.startswith(f"light: NMSE {wall.nmse}, uniformity") and "wall" not in alone
     assert words == start + "(512 rays, 12 x 8 pixels, 3x3 Gaussian, variance 1 pixel^2, hard bins)"
     without = light.first.model_copy(update={"uniformity": None})
     assert "uniformity" not in str(light.model_copy(update={"receivers": (without, light.receivers[1])}))
     warm = light.model_copy(update={"conditions": Conditions(name="hot", temperature_c=80.0)})
-    assert str(warm).startswith(f"light under other conditions ({warm.conditions}): NMSE")
+    assert str(warm).startswith(f"light under other conditions ({warm.conditions}): wall: NMSE")
 
 
 def test_receivers_of_other_pixels_are_refused(light: Light) -> None:

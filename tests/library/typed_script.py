@@ -18,6 +18,13 @@ def script(folder: Path) -> None:
     assert_type(spec, lf.Spec)
     assert_type(spec.replace(name="other"), lf.Spec)
     assert_type(lf.SquareSource(side_mm=2.0), lf.SquareSource)
+    shortest = lf.Spec(
+        source=lf.SquareSource(side_mm=2),
+        lens=lf.LensSection(material="PC"),
+        constraints=lf.ConstraintsSection(max_radius_mm=14),
+        target=lf.TextTarget(text="π", width_mm=90, distance_mm=150),
+    )
+    assert_type(shortest.constraints.cavity_height_mm, float)
     assert_type(lf.RaySource(np.zeros((3, 7))), lf.RaySource)
     assert_type(lf.ArrayTarget(np.eye(4), width_mm=1.0, distance_mm=2.0, receiver_mm=3.0), lf.ArrayTarget)
     design = lf.design(spec, accuracy="draft", progress=lambda step: step.steps_done < 10)

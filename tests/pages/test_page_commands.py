@@ -1,13 +1,17 @@
 """Every `lensforge` command on a page is one that the command line takes; scripts and make targets are there."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 from page_sources import PAGES, ROOT, blocks, name_of, prose, shell_commands, spans
 
 from lensforge.cli import cli
+from lensforge.spec import load_spec
 
 PLACEHOLDERS = {"COMMAND", "SPEC.toml"}
 SHELL = blocks("", "console", "bash", "sh")
@@ -100,6 +104,42 @@ def test_scripts_that_pages_name_are_there_with_their_options() -> None:
         text = (ROOT / script).read_text(encoding="utf-8")
         for option in (word.split("=")[0] for word in rest if word.startswith("--")):
             assert f'"{option}"' in text, f"{place}: {script} {option}"
+
+
+IN_ORDER = ["first_lens", "choosing"]  # pages whose commands build on one another
+
+
+def _commands(page: str) -> list[list[str]]:
+    path = ROOT / "docs" / f"{page}.md"
+    return [words for block in blocks("", pages=[path]) for words in shell_commands(block.text, "lensforge")]
+
+
+@pytest.mark.parametrize("page", IN_ORDER)
+def test_the_specs_of_a_page_are_written_and_take_its_sweep(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = _commands(page)
+    assert found[0][0] == "new"
+    for name, spec, *rest in found:
+        if name == "new":
+            assert CliRunner().invoke(cli, [name, spec, *rest]).exit_code == 0
+        elif name == "sweep":
+            field, values = rest[rest.index("--vary") + 1].split("=")
+            for value in values.split(","):
+                assert load_spec(spec).replace({field: float(value)}).constraints.max_radius_mm == float(value)
+        elif spec.endswith(".toml"):
+            load_spec(spec)
+
+
+@pytest.mark.nightly("designs, and a sweep of four: ten minutes")
+@pytest.mark.parametrize("page", IN_ORDER)
+def test_the_commands_of_a_page_run_in_its_order(page: str, tmp_path: Path) -> None:
+    for words in _commands(page):
+        done = subprocess.run(
+            [sys.executable, "-m", "lensforge", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode in (0, 1) and "Traceback" not in done.stderr, f"{words}: {done.stderr}"
 
 
 def test_make_targets_that_pages_name_are_there() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from scenes import small_spec
 
 import lensforge as lf
 from lensforge.cli import cli
@@ -50,7 +51,7 @@ def is_rounded(shown: str, exact: float) -> bool:
 
 def test_a_run_ends_in_one_screen(small_run: lf.Run, capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(small_run, capsys).splitlines()
-    assert len(lines) <= 30 and max(map(len, lines)) <= 80
+    assert len(lines) <= 30, "a pipe has each line whole"
     for title in ("Light: ", "Lens: ", "Files: ", "Cutting: ", "Written: "):
         assert any(line.startswith(title) for line in lines), title
     assert f"Light: {small_run.verdict.light}" in lines
@@ -90,7 +91,8 @@ def test_quiet_says_nothing_on_success(examples: Path) -> None:
     assert json.loads(done.stdout)["rays"] == 20_000
 
 
-def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_and_texts_stand_in_columns(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     print_screen([Block("Light: pass", [("NMSE", "0.1\u2009%"), ("A name\x1b[2J", "word " * 30)]), Block("Lens")])
     first, nmse, name, *rest = capsys.readouterr().out.splitlines()
     assert (first, rest[-1]) == ("Light: pass", "Lens")
@@ -108,3 +110,30 @@ def test_a_time_is_shown_in_two_units_at_most(seconds: float, words: str) -> Non
 
 def test_numbers_keep_the_digits_before_their_point() -> None:
     assert (figure(2974.81, "mm³"), figure(75696.6), count(8388608)) == ("2975 mm³", "75,697", "8,388,608")
+
+
+def test_a_pipe_is_not_wrapped_and_a_terminal_is(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "word " * 60
+    block = Block("Title", [("Label", words)])
+    print_screen([block])
+    assert capsys.readouterr().out.splitlines() == ["Title", f"  Label  {words.strip()}"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.stdout.isatty", lambda: True)
+        print_screen([block])
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_preview_has_light_and_picture_and_nothing_for_the_shop(tmp_path: Path) -> None:
+    spec = small_spec(constraints__max_radius_mm=7.0)
+    spec.save(tmp_path / "small.toml")
+    opened: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("click.launch", opened.append)
+        command = ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first"), "--open"]
+        found = CliRunner().invoke(cli, command)
+    assert found.exit_code == 0, found.output
+    written = {path.name for path in (tmp_path / "first").iterdir()}
+    assert written == {"lens.json", "design.json", "evaluate.json", "evaluate.npz", "light.png", "run.json"}
+    assert opened == [str(tmp_path / "first" / "light.png")] and "NMSE" in found.stdout
+    run = lf.load(tmp_path / "first")
+    assert run.light.rays == 4096 and not hasattr(run, "part")

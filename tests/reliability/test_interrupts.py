@@ -134,6 +134,19 @@ def test_an_interrupt_before_the_command_is_kept_until_it_begins() -> None:
     assert (done.stdout, done.stderr) == (expected, "")
 
 
+def test_an_interrupt_before_the_first_step_says_that_there_is_nothing_to_resume() -> None:
+    done = script("""
+        interrupts.resumable = lambda: False
+        try:
+            with interrupts.raised():
+                send()
+                time.sleep(30.0)
+        except KeyboardInterrupt:
+            print(interrupts.words)
+    """)
+    assert done.stdout == "interrupted; there is nothing to resume yet: run the same command again\n"
+
+
 def test_nohup_and_the_library_leave_signals_alone() -> None:
     start = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n" + INTERRUPTS
     assert script("send(signal.SIGHUP); print(interrupts.received)", start).stdout == "None\n"
@@ -188,7 +201,9 @@ def test_an_early_ctrl_c_advises_nothing_that_is_not_there(seconds: float, tmp_p
     if (tmp_path / "out" / CHECKPOINT).exists():  # a fast machine
         assert "--resume" in stderr and process.returncode == 130
     elif stderr:
-        assert (stderr, process.returncode) == ("lensforge: interrupted\n", 130)
+        nothing = "; there is nothing to resume yet: run the same command again"  # once the command has begun
+        assert stderr in ("lensforge: interrupted\n", f"lensforge: interrupted{nothing}\n")
+        assert process.returncode == 130
     else:
         assert process.returncode == -signal.SIGINT, "before Python had begun the program"
 

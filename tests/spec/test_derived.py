@@ -7,7 +7,7 @@ import pytest
 
 import lensforge as lf
 from lensforge.spec import load_spec, parse_spec
-from lensforge.spec.derived import LensSizes, with_derived
+from lensforge.spec.derived import WHY, LensSizes, with_derived
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHORTEST = """
@@ -60,6 +60,58 @@ def test_a_script_may_leave_them_out_too() -> None:
     spec = lf.Spec(source=lf.SquareSource(side_mm=1.0), target=target, constraints={"max_radius_mm": 14.0})
     assert spec.constraints.cavity_radius_mm == pytest.approx(1.2 * 0.5**0.5, rel=2e-3)
     assert spec.target.receiver_mm == 150.0
+
+
+LAMP = lf.DiscSource(diameter_mm=1.0)
+
+
+def test_the_shortest_spec_of_objects_is_that_of_the_file(tmp_path: Path) -> None:
+    target = lf.RectangleTarget(width_mm=200, height_mm=150, distance_mm=300)
+    limits, lens = lf.ConstraintsSection(max_radius_mm=14), lf.LensSection(material="PC")
+    spec = lf.Spec(source=LAMP, target=target, constraints=limits, lens=lens)
+    short = lf.Spec(source=LAMP, target=target, constraints=limits)
+    table = parse_spec(tomllib.loads(SHORTEST), "lens")
+    assert short == table and spec == table.replace({"lens.material": "PC"})
+    spec.save(tmp_path / "lens.toml")
+    saved = (tmp_path / "lens.toml").read_text(encoding="utf-8")
+    assert not any(name.partition(".")[2] in saved for name in WHY) and load_spec(tmp_path / "lens.toml") == spec
+    assert limits.missing and hash(limits) != hash(spec.constraints), "a section by itself knows no source"
+
+
+def test_sections_of_another_spec_bring_what_was_given_and_no_derived_value() -> None:
+    first = parse_spec(tomllib.loads(SHORTEST), "lens").replace({"lens.inner_offset_mm": 7.0})
+    wide = lf.DiscSource(diameter_mm=3.0, position_mm=(0.5, 0.0, 0.2))
+    made = lf.Spec(source=wide, target=first.target, constraints=first.constraints, lens=first.lens)
+    assert made.constraints.cavity_radius_mm == 2.4 and made.lens.start_mm == (7.0, 13.7)
+    assert made.constraints.cavity_height_mm == pytest.approx(0.6 * 2.4 + 0.2)
+    assert first.constraints.cavity_radius_mm == 0.6
+
+
+def test_a_size_that_no_rule_gives_is_named() -> None:
+    corners = ((0.0, 0.0), (80.0, 0.0), (0.0, 60.0))
+    limits = lf.ConstraintsSection(max_radius_mm=14)
+    with pytest.raises(lf.InputError, match=r"target\.receiver_mm: missing; give the side"):
+        lf.Spec(source=LAMP, target=lf.PolygonTarget(corners_mm=corners, distance_mm=100), constraints=limits)
+    spots = lf.SpotsTarget(columns=5, rows=7, pitch_mm=20, diameter_mm=10, distance_mm=100)
+    assert lf.Spec(source=LAMP, target=spots, constraints=limits).all_receivers[0].size == (195.0, 195.0)
+
+
+def test_limits_alone_say_that_the_search_needs_a_target() -> None:
+    content = tomllib.loads(SHORTEST)
+    del content["target"]
+    content["limits"] = [{"kind": "points", "at_mm": [[0.0, 0.0]], "at_least_w_per_m2": 1.0}]
+    with pytest.raises(lf.InputError, match="limits judge the light, the search needs a target, too") as refusal:
+        parse_spec(content, "lamp")
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("section", "kind"), [("source", "disk"), ("target", "rectangel")])
+def test_a_wrong_kind_is_named_alone(section: str, kind: str) -> None:
+    content = tomllib.loads(SHORTEST)
+    content[section]["kind"] = kind
+    with pytest.raises(lf.InputError, match=rf"lamp: {section}\.kind = '{kind}': must be one of") as refusal:
+        parse_spec(content, "lamp")
+    assert len(str(refusal.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("name", ["cross", "rectangle", "silicone", "chip_array", "batwing", "elliptical_beam"])

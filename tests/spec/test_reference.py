@@ -1,5 +1,6 @@
 """The fields of a spec in words: each has some, and the schema and the page made of them are true."""
 
+import inspect
 import json
 import tomllib
 from pathlib import Path
@@ -8,7 +9,9 @@ from typing import Any
 import jsonschema
 import pytest
 from click.testing import CliRunner
+from pydantic_core import PydanticUndefined
 
+import lensforge as lf
 from lensforge.cli import cli
 from lensforge.spec import Spec, load_spec
 from lensforge.spec.fields import all_sections, kind_of, unit_of, words_of
@@ -90,6 +93,25 @@ def test_numbers_of_a_tolerance_and_of_a_coating_may_be_bare(schema: dict[str, A
     content["tolerances"] = {"gap_mm": 0.1, "index": {"amount": 0.1}}
     content["lens"]["outer_coating"] = {"reflectance": 0.005}
     jsonschema.Draft202012Validator(schema).validate(content)
+
+
+def test_help_and_signature_have_every_argument_with_words_unit_and_default() -> None:
+    lf.DiscSource(diameter_mm=1.0)  # pydantic has made its own signature of a class that has been used
+    for section in all_sections(Spec):
+        names = [name for name in section.model_fields if name != "kind" or kind_of(section) is None]
+        arguments = inspect.signature(section).parameters
+        assert sorted(arguments) == sorted(names), section
+        shown = inspect.getdoc(section) or ""
+        assert shown.startswith((vars(section)["__doc__"] or "").split("\n")[0].replace("``", "`").strip()[:20])
+        for name in names:
+            field = section.model_fields[name]
+            line = next(line for line in shown.splitlines() if line.startswith(f"    {name}:"))
+            assert words_of(section, name) in line and unit_of(name) in line
+            assert field.is_required() == (arguments[name].default is inspect.Parameter.empty) == ("(needed)" in line)
+            if field.default_factory is None and field.default not in (None, PydanticUndefined):
+                assert arguments[name].default == field.default and line.endswith(f"(default: {field.default!r})")
+    assert "(derived: 0.6 x cavity_radius_mm)" in (lf.ConstraintsSection.__doc__ or "")
+    assert str(inspect.signature(lf.DiscSource)).startswith("(*, diameter_mm: float")
 
 
 def test_the_page_and_the_command_say_what_the_fields_say(schema: dict[str, Any]) -> None:
