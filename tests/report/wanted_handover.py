@@ -8,6 +8,7 @@ from wanted_dimensions import dimension_numbers
 from wanted_tolerances import tolerance_numbers
 
 from lensforge.deviations.factors import factors_of
+from lensforge.report.criterion_words import criterion_words
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Fact:
 
     def entries(self):
         yield shown(" / ".join(filter(None, (self.page, self.name))), self.words, *self.values)
-        yield shown(f"PDF / {self.pdf}", f"{self.name}: {self.words}", *self.values)
+        yield shown(f"PDF / {self.pdf or 'Part'}", f"{self.name}: {self.words}", *self.values)
 
 
 def handover_numbers(results, seen):
@@ -58,7 +59,7 @@ def _of_part(results):
         words, scale = "{}; the tables of points, figures and pictures", 1.0 + shop.shrinkage
         yield Fact("", "", "Shrinkage", words, (shop.shrinkage,))
         yield Caption("Shrinkage", "the lens times {} about", (scale,))
-        yield Caption("PDF / ", "the lens times {} about", (scale,))
+        yield Caption("PDF / Part", "the lens times {} about", (scale,))
     if shop.form_tolerance_um is not None:
         name, words = "Form tolerance of the lens's optical faces", "{} µm, width of the zone"
         yield Fact("", "", name, words, (shop.form_tolerance_um,))
@@ -85,7 +86,7 @@ def _of_faces(check):
             ("Largest tilt", "{}°", face.largest_tilt_deg),
             ("Least draft", "{}°", face.draft_deg.min),
         ):
-            yield Fact(f"Optical faces / {name}", f"Face {name}", words, text, (value,))
+            yield Fact(f"Optical faces / {name}", f"Optical faces / {name.capitalize()}", words, text, (value,))
         caption = f"{name}: smaller principal curvature; line: where a ball of {{}} mm just fits"
         yield Caption("Optical faces / figcaption", caption, (cutter.radius_mm,))
 
@@ -123,20 +124,22 @@ def _of_findings(check):
     for each in check.verdicts:
         mark = "yes" if each.holds else "no"
         yield Caption(f"Can it be cut? / {each.name}, {each.surface}", f"{mark} {each.reason}", ())
-        line = f"[{'yes' if each.holds else 'NO '}] {each.name}, {each.surface}: {each.reason}"
-        yield Caption("PDF / Verdicts", line, ())
+        yield Caption("PDF / Can it be cut? / Answer", f"{each.name}, {each.surface}: {each.reason}", ())
 
 
 def _criteria(results):
     for each in (*results.part.criteria, *results.check.criteria):
-        must = f"(must be {each.sense} {{}})"
-        label = f"Criteria on files and shape / {each.name}"
-        if each.value is None:
-            yield shown(label, f"not measured {must}", each.limit)
-            yield shown("PDF / Criteria", f"{each.name} could not be measured")
-            continue
-        yield shown(label, f"{{}} {each.unit} {must}", each.value, each.limit)
-        yield shown("PDF / Criteria", f"{each.name} = {{}} {each.unit}", each.value)
+        words, sign = criterion_words(each.name), {"<=": "≤", ">=": "≥"}[each.sense]
+        name = words.removesuffix(" (1: yes)")
+        value, limit, numbers, limits = f"{{}} {each.unit}", f"{sign} {{}} {each.unit}", (each.value,), (each.limit,)
+        if name != words:
+            value, limit, numbers, limits = "yes" if each.value else "no", "yes", (), ()
+        elif each.value is None:
+            value, numbers = "not measured", ()
+        for page, before in ((f"Criteria on files and shape / {name}", ""),
+                             ("PDF / Criteria on files and shape", f"{name}: ")):  # fmt: skip
+            yield shown(f"{page} / Value", f"{before}{value}".rstrip(), *numbers)
+            yield shown(f"{page} / Limit", f"{before}{limit}".rstrip(), *limits)
 
 
 def _changes(check):
@@ -162,7 +165,7 @@ def _drawn(results, sheet):
     yield shown("Drawing", f"Material: {spec.lens.material}")
     yield shown("Drawing", f"First angle; {sheet.name}, sheet 1 of 1")
     amounts = {factor.name: factor.amount for factor in factors_of(spec.tolerances)}
-    yield shown("Drawing / Material", spec.lens.material)
+    yield shown("Drawing / Material", f"Material {spec.lens.material} n =")
     yield shown("Drawing / Material", "n = {} ±{}", spec.lens.refractive_index, amounts["index"])
     for level in ("0/ –", "1/ –", "2/ –"):
         yield shown("Drawing / Material", level)
@@ -182,8 +185,9 @@ def _of_face(name, face, spec, amounts):
     yield shown(column, "RΔq {} mrad, rings {} nm PV", *texture)
     coating = getattr(spec.lens, f"{name}_coating")
     reflected = () if coating is None else (100.0 * coating.reflectance[0][0],)
-    words = "Coating: {}; {{}} mm²".format("–" if coating is None else "reflects {} %")
-    yield shown(column, words, *reflected, face.area_mm2)
+    words = "Coating: {}".format("–" if coating is None else "reflects {} %")
+    yield shown(column, words, *reflected)
+    yield shown(column, "Area: {} mm²", face.area_mm2)
     yield shown(column, "5/ –")
     width_um = spec.manufacture.form_tolerance_um
     if width_um is not None:
