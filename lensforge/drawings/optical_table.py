@@ -86,8 +86,7 @@ def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSe
         _centring(name, lens),
         f"5/ {words.imperfections or _DASH}",
         _texture(name, lens, words.roughness_nm),
-        f"Coating: {_DASH if coating is None else coating.title}",
-        f"Area: {found.area_mm2:.1f} mm²",
+        f"Coating: {_DASH if coating is None else coating.title}; {found.area_mm2:.1f} mm²",
     ]
 
 

@@ -12,7 +12,7 @@ from lensforge.lens import Lens
 from lensforge.spec import DrawingSection
 
 WIDTH, ROW = 180.0, 5.6  # mm on A3
-HEIGHT = 9.0 * ROW
+HEIGHT = 8.0 * ROW
 _NONE = "not stated"
 
 
@@ -71,12 +71,11 @@ def draw_title_block(words: TitleBlock, corner: tuple[float, float], unit: float
     rows = [
         [words.name],
         [f"Number: {words.number}", f"Revision: {words.revision}"],
-        [f"Material: {words.material}"],
-        [f"{quantity}: {words.mass}", f"Scale: {scale_words(scale)}"],
+        [f"Material: {words.material}", f"{quantity}: {words.mass}"],
         [f"Drawn: {words.author}", f"Date: {words.date}"],
         [f"Checked: {words.checked}", f"Organisation: {words.organisation}"],
-        [f"Sizes “general”: {words.general}"],
-        ["Units: mm, degrees", f"First angle; {sheet}, sheet 1 of 1"],
+        [f"Sizes “general”: {words.general}", "Units: mm, degrees"],
+        [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"],
         [f"Defined by: {words.step}"],
     ]
     top = bottom + HEIGHT * unit

@@ -133,9 +133,10 @@ def _draw_section(
 
     plane = content.datums.find("A") if view == "S" else None
     marked = () if plane is None or plane.z_mm is None else (x + scale * plane.z_mm,)
-    rows = at([each for each in mine if not each.upright], y + bottom - _FIRST * unit, -_ROW * unit, *marked)
     columns = at(beside, x + low - _FIRST * unit, -_ROW * unit)
     columns += at(beyond, x + high + (_FIRST + 2.0) * unit, _ROW * unit)
+    below = min([y + bottom, *(occupied(each)[0] for each in columns)])
+    rows = at([each for each in mine if not each.upright], below - _FIRST * unit, -_ROW * unit, *marked)
     views.dimensions += [*rows, *columns]
     if view == "S":
         lowest = min([each.line_mm for each in rows], default=y + bottom)

@@ -64,13 +64,14 @@ def seen(results, *, dense=True):
 
 
 def _pdf_places(tables):
-    """Sentences by the title of their table, and its cells after their row's name, by column where it has a head."""
+    """Sentences by the title of their table, and its cells by row and column where it has a head."""
     for table in tables:
         yield from (Place(f"PDF / {table.title}", _NUMBERED.sub("", each)) for each in table.sentences)
         for name, *cells in table.rows:
-            columns = [f" / {each}" for each in table.head[1:]] or [""]
-            for column, text in zip(columns, cells, strict=True):
-                yield Place(f"PDF / {table.title}{column}", f"{name}: {text}")
+            if not table.head:
+                yield Place(f"PDF / {table.title}", f"{name}: {cells[0]}")
+            for column, text in zip(table.head[1:], cells, strict=bool(table.head)):
+                yield Place(f"PDF / {table.title} / {name} / {column}", text)
 
 
 def _sheet_places(sheet):

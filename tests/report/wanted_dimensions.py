@@ -22,8 +22,8 @@ def dimension_numbers(lens):
         yield shown(f"Datums and dimensions / {name} / mm", "{}", value)
         yield shown(f"Datums and dimensions / {name} / Tolerance", kind, *tolerance)
         yield shown(f"Datums and dimensions / {name} / Where", scopes[scope])
-        yield shown("PDF / Sizes / mm", f"{name}: {{}}", value)
-        yield shown("PDF / Sizes / Tolerance", f"{name}: {kind}", *tolerance)
+        yield shown(f"PDF / Sizes / {name} / mm", "{}", value)
+        yield shown(f"PDF / Sizes / {name} / Tolerance", kind, *tolerance)
         if drawn:
             after = " ±{}" if own else " general" if kind == "general" else ""
             yield shown(f"Drawing / {name}", f"{drawn}{after}", value, *tolerance)
@@ -57,7 +57,7 @@ def _dimensions(lens):
     yield "highest point above z = 0", float((radius * dome[:, 2]).max()), "largest", ""
     yield "apex of the cavity above z = 0", cavity, "axis", "({})"
     yield "thickness on the axis", apex - cavity, "axis", "{}"
-    yield "width of the dome", _widest(lens), "largest", "(⌀{})"
+    yield "width of the dome", widest_of(lens.outer), "largest", "(⌀{})"
     for name, face in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
         rim = _rim_of(face)
         yield f"{name} in z = 0, along x", float(rim[0] + rim[3600]), "section", "({})"
@@ -79,7 +79,7 @@ def _dimensions(lens):
 
 def _of_part(lens, highest):
     """Length and largest width of the whole part."""
-    base, below, width = lens.spec.base, 0.0, _widest(lens)
+    base, below, width = lens.spec.base, 0.0, widest_of(lens.outer)
     if base.kind == "step":
         x, y, below = _box_of(base.file)
         width = max(width, float(np.hypot(x, y)))
@@ -91,13 +91,13 @@ def _of_part(lens, highest):
     yield "largest width", width, "part", "(⌀{})"
 
 
-def _widest(lens):
-    """Diameter (mm) of the cylinder about the axis that holds the dome: of dense directions, near the widest denser."""
+def widest_of(face):
+    """Diameter (mm) of the cylinder about the axis that holds a face: of dense directions, near the widest denser."""
     turn, tilt = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 721), np.linspace(0.0, np.pi / 2.0, 361))
     for _ in range(4):
         across = np.sin(tilt)
         places = np.stack([across * np.cos(turn), across * np.sin(turn), np.maximum(np.cos(tilt), 0.0)], axis=-1)
-        widths = lens.outer.radius(places.reshape(-1, 3)).reshape(turn.shape) * across
+        widths = face.radius(places.reshape(-1, 3)).reshape(turn.shape) * across
         at = np.unravel_index(np.argmax(widths), widths.shape)
         steps = np.linspace(-1.0, 1.0, 101)
         near = 3.0 * abs(tilt[1, 0] - tilt[0, 0])

@@ -1,10 +1,11 @@
 """Numbers that page, PDF and drawing for the shop must show, by their label, each from the records of the folder."""
 
+import re
 from dataclasses import dataclass
 from math import ceil, floor, log10
 
 from shown_numbers import shown
-from wanted_dimensions import dimension_numbers
+from wanted_dimensions import dimension_numbers, widest_of
 from wanted_tolerances import tolerance_numbers
 
 from lensforge.deviations.factors import factors_of
@@ -23,7 +24,11 @@ class Fact:
 
     def entries(self):
         yield shown(" / ".join(filter(None, (self.page, self.name))), self.words, *self.values)
-        yield shown(f"PDF / {self.pdf or 'Part'}", f"{self.name}: {self.words}", *self.values)
+        table, _, column = self.pdf.partition(" / ")
+        if column:
+            yield shown(f"PDF / {table} / {self.name} / {column}", self.words, *self.values)
+        else:
+            yield shown(f"PDF / {table or 'Part'}", f"{self.name}: {self.words}", *self.values)
 
 
 def handover_numbers(results, seen):
@@ -35,12 +40,13 @@ def handover_numbers(results, seen):
         yield from fact.entries()
     yield from _criteria(results)
     yield from _changes(results.check)
+    yield from _flat(results.lens)
     yield from _drawn(results, seen.sheet)
     yield from _notes(results)
     yield shown("figcaption", f"Drawing, {seen.sheet.name}, scale {{}} : 1", seen.sheet.scale)
     for name, digest in seen.handover.sha256.items():
         yield shown(f"Files / {name}", digest)
-        yield shown("PDF / SHA-256", f"{digest}  {name}")
+        yield shown("PDF / SHA-256", f"{name}: {digest}")
 
 
 def _of_part(results):
@@ -124,7 +130,7 @@ def _of_findings(check):
     for each in check.verdicts:
         mark = "yes" if each.holds else "no"
         yield Caption(f"Can it be cut? / {each.name}, {each.surface}", f"{mark} {each.reason}", ())
-        yield Caption("PDF / Can it be cut? / Answer", f"{each.name}, {each.surface}: {each.reason}", ())
+        yield Caption(f"PDF / Can it be cut? / {each.name}, {each.surface} / Answer", each.reason, ())
 
 
 def _criteria(results):
@@ -136,10 +142,10 @@ def _criteria(results):
             value, limit, numbers, limits = "yes" if each.value else "no", "yes", (), ()
         elif each.value is None:
             value, numbers = "not measured", ()
-        for page, before in ((f"Criteria on files and shape / {name}", ""),
-                             ("PDF / Criteria on files and shape", f"{name}: ")):  # fmt: skip
-            yield shown(f"{page} / Value", f"{before}{value}".rstrip(), *numbers)
-            yield shown(f"{page} / Limit", f"{before}{limit}".rstrip(), *limits)
+        for page in ("", "PDF / "):
+            label = f"{page}Criteria on files and shape / {name}"
+            yield shown(f"{label} / Value", value.rstrip(), *numbers)
+            yield shown(f"{label} / Limit", limit.rstrip(), *limits)
 
 
 def _changes(check):
@@ -156,6 +162,24 @@ def _changes(check):
             yield shown("PDF / Changes of the specification", words, least)
 
 
+def _flat(lens):
+    """The flat that would mark the azimuth: beyond three quarters of the way from the dome to the rim of the base."""
+    base, inside = lens.spec.base, widest_of(lens.outer) / 2.0
+    half = base.diameter_mm / 2.0
+    if base.kind != "cylinder" or base.flat_mm is not None or inside >= half:
+        return
+    flat = floor(10.0 * (inside + 0.75 * (half - inside))) / 10.0
+    words = "base.flat_mm = {} would, a flat across +x"
+    for label in (
+        "Datums and dimensions / p", "Datums and dimensions / Notes of the drawing / li", "PDF / Datums",
+        "PDF / Notes of the drawing", "Drawing / notes",
+    ):  # fmt: skip
+        yield shown(label, words, flat)
+    change = "azimuth, base: base.flat_mm = {}, a flat across +x"
+    yield shown("Can it be cut? / Changes of the specification that would help / li", change, flat)
+    yield shown("PDF / Changes of the specification", change, flat)
+
+
 def _drawn(results, sheet):
     """Title block, and the table of the two faces."""
     part, spec = results.part, results.spec
@@ -166,11 +190,14 @@ def _drawn(results, sheet):
     yield shown("Drawing", f"First angle; {sheet.name}, sheet 1 of 1")
     amounts = {factor.name: factor.amount for factor in factors_of(spec.tolerances)}
     yield shown("Drawing / Material", f"Material {spec.lens.material} n =")
-    yield shown("Drawing / Material", "n = {} ±{}", spec.lens.refractive_index, amounts["index"])
+    wave = float(re.search(r"([0-9.]+) nm", spec.lens.material)[1])
+    yield shown("Drawing / Material", "n = {} ±{} at {} nm", spec.lens.refractive_index, amounts["index"], wave)
     for level in ("0/ –", "1/ –", "2/ –"):
         yield shown("Drawing / Material", level)
     for name in ("outer", "inner"):
         yield from _of_face(name, getattr(results.check, name), spec, amounts)
+        face, wide = f"Drawing / {name.capitalize()} face", widest_of(getattr(results.lens, name))
+        yield shown(face, "Effective aperture: ⌀{}, whole face", wide)
     centring = (amounts["outer_tilt_deg"], amounts["outer_shift_mm"])
     yield shown("Drawing / Outer face", "4/ ±{}°, ±{} mm to the inner face", *centring)
     yield shown("Drawing / Inner face", "4/ reference of the outer face")
@@ -185,9 +212,8 @@ def _of_face(name, face, spec, amounts):
     yield shown(column, "RΔq {} mrad, rings {} nm PV", *texture)
     coating = getattr(spec.lens, f"{name}_coating")
     reflected = () if coating is None else (100.0 * coating.reflectance[0][0],)
-    words = "Coating: {}".format("–" if coating is None else "reflects {} %")
-    yield shown(column, words, *reflected)
-    yield shown(column, "Area: {} mm²", face.area_mm2)
+    words = "Coating: {}; {{}} mm²".format("–" if coating is None else "reflects {} %")
+    yield shown(column, words, *reflected, face.area_mm2)
     yield shown(column, "5/ –")
     width_um = spec.manufacture.form_tolerance_um
     if width_um is not None:
