@@ -19,7 +19,7 @@ from lensforge.drawings.grid_text import file_name, grid_text, origin_lines
 from lensforge.drawings.grids import GridRequest, MeasuredGrid, make_grids
 from lensforge.drawings.handover import DXF_FILE, PDF_FILE, POINTS_FILE, SAG_FILE, Handover, PointGrid
 from lensforge.drawings.offset_face import offset_faces
-from lensforge.drawings.pdf import Pictures, pdf_of
+from lensforge.drawings.pdf import Pictures, Table, pdf_of
 from lensforge.drawings.point_tables import points_table, ring_angles, sag_table
 from lensforge.drawings.polar import Polar
 from lensforge.drawings.raster import Raster
@@ -31,13 +31,16 @@ from lensforge.drawings.tolerance_table import ToleranceTable, tolerance_table
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, Finding
+from lensforge.report.criterion_words import criterion_words
 from lensforge.report.figure_style import to_svg
+from lensforge.report.numerals import number
 from lensforge.report.surface_figures import curvature_map, sag_map
 from lensforge.results import Results
 from lensforge.spec import DrawingSection
 from lensforge.tolerancing.yield_result import Yield
 
 _TEMPLATES = Path(__file__).with_name("templates")
+_CRITERIA_HEAD = ("Criterion", "Value", "Limit", "Met")
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class _Content:
     grids: Facts
     verdicts: tuple[Finding, ...]
     changes: list[str]
-    criteria: tuple[Criterion, ...]
+    criteria: list[tuple[str, str, str, str]]
     hashes: Mapping[str, str]
 
 
@@ -82,7 +85,7 @@ def make_handover(
     sizes, tolerances = dimensions(lens), tolerance_table(lens, results.find(Yield))
     words = words or lens.spec.drawing
     drawn = drawing_content(lens, part, check, sizes, tolerances, words)
-    sheet = make_sheet(drawn, words.sheet)
+    sheet = make_sheet(drawn, words.sheet or "A3")
     dxf, drawing, figures = sheet_dxf(sheet), sheet_figure(sheet), _pictures(check)
     hashes = {name: stamp.sha256 for name, stamp in part.files.items()}
     hashes |= {name: sha256(content).hexdigest() for name, content in {**tables, DXF_FILE: dxf}.items()}
@@ -92,7 +95,7 @@ def make_handover(
     return Handover(
         name=title,
         html=_page(content, sheet, drawing, figures).encode(),
-        pdf=pdf_of(title, drawing, _as_text(title, content), figures),
+        pdf=pdf_of(title, drawing, _tables(content), figures),
         dxf=dxf,
         points_csv=tables[POINTS_FILE],
         sag_csv=tables[SAG_FILE],
@@ -141,7 +144,7 @@ def _content(
         grids=grids,
         verdicts=check.verdicts,
         changes=tool_advice(lens, check),
-        criteria=(*part.criteria, *check.criteria),
+        criteria=[_criterion_row(each) for each in (*part.criteria, *check.criteria)],
         hashes=hashes,
     )
 
@@ -161,7 +164,7 @@ def _pictures(check: Check) -> Pictures:
 
 def _page(content: _Content, sheet: Sheet, drawing: Figure, figures: Pictures) -> str:
     environment = Environment(loader=FileSystemLoader(_TEMPLATES), autoescape=True)
-    environment.globals.update(shown=shown)
+    environment.globals.update(shown=shown, criteria_head=_CRITERIA_HEAD)
     pictures = [(caption, Markup(to_svg(f, f"handover{k}", caption))) for k, (caption, f) in enumerate(figures, 1)]
     caption = f"Drawing, {sheet.name}, scale {scale_words(sheet.scale)}; the same as {PDF_FILE} and {DXF_FILE}"
     main = caption, Markup(to_svg(drawing, "handover0", caption))
@@ -169,24 +172,51 @@ def _page(content: _Content, sheet: Sheet, drawing: Figure, figures: Pictures) -
     return template.render(**vars(content), drawing=main, pictures=pictures)
 
 
-def _as_text(title: str, content: _Content) -> list[str]:
-    lines = [title, "", *(f"{key}: {value}" for key, value in content.facts.items()), "", "Datums"]
-    lines += [*content.datums, content.definition, "", "Dimensions (mm)"]
-    lines += [f"{shown(d.value_mm)}  {d.name}; {d.scope_words}" for d in content.dimensions]
-    lines += ["", "Notes of the drawing", *(f"{k}. {note}" for k, note in enumerate(content.notes, 1))]
-    lines += ["", "Tolerances", *content.tolerances.lines]
-    for name, facts in content.faces.items():
-        lines += ["", f"Face {name}", *(f"{key}: {value}" for key, value in facts.items())]
-    lines += ["", "Verdicts", *(f"[{_yes(v.holds)}] {v.name}, {v.surface}: {v.reason}" for v in content.verdicts)]
-    lines += ["", "Changes of the specification", *content.changes] if content.changes else []
-    lines += ["", "Criteria", *(f"[{_yes(c.passed)}] {c.name} {_value(c)}" for c in content.criteria)]
-    lines += ["", "Dense tables of points", *(f"{key}: {value}" for key, value in content.grids.items())]
-    return [*lines, "", "SHA-256", *(f"{digest}  {name}" for name, digest in content.hashes.items())]
+def _tables(content: _Content) -> list[Table]:
+    """The page's content for the PDF."""
+    sizes = [(size.name, shown(size.value_mm), size.tolerance, size.scope_words) for size in content.dimensions]
+    notes = [f"{number}. {note}" for number, note in enumerate(content.notes, 1)]
+    findings = [(f"{each.name}, {each.surface}", _yes(each.holds), each.reason) for each in content.verdicts]
+    faces = zip(content.faces["outer"].items(), content.faces["inner"].values(), strict=True)
+    return [
+        Table("Part", list(content.facts.items())),
+        Table("Datums", sentences=[*(f"{line}." for line in content.datums), content.definition]),
+        Table("Sizes", sizes, ("Size", "mm", "Tolerance", "Where"), (0.44, 0.12, 0.14, 0.3)),
+        Table("Notes of the drawing", sentences=notes),
+        *_tolerance_tables(content.tolerances),
+        Table("Optical faces", [(name, outer, inner) for (name, outer), inner in faces],
+              ("Figure", "Outer", "Inner"), (0.5, 0.25, 0.25)),
+        Table("Can it be cut?", findings, ("Question", "", "Answer"), (0.2, 0.08, 0.72)),
+        *([Table("Changes of the specification", sentences=content.changes)] if content.changes else []),
+        Table("Criteria on files and shape", content.criteria, _CRITERIA_HEAD, (0.5, 0.2, 0.2, 0.1)),
+        Table("Dense tables of points", list(content.grids.items())),
+        Table("SHA-256", list(content.hashes.items()), shares=(0.3, 0.7)),
+    ]  # fmt: skip
+
+
+def _tolerance_tables(tolerances: ToleranceTable) -> list[Table]:
+    """A table for each group; the sentence above them is their own where there are none."""
+    head, shares = ("Tolerance", "Amount", "From", "At most"), (0.36, 0.24, 0.2, 0.2)
+    return [
+        Table("Tolerances", sentences=[tolerances.sentence]),
+        *(
+            Table(title, [(row.name, row.amount, row.source, row.at_most) for row in rows], head, shares)
+            for title, rows in tolerances.groups.items()
+        ),
+    ]
+
+
+def _criterion_row(criterion: Criterion) -> tuple[str, str, str, str]:
+    """A criterion in words, its value, its limit, and whether it is met."""
+    words, sense = criterion_words(criterion.name), {"<=": "≤", ">=": "≥"}[criterion.sense]
+    question = words.removesuffix(" (1: yes)")
+    value, limit = f"{number(criterion.value, 4)} {criterion.unit}", f"{sense} {criterion.limit:g} {criterion.unit}"
+    if question != words:
+        value, limit = "yes" if criterion.value == 1.0 else "no", "yes"
+    if criterion.value is None:
+        value = "not measured"
+    return question, value.strip(), limit.strip(), _yes(criterion.passed)
 
 
 def _yes(holds: bool) -> str:
-    return "yes" if holds else "NO "
-
-
-def _value(criterion: Criterion) -> str:
-    return "could not be measured" if criterion.value is None else f"= {criterion.value:.6g} {criterion.unit}"
+    return "yes" if holds else "no"

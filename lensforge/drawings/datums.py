@@ -6,12 +6,15 @@ A STEP with tolerances on its faces names its own plane A, in z = 0: then that i
 """
 
 from dataclasses import dataclass
+from math import floor
 from typing import Literal
 
+from lensforge.drawings.dimensions import widest_mm
 from lensforge.geometry.base_profile import BOTTOM, RIM, SIDE, TOP
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.part import Part
 from lensforge.geometry.plan import lay_out
+from lensforge.geometry.section import other_section_deg
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 
@@ -52,11 +55,22 @@ def datum_scheme(lens: Lens, part: Part) -> DatumScheme:
     if base.kind in ("none", "step"):
         missing.append("No datum feature for the axis: z through the origin of lens.step, aligned by the optical faces")
     if len(found) < 3:
-        missing.append("Nothing on the part marks the azimuth, which counts from +x of lens.step")
+        flat = clocking_flat(lens, base)
+        proposed = f"; base.flat_mm = {flat:g} would, a flat across +x" if flat else ""
+        missing.append(f"Nothing on the part marks the azimuth, which counts from +x of lens.step{proposed}")
     if base.kind == "step":
         missing[-1] = "The azimuth is that of the base in its own file"
     lines = *(f"Datum {datum.letter}: {datum.words}" for datum in found), *missing
     return DatumScheme(tuple(found), lines)
+
+
+def clocking_flat(lens: Lens, base: BaseSection) -> float | None:
+    """Distance (mm) of a flat that would mark +x of a part that is not round; None where none is missing or fits."""
+    if base.kind != "cylinder" or base.flat_mm is not None or other_section_deg(lens) is None:
+        return None
+    inside, half = widest_mm(lens.outer) / 2.0, base.diameter_mm / 2.0
+    flat = floor(10.0 * (half - 0.25 * (half - inside))) / 10.0
+    return flat if inside < flat < half else None
 
 
 def _plane(lens: Lens, part: Part, base: BaseSection) -> Datum:

@@ -3,7 +3,7 @@
 All are of the exact surfaces. A dimension that is drawn has its two ends on the part.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,7 +15,7 @@ from lensforge.geometry.custom_base import read_custom_base, tessellated
 from lensforge.geometry.cutter_room import base_with_room
 from lensforge.geometry.outline import Outline
 from lensforge.geometry.plan import lay_out, rim_directions, rim_radius
-from lensforge.geometry.section import body_outlines
+from lensforge.geometry.section import body_outlines, other_section_deg
 from lensforge.lens import Lens
 from lensforge.spec import BaseSection
 from lensforge.surfaces.chart import to_chart, to_sphere
@@ -25,16 +25,20 @@ from lensforge.surfaces.surface import Surface
 _SAMPLES, _STARTS = 5_000, 8  # samples 1.8 degrees apart; searches from the highest of them
 _RIM_AZIMUTHS = 1440
 _AXIS = np.array([[0.0, 0.0, 1.0]])
+_CHORD_MM = 1e-2  # of the round faces of a base from a file
 
-Scope = Literal["axis", "section", "largest", "base", "box"]
+Measured = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]]
+Scope = Literal["axis", "section", "second", "largest", "part", "base", "box"]
 SCOPES: dict[Scope, str] = {
     "axis": "on the axis",
     "section": "in the section S–S",
+    "second": "in the section T–T",
     "largest": "largest about the axis",
+    "part": "of the whole part",
     "base": "of the base, all around",
     "box": "of the box around the base",
 }
-View = Literal["section", "end"]
+View = Literal["S", "T", "base", "dome"]
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -42,39 +46,41 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 class Dimension:
     """One dimension (mm) with its name, and ``scope``: of which places it is.
 
-    ``ends``: two places on the part, (z, x) in the section or (y, x) in the view of the end; None where it is not
-    drawn. ``along``: the axis along which it is measured. ``sign``: "⌀" or "□" before it. ``tolerance_mm``: either way.
+    ``ends``: two places in ``view``: (z, across) in a section, (y, x) seen from the base, (-y, x) in the view of the
+    dome; None where it is not drawn. ``upright``: it is measured across the axis in a section. ``sign``: "⌀" or "□"
+    before it. ``tolerance_mm``: either way.
     """
 
     name: str
     value_mm: float
     scope: Scope
     ends: Ends | None = None
-    along: Literal["x", "y", "z"] = "z"
+    view: View = "S"
+    upright: bool = False
     sign: str = ""
     tolerance_mm: float | None = None
 
     @property
-    def view(self) -> View:
-        """The view that shows it."""
-        return "end" if self.along == "y" else "section"
+    def scope_words(self) -> str:
+        """Words on the places of which it is."""
+        return SCOPES[self.scope]
 
     @property
-    def scope_words(self) -> str:
-        """Words on the places of which it is, and on its tolerance."""
-        if self.is_auxiliary:
-            return f"{SCOPES[self.scope]}; auxiliary"
-        return SCOPES[self.scope] + ("" if self.tolerance_mm is None else f"; ±{self.tolerance_mm:.3f}")
+    def tolerance(self) -> str:
+        """Its own tolerance, or that it is auxiliary, or that the general one holds."""
+        if self.tolerance_mm is not None:
+            return f"±{self.tolerance_mm:.3f}"
+        return "auxiliary" if self.is_auxiliary else "general"
 
     @property
     def is_auxiliary(self) -> bool:
-        """True for a size that follows from a freeform face: it stands in parentheses, and the STEP defines it."""
-        return self.scope in ("axis", "section", "largest") and self.tolerance_mm is None
+        """True for a size that others or a freeform face give: it stands in parentheses, and the STEP defines it."""
+        return self.scope not in ("base", "box") and self.tolerance_mm is None
 
 
 def dimensions(lens: Lens) -> list[Dimension]:
-    """Dimensions of the lens and of its base; those that are drawn are in the section at y = 0, or across y."""
-    return [*_lens_dimensions(lens), *_base_dimensions(lens)]
+    """Dimensions of the lens, of its base and of the whole part."""
+    return [*_lens_dimensions(lens), *_base_dimensions(lens), *_part_dimensions(lens)]
 
 
 def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
@@ -82,40 +88,79 @@ def _lens_dimensions(lens: Lens) -> Iterator[Dimension]:
     gap = lens.spec.tolerances.of("gap_mm").amount
     side = -float(rim_radius(lens.outer)(np.array([np.pi]))[0])
     yield Dimension("outer apex above z = 0", outer, "axis", ((0.0, side), (outer, 0.0)))
-    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer), "largest")
+    yield Dimension("highest point above z = 0", highest_point_mm(lens.outer)[2], "largest")
     yield Dimension("apex of the cavity above z = 0", inner, "axis", ((0.0, side), (inner, 0.0)))
     ends = (inner, 0.0), (outer, 0.0)
     yield Dimension("thickness on the axis", outer - inner, "axis", ends, tolerance_mm=gap or None)
-    dome = fibonacci_hemisphere(20_000)
-    across = lens.outer.radius(dome) * np.hypot(dome[:, 0], dome[:, 1])
-    yield Dimension("width of the dome", 2.0 * float(across.max()), "largest", sign="⌀")
+    yield _circle("width of the dome", widest_mm(lens.outer), "largest")
+    second_deg = other_section_deg(lens)
     for name, surface in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
-        yield _rim_in_section(name, surface)
+        yield _rim_in_section(name, surface, 0.0, "S")
+        if second_deg is not None:
+            yield _rim_in_section(name, surface, second_deg, "T")
         turn = np.linspace(0.0, 2.0 * np.pi, _RIM_AZIMUTHS, endpoint=False)
         widest = 2.0 * float(surface.radius(rim_directions(turn)).max())
         yield Dimension(f"{name} in z = 0, circle about the axis that holds it", widest, "largest", sign="⌀")
 
 
-def _rim_in_section(name: str, surface: Surface) -> Dimension:
-    right, left = rim_radius(surface)(np.array([0.0, np.pi])).tolist()
-    return Dimension(f"{name} in z = 0, along x", left + right, "section", ((0.0, -left), (0.0, right)), "x")
+def widest_mm(surface: Surface) -> float:
+    """Diameter (mm) of the cylinder about the axis that holds ``surface``."""
+    return 2.0 * float(np.hypot(*_farthest(surface, lambda points: np.hypot(points[:, 0], points[:, 1]))[:2]))
 
 
-def highest_point_mm(surface: Surface) -> float:
-    """Largest height (mm) of ``surface`` above z = 0, which need not be at its apex, searched for between samples."""
+def _circle(name: str, width_mm: float, scope: Scope) -> Dimension:
+    """Diameter (mm) of a circle about the axis in the view of the dome."""
+    half = width_mm / 2.0
+    return Dimension(name, width_mm, scope, ((-half, 0.0), (half, 0.0)), "dome", sign="⌀")
+
+
+def _rim_in_section(name: str, surface: Surface, azimuth_deg: float, view: View) -> Dimension:
+    right, left = rim_radius(surface)(np.radians(azimuth_deg) + np.array([0.0, np.pi])).tolist()
+    along = {0.0: "along x", 90.0: "along y"}.get(azimuth_deg, f"at {azimuth_deg:g}°")
+    scope: Scope = "section" if view == "S" else "second"
+    return Dimension(f"{name} in z = 0, {along}", left + right, scope, ((0.0, -left), (0.0, right)), view, upright=True)
+
+
+def _part_dimensions(lens: Lens) -> Iterator[Dimension]:
+    """Length and width of the part with its base, the length from the bottom to the highest point of the dome."""
+    base, (across, _, highest) = base_with_room(lens), highest_point_mm(lens.outer)
+    bottom, side, wide = 0.0, -float(rim_radius(lens.outer)(np.array([np.pi]))[0]), widest_mm(lens.outer)
+    if base.file is not None:
+        vertices, _ = tessellated(read_custom_base(base.file).solid, _CHORD_MM)
+        lowest = vertices[np.argmin(vertices[:, 2])]
+        bottom, side = float(lowest[2]), float(lowest[0])
+        wide = max(wide, 2.0 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max()))
+    elif base.kind != "none":
+        bottom, side = -base.height_mm, -_half_width(base)
+        wide = max(wide, (2.0**0.5 if base.kind == "square" else 1.0) * 2.0 * _half_width(base))
+        wide = max(wide, base.flange_diameter_mm or 0.0)
+    yield Dimension("overall length", highest - bottom, "part", ((bottom, side), (highest, across)))
+    yield _circle("largest width", wide, "part")
+
+
+def highest_point_mm(surface: Surface) -> tuple[float, float, float]:
+    """Highest point (mm) of ``surface``, which need not be its apex."""
+    x, y, z = _farthest(surface, lambda points: points[:, 2]).tolist()
+    return x, y, z
+
+
+def _farthest(surface: Surface, measured: Measured) -> Float[np.ndarray, " 3"]:
+    """Point (mm) of ``surface``, rim included, with the largest ``measured``, searched for between samples."""
     from scipy.optimize import minimize
 
+    def point(chart: Float[np.ndarray, "2"]) -> Float[np.ndarray, "1 3"]:
+        direction = to_sphere((chart / max(1.0, float(np.hypot(*chart))))[None, :])  # no farther than the rim
+        return np.asarray(surface.radius(direction)[:, None] * direction)
+
     def below(chart: Float[np.ndarray, "2"]) -> float:
-        direction = to_sphere(chart[None, :])
-        return -float(surface.radius(direction)[0] * direction[0, 2])
+        return -float(measured(point(chart))[0])
 
     samples = np.concatenate([_AXIS, fibonacci_hemisphere(_SAMPLES)])
-    heights = surface.radius(samples) * samples[:, 2]
-    highest = [float(heights.max())]
-    for start in to_chart(samples[np.argsort(heights)[-_STARTS:]]):
-        found = minimize(below, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12})
-        highest.append(-float(found.fun))
-    return max(highest)
+    far = np.argsort(measured(surface.radius(samples)[:, None] * samples))[-_STARTS:]
+    charts = [to_chart(_AXIS)[0]]
+    for start in to_chart(samples[far]):
+        charts.append(minimize(below, start, method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-12}).x)
+    return np.asarray(point(min(charts, key=below))[0])
 
 
 def _base_dimensions(lens: Lens) -> list[Dimension]:
@@ -154,14 +199,18 @@ def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
     plan, half = lay_out(lens.inner, lens.outer, base), _half_width(base)
     foot = -plan.shoulder_mm
     if base.kind == "square":
-        yield Dimension("side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), "x", "□")
-        yield Dimension("side of the base across y", 2.0 * half, "base", ((-half, -half), (half, -half)), "y")
+        yield Dimension(
+            "side of the base across x", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="□"
+        )
+        yield Dimension("side of the base across y", 2.0 * half, "base", ((-half, -half), (half, -half)), "base")
     elif base.flat_mm is None:
-        yield Dimension("diameter of the base", 2.0 * half, "base", ((foot, -half), (foot, half)), "x", "⌀")
+        yield Dimension(
+            "diameter of the base", 2.0 * half, "base", ((foot, -half), (foot, half)), upright=True, sign="⌀"
+        )
     else:  # the flat takes a piece from the section
-        yield Dimension("diameter of the base", 2.0 * half, "base", ((-half, 0.0), (half, 0.0)), "y", "⌀")
+        yield Dimension("diameter of the base", 2.0 * half, "base", ((-half, 0.0), (half, 0.0)), "base", sign="⌀")
         ends = (foot, 0.0), (foot, base.flat_mm)
-        yield Dimension("clocking flat across +x, from the axis", base.flat_mm, "base", ends, "x")
+        yield Dimension("clocking flat across +x, from the axis", base.flat_mm, "base", ends, upright=True)
     for name, z, circle in (
         ("diameter of the step's wall", 0.0, plan.ring),
         ("diameter of the bore", -plan.bore_mm, plan.bore),
@@ -170,7 +219,7 @@ def _widths(lens: Lens, base: BaseSection) -> Iterator[Dimension]:
     ):
         if circle is not None:
             radius = _radius(circle)
-            yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), "x", "⌀")
+            yield Dimension(name, 2.0 * radius, "base", ((z, -radius), (z, radius)), upright=True, sign="⌀")
 
 
 def _radius(circle: Outline) -> float:
@@ -188,12 +237,12 @@ def _in_section_of_file(lens: Lens) -> Iterator[Dimension]:
     ends = (float(low[1]), float(low[0])), (0.0, float(low[0]))
     yield Dimension("base below z = 0, in the section", -ends[0][0], "section", ends)
     across = (float(left[1]), float(left[0])), (float(right[1]), float(right[0]))
-    yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, "x")
+    yield Dimension("base along x, in the section", across[1][1] - across[0][1], "section", across, upright=True)
 
 
 def _box_of_file(path: Path) -> list[Dimension]:
     """Bounding box of a base from a STEP file; its round faces are tessellated to a hundredth of a millimetre."""
-    vertices, _ = tessellated(read_custom_base(path).solid, 1e-2)
+    vertices, _ = tessellated(read_custom_base(path).solid, _CHORD_MM)
     sizes = np.ptp(vertices, axis=0).tolist()
     names = ("width along x", "width along y", "height below z = 0")
     return [Dimension(f"base of {path.name}, {name}", size, "box") for name, size in zip(names, sizes, strict=True)]

@@ -1,7 +1,6 @@
 """The drawing of a lens for the shop, drawn once: views, dimensions, datums, notes, title block on one sheet.
 
-Of the scales of ISO 5455 it has the largest at which the views fit, and of the sheets A4, unless A3 shows the part
-larger, the notes need A3, or the spec names one.
+Of the scales of ISO 5455 it has the largest at which the views fit; the sheet is A3, unless the spec names A4.
 """
 
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Literal
 from lensforge.drawings.datums import datum_scheme
 from lensforge.drawings.dimensions import Dimension
 from lensforge.drawings.drawing_notes import drawing_notes
-from lensforge.drawings.optical_table import ROW, Rows, draw_optical_table, optical_table
+from lensforge.drawings.optical_table import Rows, draw_optical_table, optical_table, table_height
 from lensforge.drawings.sheet import Box, Place, Sheet
 from lensforge.drawings.text_cells import paragraphs_in
 from lensforge.drawings.title_block import (
@@ -23,9 +22,10 @@ from lensforge.drawings.title_block import (
 )
 from lensforge.drawings.tolerance_table import ToleranceTable
 from lensforge.drawings.view_drawing import ViewContent, Views, draw_views
-from lensforge.drawings.views import end_lines, section_edges, section_outlines
+from lensforge.drawings.views import dome_lines, end_lines, section_view
 from lensforge.errors import InputError
 from lensforge.geometry.part import Part
+from lensforge.geometry.section import other_section_deg
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check
 from lensforge.spec import DrawingSection
@@ -57,44 +57,28 @@ def drawing_content(
     words: DrawingSection,
 ) -> DrawingContent:
     """Collect what the drawing says, from the results of the lens and from ``words``, those of its title block."""
-    datums = datum_scheme(lens, part)
+    datums, second_deg = datum_scheme(lens, part), other_section_deg(lens)
+    sections = [section_view(lens, "S", 0.0)]
+    if second_deg is not None:
+        sections.append(section_view(lens, "T", second_deg))
     return DrawingContent(
-        views=ViewContent(section_outlines(lens), section_edges(lens), end_lines(lens), dimensions, datums),
+        views=ViewContent(sections, end_lines(lens), dome_lines(lens), dimensions, datums),
         notes=drawing_notes(lens, check, datums, tolerances, words),
         table=optical_table(lens, part, check, words),
         title=title_block(lens, part, words),
     )
 
 
-def make_sheet(content: DrawingContent, wanted: SheetName | None) -> Sheet:
-    """Draw the sheet. Raises :class:`InputError` for a part that fits no sheet at any scale."""
-    scales = {name: scale for name in SIZES if (scale := _largest_scale(content, name)) is not None}
-    name = wanted or _chosen(content, scales)
-    if name not in scales:
-        raise InputError("the part fits on no sheet, at no scale; its drawing is left to a CAD program")
-    return _sheet(content, name, scales[name])
-
-
-def _chosen(content: DrawingContent, scales: dict[SheetName, float]) -> SheetName:
-    room = _notes_box(content, "A4")
-    small = scales.get("A4", 0.0) >= scales.get("A3", 0.0) and paragraphs_in(room, content.notes, _UNITS["A4"])[1]
-    return "A4" if small else "A3"
-
-
-def _largest_scale(content: DrawingContent, name: SheetName) -> float | None:
+def make_sheet(content: DrawingContent, name: SheetName = "A3") -> Sheet:
+    """Draw the sheet. Raises :class:`InputError` for a part that does not fit at any scale."""
     left, bottom, right, top = _views_box(content, name)
     for scale in SCALES:
-        if scale * _least_width(content) > right - left:
+        if scale * content.views.width > right - left:  # not even without dimensions
             continue
         box = draw_views(content.views, scale, _UNITS[name], (0.0, 0.0)).box
         if box[2] - box[0] <= right - left and box[3] - box[1] <= top - bottom:
-            return scale
-    return None
-
-
-def _least_width(content: DrawingContent) -> float:
-    """Width (mm) of both views beside each other: at a scale at which these alone do not fit, nothing is drawn."""
-    return sum(box[2] - box[0] for box in (content.views.section_box, content.views.end_box))
+            return _sheet(content, name, scale)
+    raise InputError(f"the part fits on {name} at no scale; its drawing is left to a CAD program")
 
 
 def _inside(name: SheetName) -> Box:
@@ -104,7 +88,7 @@ def _inside(name: SheetName) -> Box:
 
 def _band(content: DrawingContent, name: SheetName) -> float:
     """Height of notes, table and title block."""
-    return (HEIGHT + _GAP + ROW * len(content.table)) * _UNITS[name]
+    return (HEIGHT + _GAP) * _UNITS[name] + table_height(content.table, _UNITS[name])
 
 
 def _views_box(content: DrawingContent, name: SheetName) -> Box:
@@ -132,7 +116,7 @@ def _sheet(content: DrawingContent, name: SheetName, scale: float) -> Sheet:
     title = draw_title_block(content.title, corner, unit, scale, name)
     top = inside[1] + _band(content, name)
     table = draw_optical_table(content.table, inside[2] - WIDTH * unit, top, unit)
-    notes, _ = paragraphs_in(_notes_box(content, name), content.notes, unit)
+    notes = paragraphs_in(_notes_box(content, name), content.notes, unit)
     return Sheet(
         name=name,
         size_mm=SIZES[name],

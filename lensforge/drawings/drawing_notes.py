@@ -1,7 +1,8 @@
 """Notes on the drawing: what sizes are, datums, tolerances and their source, edges, polish, tools."""
 
-from lensforge.drawings.datums import DatumScheme
+from lensforge.drawings.datums import DatumScheme, clocking_flat
 from lensforge.drawings.tolerance_table import ToleranceTable
+from lensforge.geometry.cutter_room import base_with_room
 from lensforge.lens import Lens
 from lensforge.manufacturing.advice import advice
 from lensforge.manufacturing.result import Check, FaceResult
@@ -13,7 +14,8 @@ def drawing_notes(
 ) -> list[str]:
     """The notes, a paragraph each; ``words``: what the shop is told beside the design."""
     return [
-        "Sizes in parentheses are auxiliary: of the freeform faces OPTICAL_OUTER and OPTICAL_INNER"
+        "Sizes in parentheses are auxiliary: of the whole part, and of the freeform faces OPTICAL_OUTER and "
+        "OPTICAL_INNER"
         f"{', or of the base in its own file' if lens.spec.base.kind == 'step' else ''}. lens.step alone defines them. "
         "z = 0 is the plane in which the optical faces end.",
         *(f"{line}." for line in datums.lines),
@@ -44,9 +46,11 @@ def tool_notes(lens: Lens, check: Check) -> list[str]:
 
 
 def tool_advice(lens: Lens, check: Check) -> list[str]:
-    """Changes of the spec for each finding that does not hold and has any."""
+    """Changes of the spec for each finding that does not hold and has any, and a flat where nothing marks +x."""
     each = ((finding, advice(finding, lens.spec, check)) for finding in check.verdicts)
-    return [f"{finding.name}, {finding.surface}: {words}" for finding, words in each if words]
+    found = [f"{finding.name}, {finding.surface}: {words}" for finding, words in each if words]
+    flat = clocking_flat(lens, base_with_room(lens))
+    return found if flat is None else [*found, f"azimuth, base: base.flat_mm = {flat:g}, a flat across +x"]
 
 
 def _ball(face: FaceResult) -> str:
@@ -72,7 +76,9 @@ def _sources(lens: Lens, tolerances: ToleranceTable) -> str:
 
 def _general(words: DrawingSection) -> str:
     stated = words.general_tolerances
-    return f"Other sizes: {stated}." if stated else "Other sizes: no tolerance stated; agree on one with the shop."
+    return (
+        f"Sizes “general”: {stated}." if stated else "Sizes “general”: no tolerance stated; agree on one with the shop."
+    )
 
 
 def _edges(words: DrawingSection) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lensforge.drawings.sheet import Place, Stroke, Words
+from lensforge.drawings.sheet import LETTERS, Place, Stroke, Words
 
 _TRIANGLE, _BOX, _LEADER = 2.6, 5.0, 2.0  # mm on A3
 
@@ -26,19 +26,27 @@ def datum_symbol(at: Place, towards: Place, letter: str, unit: float, further_mm
         Stroke(np.array([start, end])),
         Stroke(corners, closed=True),
     ]
-    return strokes, [Words((float(centre[0]), float(centre[1])), letter, 2.5 * unit, "center")]
+    return strokes, [Words((float(centre[0]), float(centre[1])), letter, LETTERS * unit, "center")]
 
 
-def axes_mark(at: Place, right: str, up: str, unit: float) -> Marks:
-    """Two arrows that name the axes of a view, their corner at ``at``."""
+def axes_mark(at: Place, level: str, up: str, unit: float, towards: float = 1.0) -> Marks:
+    """Two arrows that name the axes of a view, their corner at ``at``; the level one to the right, or left with -1."""
     corner, length = np.array(at), 7.0 * unit
     strokes, words = [], []
-    for name, out in ((right, np.array([1.0, 0.0])), (up, np.array([0.0, 1.0]))):
+    for name, out in ((level, np.array([towards, 0.0])), (up, np.array([0.0, 1.0]))):
         tip = corner + length * out
         strokes += [Stroke(np.array([corner, tip])), arrow_head(tip, out, 2.0 * unit)]
         place = tip + 2.0 * unit * out
-        words.append(Words((float(place[0]), float(place[1])), name, 2.5 * unit, "center"))
+        words.append(Words((float(place[0]), float(place[1])), name, LETTERS * unit, "center"))
     return strokes, words
+
+
+def turned_mark(at: Place, unit: float) -> Marks:
+    """The sign of a section that is turned anticlockwise from its place (ISO 128): an arc with an arrow."""
+    turn = np.linspace(-0.25 * np.pi, 0.9 * np.pi, 25)
+    arc = np.array(at) + 2.2 * unit * np.column_stack([np.cos(turn), np.sin(turn)])
+    out = np.array([-np.sin(turn[-1]), np.cos(turn[-1])])
+    return [Stroke(arc), arrow_head(arc[-1] + 1.2 * unit * out, out, 2.0 * unit)], []
 
 
 def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
@@ -48,19 +56,21 @@ def arrow_head(tip: np.ndarray, out: np.ndarray, size: float) -> Stroke:
     return Stroke(np.array([tip, back + size / 6.0 * along, back - size / 6.0 * along]), closed=True, filled=True)
 
 
-def section_plane(centre: Place, half_mm: float, letter: str, unit: float) -> Marks:
-    """The plane of the section in the view of the end: a chain line, thick at its ends, with arrows to the left."""
-    x, y = centre
-    strokes = [Stroke(np.array([(x, y - half_mm), (x, y + half_mm)]), "axis")]
+def section_plane(centre: Place, azimuth_deg: float, half_mm: float, letter: str, unit: float) -> Marks:
+    """The plane of a section in the view from the base: a chain line, thick at its ends, with arrows of the sight."""
+    turn = np.radians(azimuth_deg)
+    along, sight = np.array([np.sin(turn), np.cos(turn)]), np.array([-np.cos(turn), np.sin(turn)])
+    middle = np.array(centre)
+    strokes = [Stroke(np.array([middle - half_mm * along, middle + half_mm * along]), "axis")]
     words = []
     for way in (1.0, -1.0):
-        end = y + way * half_mm
-        strokes.append(Stroke(np.array([(x, end), (x, end + way * 4.0 * unit)]), "outline"))
-        tail, tip = x, x - 7.0 * unit
-        level = end + way * 2.0 * unit
-        strokes.append(Stroke(np.array([(tail, level), (tip, level)])))
-        strokes.append(arrow_head(np.array([tip, level]), np.array([-1.0, 0.0]), 2.5 * unit))
-        words.append(Words((tip - 2.5 * unit, level), letter, 3.5 * unit, "center"))
+        end = middle + way * half_mm * along
+        strokes.append(Stroke(np.array([end, end + way * 4.0 * unit * along]), "outline"))
+        tail = end + way * 2.0 * unit * along
+        tip = tail + 7.0 * unit * sight
+        strokes += [Stroke(np.array([tail, tip])), arrow_head(tip, sight, LETTERS * unit)]
+        place = tip + LETTERS * unit * sight
+        words.append(Words((float(place[0]), float(place[1])), letter, LETTERS * unit, "center"))
     return strokes, words
 
 

@@ -4,17 +4,20 @@
 the material. Rq and RΔq: height and slope of the roughness, rms. A dash stands where neither spec nor preset says more.
 """
 
+import re
+
+from lensforge.drawings.dimensions import widest_mm
 from lensforge.drawings.marks import Marks
 from lensforge.drawings.sheet import Stroke, Words
-from lensforge.drawings.text_cells import row
+from lensforge.drawings.text_cells import row, row_height
 from lensforge.geometry.base_profile import INNER, OUTER
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.result import Check, FaceName
+from lensforge.materials.material import D_LINE_NM
 from lensforge.spec import DrawingSection
 
-ROW = 5.0  # mm on A3
-_WIDTHS = (66.0, 48.0, 66.0)
+_WIDTHS = (71.0, 38.0, 71.0)  # mm on A3
 _DASH = "–"
 # Faces that the spec gives by a formula; those of files have none.
 _SHAPES = {
@@ -35,22 +38,39 @@ def optical_table(lens: Lens, part: Part, check: Check, words: DrawingSection) -
         "Material",
         spec.material,
         f"n = {spec.refractive_index:g}{f' ±{index:g}' if index else ''}",
+        index_wavelength(lens),
         f"0/ {_DASH}",
         f"1/ {_DASH}",
         f"2/ {_DASH}",
-        "",
-        "",
+        *[""] * (len(outer) - 7),
     ]
     return [list(texts) for texts in zip(outer, material, inner, strict=True)]
+
+
+def index_wavelength(lens: Lens) -> str:
+    """Wavelength at which the material has its index: of the spec's dispersion, or as the material's name says."""
+    spec = lens.spec.lens
+    named = re.search(r"\d+(?:\.\d+)? ?nm\b", spec.material)
+    if spec.abbe_number is not None:
+        return f"at {D_LINE_NM:g} nm"
+    if named is not None:
+        return f"at {named[0]}"
+    return "wavelength not stated" if spec.dispersion is None else f"at {spec.design_wavelength_nm:g} nm"
+
+
+def table_height(rows: Rows, unit: float) -> float:
+    """Height of the table."""
+    return sum(row_height(texts, [width * unit for width in _WIDTHS], unit) for texts in rows)
 
 
 def draw_optical_table(rows: Rows, left: float, top: float, unit: float) -> Marks:
     """The table, its upper left corner given."""
     strokes: list[Stroke] = []
     words: list[Words] = []
-    for number, texts in enumerate(rows):
-        more = row(left, top - number * ROW * unit, ROW * unit, texts, [width * unit for width in _WIDTHS], unit)
-        strokes, words = [*strokes, *more[0]], [*words, *more[1]]
+    widths = [width * unit for width in _WIDTHS]
+    for texts in rows:
+        more = row(left, top, texts, widths, unit)
+        strokes, words, top = [*strokes, *more[0]], [*words, *more[1]], top - row_height(texts, widths, unit)
     return strokes, words
 
 
@@ -60,6 +80,7 @@ def _face(name: FaceName, lens: Lens, part: Part, check: Check, words: DrawingSe
     return [
         f"{name.capitalize()} face, {OUTER if name == 'outer' else INNER}",
         f"{_shape(name, lens)}; best-fit R {sphere.radius_mm:.3f}, PV {sphere.pv_mm:.3f}",
+        f"Effective aperture: ⌀{widest_mm(getattr(lens, name)):.3f}, whole face",
         _form(name, lens),
         _profile(name, lens, part),
         _centring(name, lens),

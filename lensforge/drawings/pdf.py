@@ -1,39 +1,109 @@
-"""The PDF for the shop: the drawing as its first page, in vectors and true to scale, then text and pictures on A4.
+"""The PDF for the shop: the drawing as its first page, in vectors and true to scale, then tables and pictures on A4.
 
 It is drawn by matplotlib, so that no browser is needed.
 """
 
 import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from lensforge.drawings.lettering import wrapped
+from lensforge.drawings.sheet import LETTERS, Sheet, Stroke, Words
+from lensforge.drawings.sheet_figure import sheet_figure
+from lensforge.drawings.text_cells import PITCH, row, row_height
 from lensforge.report.ownership import pdf_mark
 
 _A4 = (8.27, 11.69)
-_LINES, _COLUMNS = 68, 100
 _DPI = 300
 _CAPTION_MM, _CAPTION_LETTERS_MM = 85.0, 2.0
 _NO_DATE = {"CreationDate": None}  # the same results make the same bytes
+_SIZE_MM, _LEFT, _TOP, _BOTTOM, _WIDTH = (210.0, 297.0), 20.0, 280.0, 20.0, 175.0
+_UNIT = 0.8  # letters of 2 mm
 
 Pictures = list[tuple[str, Figure]]
 
 
-def pdf_of(title: str, drawing: Figure, text: list[str], pictures: Pictures) -> bytes:
-    """Make a PDF: the ``drawing``, the lines of ``text`` on as many pages as needed, ``pictures`` on one page."""
+@dataclass(frozen=True)
+class Table:
+    """A table of the PDF: ``sentences`` above it, its ``head``, if any, and rows; ``shares`` of the width by column."""
+
+    title: str
+    rows: Sequence[Sequence[str]] = ()
+    head: Sequence[str] = ()
+    shares: Sequence[float] = (0.4, 0.6)
+    sentences: Sequence[str] = ()
+
+    @property
+    def widths(self) -> list[float]:
+        """Widths (mm) of the columns."""
+        return [_WIDTH * share for share in self.shares]
+
+
+@dataclass
+class _Page:
+    """A page while it is filled from the top."""
+
+    strokes: list[Stroke] = field(default_factory=list)
+    words: list[Words] = field(default_factory=list)
+    top: float = _TOP
+
+    def has_room(self, height: float) -> bool:
+        return self.top - height >= _BOTTOM
+
+    def add_line(self, text: str) -> None:
+        height = PITCH * LETTERS * _UNIT
+        self.words.append(Words((_LEFT, self.top - 0.5 * height), text, LETTERS * _UNIT))
+        self.top -= height
+
+    def add_row(self, texts: Sequence[str], widths: Sequence[float]) -> None:
+        strokes, words = row(_LEFT, self.top, texts, widths, _UNIT)
+        self.strokes, self.words = [*self.strokes, *strokes], [*self.words, *words]
+        self.top -= row_height(texts, widths, _UNIT)
+
+
+def pdf_of(title: str, drawing: Figure, tables: Sequence[Table], pictures: Pictures) -> bytes:
+    """Make a PDF: the ``drawing``, the ``tables`` on as many pages as needed, ``pictures`` on one page."""
     buffer = io.BytesIO()
     with PdfPages(buffer, metadata={**_NO_DATE, "Title": title}) as pages:
         pages.savefig(drawing)
-        folded = [piece for line in text for piece in _fold(line)]
-        for first in range(0, len(folded), _LINES):
-            page = Figure(figsize=_A4)
-            page.text(0.07, 0.96, "\n".join(folded[first : first + _LINES]), family="monospace", size=7.5, va="top")
-            pages.savefig(page)
+        for number, page in enumerate(_filled(tables), start=2):
+            foot = Words((_LEFT, 0.5 * _BOTTOM), f"{title}, page {number}", LETTERS * _UNIT)
+            strokes, words = tuple(page.strokes), (*page.words, foot)
+            pages.savefig(sheet_figure(Sheet("A4", _SIZE_MM, _UNIT, 1.0, title, (0.0, 0.0), strokes, words, ())))
         if pictures:
             pages.savefig(_picture_page(pictures))
     return buffer.getvalue() + pdf_mark()
+
+
+def _filled(tables: Sequence[Table]) -> Iterator[_Page]:
+    """Pages with the tables one below the other; where one goes on, its title and its head stand above it again."""
+    page, line = _Page(), PITCH * LETTERS * _UNIT
+    for table in tables:
+        lines = [each for text in table.sentences for each in wrapped(text, LETTERS * _UNIT, _WIDTH)]
+        if not page.has_room((len(lines) + 5.0) * line):
+            yield page
+            page = _Page()
+        if page.top < _TOP:
+            page.top -= line
+        for each in (table.title, *lines):
+            if not page.has_room(line):
+                yield page
+                page = _Page()
+            page.add_line(each)
+        heads = [table.head] if table.head else []
+        for texts in (*heads, *table.rows):
+            if not page.has_room(row_height(texts, table.widths, _UNIT)):
+                yield page
+                page = _Page()
+                page.add_line(f"{table.title}, continued")
+                for head in heads:
+                    page.add_row(head, table.widths)
+            page.add_row(texts, table.widths)
+    yield page
 
 
 def _picture_page(pictures: Pictures) -> Figure:
@@ -50,15 +120,3 @@ def _picture_page(pictures: Pictures) -> Figure:
         axes.set_title("\n".join(wrapped(caption, _CAPTION_LETTERS_MM, _CAPTION_MM)), size=8.0, loc="left")
         axes.set_axis_off()
     return page
-
-
-def _fold(line: str) -> list[str]:
-    """Lines that fit the page, continuations indented; words are not broken."""
-    pieces = [""]
-    for word in line.split(" "):
-        longer = f"{pieces[-1]} {word}" if pieces[-1] else word
-        if len(longer) > _COLUMNS and pieces[-1].strip():
-            pieces.append("    " + word)
-        else:
-            pieces[-1] = longer
-    return pieces

@@ -14,7 +14,7 @@ Points = Float[np.ndarray, "n 2"]
 Place = tuple[float, float]
 Box = tuple[float, float, float, float]  # left, bottom, right, top
 Anchor = Literal["left", "center", "right"]
-PenName = Literal["outline", "thin", "hidden", "axis", "hatch", "frame"]
+PenName = Literal["outline", "thin", "hidden", "axis", "phantom", "hatch", "frame"]
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,14 @@ class Pen:
     dashes_mm: tuple[float, ...] = ()
 
 
+LETTERS = 2.5  # height of all letters (mm on A3), ISO 3098
+
 PENS: dict[PenName, Pen] = {
     "outline": Pen(0.5),
     "thin": Pen(0.18),
     "hidden": Pen(0.25, (2.0, 1.0)),
     "axis": Pen(0.18, (8.0, 1.2, 0.6, 1.2)),
+    "phantom": Pen(0.18, (8.0, 1.2, 0.6, 1.2, 0.6, 1.2)),
     "hatch": Pen(0.09),
     "frame": Pen(0.5),
 }

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lensforge.drawings.marks import Marks, first_angle
-from lensforge.drawings.sheet import Box, Stroke
-from lensforge.drawings.text_cells import cell, frame_of, row
+from lensforge.drawings.sheet import Box, Stroke, Words
+from lensforge.drawings.text_cells import cell, frame_of
 from lensforge.geometry.part import STEP_FILE, Part
 from lensforge.lens import Lens
 from lensforge.spec import DrawingSection
@@ -30,6 +30,7 @@ class TitleBlock:
     checked: str
     organisation: str
     step: str
+    general: str
 
     @property
     def title(self) -> str:
@@ -53,6 +54,7 @@ def title_block(lens: Lens, part: Part, words: DrawingSection) -> TitleBlock:
         checked=words.checked_by or _NONE,
         organisation=signature.organisation or _NONE,
         step=f"{STEP_FILE}, SHA-256 {stamp.sha256[:16]}…",
+        general=words.general_tolerances or f"{_NONE}, to be agreed",
     )
 
 
@@ -64,22 +66,26 @@ def scale_words(scale: float) -> str:
 def draw_title_block(words: TitleBlock, corner: tuple[float, float], unit: float, scale: float, sheet: str) -> Marks:
     """The block, its lower right corner at ``corner``."""
     left, bottom = corner[0] - WIDTH * unit, corner[1]
-    full, half, height = [WIDTH * unit], [WIDTH * unit / 2.0] * 2, ROW * unit
+    height = ROW * unit
     quantity = "Mass" if words.mass.endswith("g") else "Volume"
     rows = [
+        [words.name],
         [f"Number: {words.number}", f"Revision: {words.revision}"],
-        [f"Material: {words.material}"],
-        [f"{quantity}: {words.mass}", f"Scale: {scale_words(scale)}"],
+        [f"Material: {words.material}", f"{quantity}: {words.mass}"],
         [f"Drawn: {words.author}", f"Date: {words.date}"],
         [f"Checked: {words.checked}", f"Organisation: {words.organisation}"],
-        ["Units: mm, degrees", f"First angle; {sheet}, sheet 1 of 1"],
+        [f"Sizes “general”: {words.general}", "Units: mm, degrees"],
+        [f"Scale: {scale_words(scale)}", f"First angle; {sheet}, sheet 1 of 1"],
         [f"Defined by: {words.step}"],
     ]
     top = bottom + HEIGHT * unit
-    strokes, texts = cell((left, top - height, corner[0], top), words.name, unit, letters=3.5)
-    for number, each in enumerate(rows, start=1):
-        more = row(left, top - number * height, height, each, full if len(each) == 1 else half, unit)
-        strokes, texts = [*strokes, *more[0]], [*texts, *more[1]]
+    strokes: list[Stroke] = []
+    texts: list[Words] = []
+    for number, each in enumerate(rows):
+        low, wide = top - (number + 1) * height, WIDTH * unit / len(each)
+        for k, text in enumerate(each):
+            more = cell((left + k * wide, low, left + (k + 1) * wide, low + height), text, unit)
+            strokes, texts = [*strokes, *more[0]], [*texts, *more[1]]
     symbol = first_angle((corner[0] - 14.0 * unit, bottom + 1.5 * height), 0.7 * unit)
     outside = frame_of((left, bottom, corner[0], top), "outline")
     return [*strokes, *symbol[0], outside], texts

@@ -41,17 +41,6 @@ class ToleranceTable:
         named = {"The lens": self.lens, "LED and mounting": self.assembly}
         return {title: rows for title, rows in named.items() if rows}
 
-    @property
-    def lines(self) -> list[str]:
-        """The table as lines of text."""
-        found = [self.sentence]
-        for title, rows in self.groups.items():
-            found.append(f"{title}:")
-            for row in rows:
-                ends = f"; at most {row.at_most}" if row.at_most else ""
-                found.append(f"  {row.name}: {row.amount} ({row.source}){ends}")
-        return found
-
 
 def tolerance_table(lens: Lens, found: Yield | None) -> ToleranceTable:
     """The tolerances of the spec; ``found``: the yield study under them, None where it has not run."""

@@ -1,4 +1,4 @@
-"""The two views on paper at a scale: outlines, hatching, axes, dimensions and datum symbols, and the room they need."""
+"""The views on paper at a scale: outlines, hatching, axes, dimensions and datum symbols, and the room they need."""
 
 from dataclasses import dataclass, field
 
@@ -6,37 +6,59 @@ import numpy as np
 
 from lensforge.drawings.datums import DatumScheme
 from lensforge.drawings.dimension_lines import occupied, words_of_dimension
-from lensforge.drawings.dimensions import Dimension
+from lensforge.drawings.dimensions import Dimension, View
 from lensforge.drawings.hatching import hatch
 from lensforge.drawings.lettering import box_of
-from lensforge.drawings.marks import Marks, axes_mark, datum_symbol, section_plane
+from lensforge.drawings.marks import Marks, axes_mark, datum_symbol, section_plane, turned_mark
 from lensforge.drawings.placing import Side, placed
-from lensforge.drawings.sheet import Box, LinearDimension, PenName, Place, Points, Stroke, Words, shown
-from lensforge.drawings.views import ViewLine
+from lensforge.drawings.sheet import LETTERS, Box, LinearDimension, Place, Points, Stroke, Words, shown
+from lensforge.drawings.views import SectionView, ViewLine
 
-_FIRST, _ROW, _TEXT, _GAP = 8.0, 7.0, 2.5, 14.0  # mm on A3: to the first line, between lines, letters, between views
+_FIRST, _ROW, _GAP = 8.0, 7.0, 14.0  # mm on A3: to the first line, between lines, between views
 _HATCH = 3.5
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 
 @dataclass(frozen=True)
 class ViewContent:
-    """Lines (mm, of the part) of the section, edges behind it, the view of the end, dimensions and datums."""
+    """Lines (mm, of the part) of one section or two, of the views from the base and of the dome; sizes and datums."""
 
-    section: list[Points]
-    edges: list[Points]
-    end: list[ViewLine]
+    sections: list[SectionView]
+    base: list[ViewLine]
+    dome: list[ViewLine]
     dimensions: list[Dimension]
     datums: DatumScheme
 
-    @property
-    def section_box(self) -> Box:
-        """The section's box in (z, x)."""
-        return _box(np.concatenate(self.section))
+    def section_box(self, section: SectionView) -> Box:
+        """The box of a section in (z, across), with what lies behind and before it."""
+        return _box(np.concatenate([*section.outlines, *(line.points for line in section.lines)]))
 
     @property
-    def end_box(self) -> Box:
-        """The view's box in (y, x)."""
-        return _box(np.concatenate([line.points for line in self.end]))
+    def base_box(self) -> Box:
+        """The box of the view from the base in (y, x)."""
+        return _box(np.concatenate([line.points for line in self.base]))
+
+    @property
+    def dome_box(self) -> Box:
+        """The box of the view of the dome in (-y, x), its circles included."""
+        half = max((each.value_mm / 2.0 for each in self.drawn("dome")), default=0.0)
+        return _box(np.concatenate([*(line.points for line in self.dome), [(-half, -half), (half, half)]]))
+
+    @property
+    def width(self) -> float:
+        """Width (mm, of the part) of all views beside each other."""
+        boxes = [self.dome_box, self.base_box, *map(self.section_box, self.sections)]
+        return sum(box[2] - box[0] for box in boxes)
+
+    @property
+    def half_height(self) -> float:
+        """Largest distance (mm, of the part) from the axis in any view."""
+        boxes = [self.dome_box, self.base_box, *map(self.section_box, self.sections)]
+        return max(max(-box[1], box[3]) for box in boxes)
+
+    def drawn(self, view: View) -> list[Dimension]:
+        """Dimensions that are drawn in ``view``."""
+        return [each for each in self.dimensions if each.ends is not None and each.view == view]
 
 
 @dataclass
@@ -74,71 +96,106 @@ def _box(points: Points) -> Box:
 
 
 def draw_views(content: ViewContent, scale: float, unit: float, origin: Place) -> Views:
-    """Both views, the origin of the part in the section at ``origin`` on paper."""
+    """All views, the origin of the part in the section S-S at ``origin`` on paper."""
     views = Views()
-    _draw_section(views, content, scale, unit, origin)
-    right = views.box[2]
-    left, bottom, _, _ = content.end_box
-    lowest = min(bottom, content.section_box[1])
-    centre = right + _GAP * unit - scale * left, origin[1]
-    _draw_end(views, content, scale, unit, centre, origin[1] + scale * lowest)
+    top = origin[1] + scale * content.half_height
+    _draw_section(views, content, content.sections[0], scale, unit, origin, top)
+    lowest = views.box[1]
+    left = views.box[0] - _GAP * unit - scale * content.dome_box[2]
+    right = views.box[2] + _GAP * unit - scale * content.base_box[0]
+    _draw_base(views, content, scale, unit, (right, origin[1]), top, lowest)
+    for section in content.sections[1:]:
+        drawn = Views()
+        _draw_section(drawn, content, section, scale, unit, (0.0, origin[1]), top)
+        at = views.box[2] + _GAP * unit - drawn.box[0]
+        _draw_section(views, content, section, scale, unit, (at, origin[1]), top)
+    _draw_dome(views, content, scale, unit, (left, origin[1]), top)
     return views
 
 
-def _draw_section(views: Views, content: ViewContent, scale: float, unit: float, origin: Place) -> None:
-    outlines = [scale * outline + origin for outline in content.section]
-    low, bottom, high, top = (scale * value for value in content.section_box)
+def _draw_section(
+    views: Views, content: ViewContent, section: SectionView, scale: float, unit: float, origin: Place, above: float
+) -> None:
+    outlines = [scale * outline + origin for outline in section.outlines]
+    low, bottom, high, _ = (scale * value for value in content.section_box(section))
     x, y = origin
     views.strokes += hatch(outlines, _HATCH * unit)
     views.strokes += [Stroke(outline, "outline", closed=True) for outline in outlines]
-    views.strokes += [Stroke(scale * edge + origin, "outline") for edge in content.edges]
+    views.strokes += [Stroke(scale * line.points + origin, line.pen) for line in section.lines]
     views.strokes.append(Stroke(np.array([(x + low - 4.0 * unit, y), (x + high + 4.0 * unit, y)]), "axis"))
-    mine = [each for each in content.dimensions if each.ends is not None and each.view == "section"]
-    beyond = [each for each in mine if each.along == "x" and _rim_is_beside(each, content)]
-    beside = [each for each in mine if each.along == "x" and each not in beyond]
-    along = [each for each in mine if each.along == "z"]
+    view: View = "S" if section is content.sections[0] else "T"
+    mine = content.drawn(view)
+    beyond = [each for each in mine if each.upright and _rim_is_beside(each, section)]
+    beside = [each for each in mine if each.upright and each not in beyond]
 
     def at(found: list[Dimension], first: float, step: float, *through: float) -> list[LinearDimension]:
         return placed([_on_paper(each, scale, unit, origin) for each in found], Side(first, step, through))
 
-    plane = content.datums.find("A")
+    plane = content.datums.find("A") if view == "S" else None
     marked = () if plane is None or plane.z_mm is None else (x + scale * plane.z_mm,)
-    rows = at(along, y + bottom - _FIRST * unit, -_ROW * unit, *marked)
     columns = at(beside, x + low - _FIRST * unit, -_ROW * unit)
     columns += at(beyond, x + high + (_FIRST + 2.0) * unit, _ROW * unit)
+    below = min([y + bottom, *(occupied(each)[0] for each in columns)])
+    rows = at([each for each in mine if not each.upright], below - _FIRST * unit, -_ROW * unit, *marked)
     views.dimensions += [*rows, *columns]
-    lowest = min([each.line_mm for each in rows], default=y + bottom)
-    _add_plane(views, content.datums, scale, unit, (x, y + bottom), lowest)
-    _add_centre(views, content.datums, columns, unit)
-    label = 0.5 * (low + high) + x, max(views.box[3], y + top + 2.0 * unit) + 4.0 * unit
-    views.words.append(Words(label, "S–S", 3.5 * unit, "center"))
-    views.add(axes_mark((label[0] + 14.0 * unit, label[1] - 2.0 * unit), "z", "x", unit))
+    if view == "S":
+        lowest = min([each.line_mm for each in rows], default=y + bottom)
+        _add_plane(views, content.datums, scale, unit, (x, y + bottom), lowest)
+        _add_centre(views, content.datums, columns, unit)
+    label = 0.5 * (low + high) + x, above + 14.0 * unit
+    views.words.append(Words(label, f"{section.letter}–{section.letter}", LETTERS * unit, "center"))
+    if view == "T":
+        views.add(turned_mark((label[0] - 8.0 * unit, label[1] - unit), unit))
+    across = {0.0: "x", 90.0: "y"}.get(section.azimuth_deg, f"{section.azimuth_deg:g}°")
+    views.add(axes_mark((label[0] + 8.0 * unit, label[1] - 2.0 * unit), "z", across, unit))
 
 
-def _rim_is_beside(dimension: Dimension, content: ViewContent) -> bool:
+def _rim_is_beside(dimension: Dimension, section: SectionView) -> bool:
     """True for the outer rim where the base is wider: its lines then run to the right, not through the base."""
-    points = np.concatenate(content.section)
+    points = np.concatenate(section.outlines)
     below = np.abs(points[points[:, 0] < -1e-9, 1])
     return dimension.name.startswith("outer rim") and below.size > 0 and float(below.max()) > 0.5 * dimension.value_mm
 
 
-def _draw_end(views: Views, content: ViewContent, scale: float, unit: float, centre: Place, lowest: float) -> None:
-    for line in content.end:
-        pen: PenName = "hidden" if line.hidden else "outline"
-        views.strokes.append(Stroke(scale * line.points + centre, pen, closed=line.closed))
-    left, bottom, right, top = (scale * value for value in content.end_box)
+def _draw_base(
+    views: Views, content: ViewContent, scale: float, unit: float, centre: Place, above: float, lowest: float
+) -> None:
+    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.base]
+    left, bottom, right, top = (scale * value for value in content.base_box)
     x, y = centre
-    views.strokes.append(Stroke(np.array([(x + left - 4.0 * unit, y), (x + right + 4.0 * unit, y)]), "axis"))
-    views.add(section_plane(centre, max(-bottom, top) + 4.0 * unit, "S", unit))
-    mine = [each for each in content.dimensions if each.ends is not None and each.view == "end"]
-    below = min(y - max(-bottom, top) - 8.0 * unit, lowest) - _FIRST * unit
-    rows = placed([_on_paper(each, scale, unit, centre) for each in mine], Side(below, -_ROW * unit))
+    _add_axes(views, centre, (left, bottom, right, top), unit)
+    for section in content.sections:
+        half = max(-left, -bottom, right, top) + 4.0 * unit
+        views.add(section_plane(centre, section.azimuth_deg, half, section.letter, unit))
+    below = min(y - max(-bottom, top) - 8.0 * unit, lowest + _FIRST * unit) - _FIRST * unit
+    rows = placed([_on_paper(each, scale, unit, centre) for each in content.drawn("base")], Side(below, -_ROW * unit))
     views.dimensions += rows
     _add_centre(views, content.datums, rows, unit)
     flat = content.datums.find("C")
     if flat is not None and not flat.dimension:
         views.add(datum_symbol((x + 0.25 * right, y + scale * _flat_mm(content)), (0.0, 1.0), "C", unit))
-    views.add(axes_mark((x + right - 6.0 * unit, y + max(-bottom, top) + 7.0 * unit), "y", "x", unit))
+    views.add(axes_mark((x + right - 6.0 * unit, above + 12.0 * unit), "y", "x", unit))
+
+
+def _draw_dome(views: Views, content: ViewContent, scale: float, unit: float, centre: Place, above: float) -> None:
+    views.strokes += [Stroke(scale * line.points + centre, line.pen, closed=line.closed) for line in content.dome]
+    left, bottom, right, top = (scale * value for value in content.dome_box)
+    x, y = centre
+    _add_axes(views, centre, (left, bottom, right, top), unit)
+    sizes = content.drawn("dome")
+    for each in sizes:
+        circle = 0.5 * scale * each.value_mm * np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
+        views.strokes.append(Stroke(circle + centre, "phantom"))
+    lines = [_on_paper(each, scale, unit, centre) for each in sizes]
+    views.dimensions += placed(lines, Side(y + bottom - _FIRST * unit, -_ROW * unit))
+    views.add(axes_mark((x + left + 6.0 * unit, above + 12.0 * unit), "y", "x", unit, towards=-1.0))
+
+
+def _add_axes(views: Views, centre: Place, box: Box, unit: float) -> None:
+    """Axes of a view along the axis, across all of it."""
+    (x, y), (left, bottom, right, top), more = centre, box, 4.0 * unit
+    views.strokes.append(Stroke(np.array([(x + left - more, y), (x + right + more, y)]), "axis"))
+    views.strokes.append(Stroke(np.array([(x, y + bottom - more), (x, y + top + more)]), "axis"))
 
 
 def _flat_mm(content: ViewContent) -> float:
@@ -154,14 +211,16 @@ def _on_paper(dimension: Dimension, scale: float, unit: float, origin: Place) ->
         before, after = f"({before}", ")"
     elif dimension.tolerance_mm is not None:
         after = f" ±{shown(dimension.tolerance_mm)}"
+    else:
+        after = " general"
     return LinearDimension(
         name=dimension.name,
         start=(scale * a + origin[0], scale * b + origin[1]),
         end=(scale * c + origin[0], scale * d + origin[1]),
-        turned_deg=90 if dimension.along == "x" else 0,
+        turned_deg=90 if dimension.upright else 0,
         line_mm=0.0,
         text_mm=0.0,
-        height_mm=_TEXT * unit,
+        height_mm=LETTERS * unit,
         length_mm=dimension.value_mm,
         before=before,
         after=after,
@@ -180,7 +239,7 @@ def _add_plane(views: Views, datums: DatumScheme, scale: float, unit: float, foo
 
 def _add_centre(views: Views, datums: DatumScheme, lines: list[LinearDimension], unit: float) -> None:
     """The symbols of axes and middle planes, in line with the dimensions of their features, beyond all others."""
-    far = max((line.ends_mm[1] for line in lines), default=0.0)
+    far = max((occupied(line)[1] for line in lines), default=0.0)
     for datum in datums.datums:
         for line in lines:
             if line.name != datum.dimension:

@@ -17,6 +17,7 @@ from lensforge.surfaces.surface import Surface
 Curve = Float[np.ndarray, "n 2"]
 
 _CHORD_MM = 1e-2  # of a base's curved faces: finer than a drawn line
+_DRAWN_MM = 1e-3  # last digit of a drawn size: sections that differ by less are the same
 
 
 def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
@@ -33,6 +34,18 @@ def body_outlines(lens: Lens, azimuth_deg: float) -> list[Curve]:
     corners = base_corners(lay_out(lens.inner, lens.outer, base))[1:]  # the first is the outer rim itself
     right, left = (_at(corners, azimuth + turn) for turn in (0.0, np.pi))
     return [np.concatenate([outer, right, inner[::-1], left[::-1] * (-1.0, 1.0)])]
+
+
+def other_section_deg(lens: Lens) -> float | None:
+    """Azimuth (degrees) of a second section that differs from the one at 0; None of a part that is round about z."""
+    first = body_outlines(lens, 0.0)
+    for azimuth_deg in (90.0, 45.0):
+        other = body_outlines(lens, azimuth_deg)
+        if [each.shape for each in other] != [each.shape for each in first]:
+            return azimuth_deg
+        if any(np.abs(a - b).max() > _DRAWN_MM for a, b in zip(first, other, strict=True)):
+            return azimuth_deg
+    return None
 
 
 def _at(corners: list[Corner], azimuth: float) -> Curve:

@@ -97,7 +97,8 @@ def number_lines(designs: Sequence[Results]) -> list[Line]:
                 ),
             )
         )
-    return lines
+    judged = [design.verdict.cutting for design in designs]
+    return lines if set(judged) == {"undecided"} else [*lines, Line("Cutting", tuple(map(Cell, judged)))]
 
 
 def _best(label: str, designs: Sequence[Results]) -> int | None:

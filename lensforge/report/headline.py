@@ -71,6 +71,11 @@ class VerdictBadge:
     shown: Shown
     reasons: tuple[str, ...]
 
+    @property
+    def sentences(self) -> list[str]:
+        """The reasons, each as a sentence."""
+        return [f"{reason[:1].upper()}{reason[1:]}." for reason in self.reasons]
+
 
 @dataclass(frozen=True)
 class Headline:
@@ -89,7 +94,7 @@ def headline(results: Results) -> Headline:
     parts = tuple(
         VerdictBadge(name.capitalize(), state, SHOWN[state], verdict.reasons_of(name)) for name, state in states.items()
     )
-    sentence = f"{_in_words(states)}{_waiting(results)}"
+    sentence = f"{_in_words(states, results)}{_waiting(results)}"
     return Headline(parts, _whole(states, results), sentence, _on_criteria(results))
 
 
@@ -101,28 +106,36 @@ def _whole(states: Mapping[str, State], results: Results) -> Shown:
     return "pass" if set(states.values()) == {"pass"} and not results.missing else "open"
 
 
-def _in_words(states: Mapping[str, State]) -> str:
-    """The verdicts as sentences, the worst first: "Light fails. Files and cutting pass."."""
+def _in_words(states: Mapping[str, State], results: Results) -> str:
+    """The verdicts as sentences, the worst first: "Light fails. Files and cutting pass.".
+
+    Cutting that fails and is not required says so: then the command does not fail.
+    """
     sentences = []
     for state, (one, several) in _VERBS.items():
         names = [name for name, found in states.items() if found == state]
         subject = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+        allowed = names == ["cutting"] and state == "fail" and not results.spec.manufacture.required
         if names:
-            sentences.append(f"{subject.capitalize()} {one if names in (['light'], ['cutting']) else several}.")
+            verb = one if names in (["light"], ["cutting"]) else several
+            sentences.append(f"{subject.capitalize()} {verb}{' (not required)' if allowed else ''}.")
     return " ".join(sentences)
 
 
 def _on_criteria(results: Results) -> str:
-    """The criteria in one sentence: all met, or the names of those that are not."""
+    """The criteria, which judge light and files, in one sentence: all met, or the names of those that are not."""
     criteria = [criterion for _, criterion in results.criteria()]
     failed = [criterion for criterion in criteria if not criterion.passed]
+    of = "on light and files"
     if failed:
         names = ", ".join(criterion.name.replace("_", " ") for criterion in failed)
         noun, verb = "criterion" if len(criteria) == 1 else "criteria", "is" if len(failed) == 1 else "are"
-        return f"{len(failed)} of {len(criteria)} {noun} {verb} not met: {names}."
+        return f"{len(failed)} of {len(criteria)} {noun} {of} {verb} not met: {names}."
     if not criteria:
         return "No criterion has been evaluated."
-    return "The only criterion is met." if len(criteria) == 1 else f"All {len(criteria)} criteria are met."
+    if len(criteria) == 1:
+        return f"The only criterion {of} is met."
+    return f"All {len(criteria)} criteria {of} are met."
 
 
 def _waiting(results: Results) -> str:

@@ -26,7 +26,7 @@ class DrawingSection(Section):
     checked_by: Label = ""
     """Name of who has checked the drawing."""
     sheet: Literal["A3", "A4"] | None = None
-    """Size of the sheet; left out, A4 unless A3 shows the part at a larger scale."""
+    """Size of the sheet; left out, A3."""
     general_tolerances: Label = ""
     """Tolerances of dimensions without one of their own, such as "ISO 2768-m"."""
     edge_break_mm: Annotated[float, Field(ge=1e-3, le=10.0)] | None = None

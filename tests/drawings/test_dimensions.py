@@ -41,11 +41,14 @@ def test_the_sizes_of_two_spheres_are_in_closed_form():
     assert found.pop("apex of the cavity above z = 0") == pytest.approx(inner, abs=1e-12)
     assert found.pop("thickness on the axis") == pytest.approx(outer - inner, abs=1e-12)
     assert found.pop("highest point above z = 0") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
-    # samples of the dome are a hundredth of a radian from its widest place
-    assert found.pop("width of the dome") == pytest.approx(2.0 * (rim(OUTER)[0] + OUTER.size), abs=5e-3)
+    widest = 2.0 * (rim(OUTER)[0] + OUTER.size)
+    assert found.pop("width of the dome") == pytest.approx(widest, abs=1e-6)
+    assert found.pop("largest width") == pytest.approx(widest, abs=1e-6)
+    assert found.pop("overall length") == pytest.approx(OUTER.centre[2] + OUTER.size, abs=1e-9)
     for name, ball in (("outer rim", OUTER), ("opening of the cavity", INNER)):
         off, radius = rim(ball)
         assert found.pop(f"{name} in z = 0, along x") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[1] ** 2))
+        assert found.pop(f"{name} in z = 0, along y") == pytest.approx(2.0 * sqrt(radius**2 - ball.centre[0] ** 2))
         circle = found.pop(f"{name} in z = 0, circle about the axis that holds it")
         assert circle == pytest.approx(2.0 * (off + radius), abs=1e-4)
     assert not found
@@ -80,3 +83,25 @@ def test_a_size_that_is_drawn_ends_where_the_part_does():
 def test_the_sizes_of_the_base_are_those_of_the_spec(base, wanted):
     found = sizes(small_lens(base))
     assert {name: found[name] for name in wanted} == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("base", "below", "width"),
+    [
+        ({"kind": "square", "side_mm": 18.0, "height_mm": 3.0}, 3.0, 18.0 * sqrt(2.0)),
+        ({"diameter_mm": 20.0, "flange_diameter_mm": 24.0}, 2.0, 24.0),
+        ({"diameter_mm": 11.0}, 2.0, None),
+    ],
+)
+def test_length_and_width_are_those_of_the_whole_part(base, below, width):
+    found = sizes(small_lens(base))
+    assert found["overall length"] == pytest.approx(found["highest point above z = 0"] + below)
+    assert found["largest width"] == pytest.approx(found["width of the dome"] if width is None else width)
+
+
+def test_each_size_has_a_tolerance_or_says_that_the_general_one_holds_or_that_it_is_auxiliary():
+    found = {each.name: each.tolerance for each in dimensions(small_lens({"diameter_mm": 20.0}))}
+    assert found["thickness on the axis"] == "±0.020"
+    assert found["diameter of the base"] == found["height of the base below z = 0"] == "general"
+    others = set(found) - {"thickness on the axis", "diameter of the base", "height of the base below z = 0"}
+    assert {found[name] for name in others} == {"auxiliary"}

@@ -12,12 +12,13 @@ import pytest
 from ezdxf.entitydb import EntityDB
 from shop_lenses import BASE, quick_check, small_lens
 
-from lensforge.drawings.datums import datum_scheme
+from lensforge.drawings.datums import clocking_flat, datum_scheme
 from lensforge.drawings.dimension_lines import strokes_of, words_of_dimension
-from lensforge.drawings.dimensions import dimensions
+from lensforge.drawings.dimensions import dimensions, widest_mm
 from lensforge.drawings.drawing import SCALES, SIZES, drawing_content, make_sheet
 from lensforge.drawings.lettering import box_of, shortened, width_of, wrapped
-from lensforge.drawings.pdf import pdf_of
+from lensforge.drawings.optical_table import index_wavelength
+from lensforge.drawings.pdf import Table, pdf_of
 from lensforge.drawings.sheet import shown
 from lensforge.drawings.sheet_dxf import sheet_dxf
 from lensforge.drawings.sheet_figure import sheet_figure
@@ -31,6 +32,7 @@ from lensforge.geometry.plan import make_plan
 from lensforge.geometry.signed_step import signed_step
 from lensforge.geometry.solid import build_solid
 from lensforge.spec.drawing import read_drawing
+from lensforge.surfaces.srbf import fibonacci_hemisphere
 
 ROUND = {"diameter_mm": 16.0}
 BASES = {
@@ -42,7 +44,7 @@ BASES = {
 }
 
 
-def content_of(lens, part, check, sheet=None):
+def content_of(lens, part, check, sheet="A3"):
     content = drawing_content(lens, part, check, dimensions(lens), tolerance_table(lens, None), lens.spec.drawing)
     return content, make_sheet(content, sheet)
 
@@ -152,7 +154,8 @@ def test_no_text_meets_another_nor_a_line_of_a_dimension_nor_the_edge(drawings, 
 def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
     for name, (content, sheet) in drawings.items():
         assert sheet.scale in {2.0, 5.0, 10.0}, name
-        low, _, high, _ = content.views.section_box
+        points = np.concatenate(content.views.sections[0].outlines)
+        low, high = points[:, 0].min(), points[:, 0].max()
         lengths = [np.ptp(stroke.points[:, 0]) for stroke in sheet.strokes if stroke.pen == "outline" and stroke.closed]
         assert any(length == pytest.approx(sheet.scale * (high - low), abs=1e-9) for length in lengths)
         assert any(words.text == f"Scale: {sheet.scale:g} : 1" for words in sheet.words)
@@ -160,7 +163,7 @@ def test_the_scale_is_one_of_iso_5455_and_the_views_have_it(parts, drawings):
     for wanted, size in SIZES.items():
         sheet = make_sheet(content, wanted)
         assert (sheet.name, sheet.size_mm) == (wanted, size)
-    assert make_sheet(content, "A4").scale < make_sheet(content, "A3").scale
+    assert make_sheet(content, "A4").scale <= make_sheet(content, "A3").scale
 
 
 @pytest.mark.parametrize(("scale", "words"), [(10.0, "10 : 1"), (1.0, "1 : 1"), (0.5, "1 : 2"), (0.2, "1 : 5")])
@@ -170,7 +173,7 @@ def test_a_scale_is_written_as_iso_5455_does(scale, words):
 
 def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
     _, sheet = drawings["square"]
-    content = pdf_of("title", sheet_figure(sheet), ["text"], [])
+    content = pdf_of("title", sheet_figure(sheet), [Table("Part", [("a", "b")])], [])
     width, height = (float(v) for v in re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content).groups())
     assert (width / 72.0 * 25.4, height / 72.0 * 25.4) == pytest.approx(sheet.size_mm)
     assert b"/Subtype /Image" not in content
@@ -192,7 +195,7 @@ def test_a_page_of_the_pdf_is_the_sheet_in_vectors_at_its_size(drawings):
         ),
         ("flat", ["Datum A: plane z = 0, the top", "Datum B: axis", "Datum C: clocking flat"], ["Nothing"]),
         ("square", ["Datum B: middle plane", "Datum C: middle plane", "+x is not marked"], ["flat", "axis of the"]),
-        ("full", ["Datum A: bottom of the base, BASE_BOTTOM, at z = -2", "Nothing on the part"], ["flat", "Datum C"]),
+        ("full", ["Datum A: bottom of the base, BASE_BOTTOM, at z = -2", "Nothing on"], ["clocking flat", "Datum C"]),
         ("below the dome", ["Datum A: bottom of the base", "Datum B: axis of the base's cylinder"], ["Datum C"]),
     ],
 )
@@ -217,14 +220,14 @@ def test_the_plane_that_the_step_carries_is_datum_a(parts, part_of):
     content, _ = content_of(lens, part, parts["full"][2])
     plane = content.views.datums.find("A")
     assert plane.z_mm == 0.0 and all(face in plane.words for face in part.form_tolerances[0].datum_faces)
-    assert content.table[3][0] == "Profile of the surface: 0.002 | A"
+    assert content.table[4][0] == "Profile of the surface: 0.002 | A"
 
 
 def test_sizes_of_freeform_faces_are_auxiliary_and_the_others_bare(drawings):
     texts = {each.name: each.text for each in drawings["full"][1].dimensions}
-    assert texts["diameter of the base"] == "⌀16.000"
-    assert texts["diameter of the pocket"] == "⌀7.000"
-    assert texts["depth of the relief step below z = 0"] == "0.400"
+    assert texts["diameter of the base"] == "⌀16.000 general"
+    assert texts["diameter of the pocket"] == "⌀7.000 general"
+    assert texts["depth of the relief step below z = 0"] == "0.400 general"
     assert re.fullmatch(r"\(\d+\.\d{3}\)", texts["outer rim in z = 0, along x"])
     assert re.fullmatch(r"\d+\.\d{3} ±0\.020", texts["thickness on the axis"]), "the preset's gap_mm"
 
@@ -248,7 +251,8 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     stated = "\n".join(each.text for each in all_words(sheet)).replace("\n", " ")
     for text in (
         "Kerbside lens", "Number: LF-0042", "Revision: C", "Checked: C. Checker", "Drawn: A. Author",
-        "Date: 2026-03-31", "Organisation: Works", "ISO 2768-m", "0.2 mm at most", "Rq 4 nm", "5/ 5 x 0.16", "±0.070",
+        "Date: 2026-03-31", "Organisation: Works", "Sizes “general”: ISO 2768-m",
+        "0.2 mm at most", "Rq 4 nm", "5/ 5 x 0.16", "±0.070",
         "3/ RMS form 0.4 µm", "3/ RMS form 1 µm", "Material: <PMMA> & co", "First angle", "Units: mm",
         "the specification (outer face against inner, gap; form, outer face), the others preset",
         "conformance is not claimed",
@@ -257,7 +261,14 @@ def test_the_title_block_and_the_notes_say_what_the_spec_says_and_else_that_it_d
     assert content.title.title == "Kerbside lens, LF-0042, revision C"
     _, bare = content_of(small_lens(ROUND), part_of(small_lens(ROUND)), check)
     stated = " ".join(each.text for each in all_words(bare))
-    for text in ("Number: not stated", "Date: not stated", "no tolerance stated", "no break stated", "5/ –"):
+    for text in (
+        "Number: not stated",
+        "Date: not stated",
+        "Sizes “general”: no tolerance stated",
+        "Sizes “general”: not stated",
+        "no break stated",
+        "5/ –",
+    ):
         assert text in stated, text
 
 
@@ -279,7 +290,7 @@ def test_long_words_are_cut_to_their_cells_and_notes_that_do_not_fit_say_so(chec
     long = "x" * 200
     lens = small_lens(ROUND, {"author": long}, drawing={"part_name": long, "general_tolerances": long})
     content, _ = content_of(lens, part_of(lens), check)
-    sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]), None)
+    sheet = make_sheet(replace(content, notes=[*content.notes, *[long] * 20]))
     for words in sheet.words:
         left, _, right, _ = box_of(words)
         assert left > 20.0 and right < sheet.size_mm[0] - 10.0, words.text
@@ -294,9 +305,16 @@ def test_parts_of_any_size_have_a_scale_at_which_nothing_collides(drawings, name
     views = content.views
     larger = replace(
         views,
-        section=[factor * each for each in views.section],
-        edges=[factor * each for each in views.edges],
-        end=[replace(line, points=factor * line.points) for line in views.end],
+        sections=[
+            replace(
+                each,
+                outlines=[factor * outline for outline in each.outlines],
+                lines=[replace(line, points=factor * line.points) for line in each.lines],
+            )
+            for each in views.sections
+        ],
+        base=[replace(line, points=factor * line.points) for line in views.base],
+        dome=[replace(line, points=factor * line.points) for line in views.dome],
         dimensions=[
             each
             if each.ends is None
@@ -310,7 +328,7 @@ def test_parts_of_any_size_have_a_scale_at_which_nothing_collides(drawings, name
             ),
         ),
     )
-    sheet = make_sheet(replace(content, views=larger), None)
+    sheet = make_sheet(replace(content, views=larger))
     assert sheet.scale in SCALES
     assert 0.2 < sheet.scale * factor / usual.scale < 5.0
     boxes = [box_of(words) for words in all_words(sheet)]
@@ -342,3 +360,71 @@ def test_letters_are_measured_as_they_are_drawn():
     assert all(width_of(line, 2.5) <= 40.0 for line in lines)
     assert "".join(lines).count("y") == 300
     assert width_of(shortened("word " * 30, 2.5, 40.0), 2.5) <= 40.0
+
+
+@pytest.mark.parametrize("name", BASES)
+@pytest.mark.parametrize("size", ["A3", "A4"])
+def test_all_letters_of_a_sheet_are_of_one_height(drawings, name, size):
+    heights = {words.height_mm for words in all_words(make_sheet(drawings[name][0], size))}
+    assert len(heights) == 1 and heights.pop() >= 1.75
+
+
+def test_the_second_section_is_cut_where_the_part_differs_and_named_where_it_is_cut(parts, drawings):
+    lens, _, _ = parts["none"]
+    content, sheet = drawings["none"]
+    first, second = content.views.sections
+    assert (first.azimuth_deg, second.azimuth_deg) == (0.0, 90.0)
+    for section, axis in ((first, 0), (second, 1)):
+        z, across = np.concatenate(section.outlines).T
+        upper = (z > 1e-6) & (across > 0.1)
+        directions = np.zeros((upper.sum(), 3))
+        directions[:, 2], directions[:, axis] = z[upper], across[upper]
+        distance = np.linalg.norm(directions, axis=1)
+        radii = [face.radius(directions / distance[:, None]) for face in (lens.inner, lens.outer)]
+        assert np.minimum(*(np.abs(radius - distance) for radius in radii)).max() < 1e-9
+    texts = [words.text for words in sheet.words]
+    assert texts.count("S") == texts.count("T") == 2 and "S–S" in texts and "T–T" in texts
+    level = [words.at for words in sheet.words if words.text == "T"]
+    assert level[0][1] == pytest.approx(level[1][1]), "the plane x = 0 is level in the view from the base"
+
+
+def test_the_dome_is_seen_from_above_to_the_left_and_its_circle_holds_it(parts, drawings):
+    lens, _, _ = parts["none"]
+    content, sheet = drawings["none"]
+    dome = max(content.views.dome, key=lambda line: len(line.points)).points
+    sizes = {each.name: each.value_mm for each in content.views.dimensions}
+    assert 2.0 * np.hypot(*dome.T).max() == pytest.approx(sizes["width of the dome"], abs=2e-3)
+    turn = np.arctan2(dome[:, 1], -dome[:, 0])  # -y to the right, x up
+    directions = fibonacci_hemisphere(200_000)
+    points = lens.outer.radius(directions)[:, None] * directions
+    at = np.arctan2(points[:, 0], points[:, 1])
+    for k in range(0, 360, 36):
+        near = np.abs(np.angle(np.exp(1j * (at - turn[k])))) < 0.02
+        assert np.hypot(points[near, 0], points[near, 1]).max() == pytest.approx(np.hypot(*dome[k]), abs=0.03)
+    lines = {each.name: each for each in sheet.dimensions}
+    assert lines["width of the dome"].end[0] < lines["outer apex above z = 0"].start[0], "first angle"
+
+
+def test_a_part_without_a_mark_of_its_azimuth_is_told_of_a_flat_that_fits(parts):
+    lens = small_lens(ROUND)
+    flat = clocking_flat(lens, lens.spec.base)
+    assert widest_mm(lens.outer) / 2.0 < flat < 8.0
+    assert f"base.flat_mm = {flat:g} would" in "\n".join(datum_scheme(lens, parts["none"][1]).lines)
+    for base in (BASES["flat"], BASES["none"], BASES["square"], BASES["below the dome"]):
+        other = small_lens(base)
+        assert clocking_flat(other, other.spec.base) is None
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        ({"material": "PMMA at 564 nm", "refractive_index": 1.49}, "at 564 nm"),
+        ({"material": "PMMA"}, "at 587.56"),
+        ({"material": "PMMA", "design_wavelength_nm": 620.0}, "at 620 nm"),
+        ({"material": "own", "refractive_index": 1.5}, "wavelength not stated"),
+        ({"material": "own", "refractive_index": 1.5, "abbe_number": 50.0}, "at 587.56"),
+    ],
+)
+def test_the_index_has_its_wavelength(material, words):
+    lens = small_lens(lens={"levels": [9], "inner_offset_mm": 3.0, "outer_offset_mm": 6.0, **material})
+    assert index_wavelength(lens).startswith(words)

@@ -19,17 +19,17 @@ REQUEST = GridRequest(spacing_mm=1.0)  # coarse: few points
 
 @dataclass(frozen=True)
 class Seen:
-    """The ``handover`` of a folder, its drawn ``sheet``, the dense ``grids``, and lines of text of the PDF."""
+    """The ``handover`` of a folder, its drawn ``sheet``, the dense ``grids``, and ``tables`` of the PDF."""
 
     handover: object
     sheet: object
     grids: list
-    lines: list
+    tables: list
 
     @property
     def places(self):
         """Every text of page, PDF and drawing."""
-        return [*places_of(self.handover.html.decode()), *_pdf_places(self.lines), *_sheet_places(self.sheet)]
+        return [*places_of(self.handover.html.decode()), *_pdf_places(self.tables), *_sheet_places(self.sheet)]
 
     @property
     def heads(self):
@@ -57,31 +57,34 @@ def seen(results, *, dense=True):
         patch.setattr(build, "to_svg", lambda *_: "")
         patch.setattr(build, "sheet_figure", lambda sheet: kept.update(sheet=sheet))
         patch.setattr(build, "sheet_dxf", lambda _: b"")
-        patch.setattr(build, "pdf_of", lambda title, drawing, text, pictures: kept.update(lines=text) or b"")
+        patch.setattr(build, "pdf_of", lambda title, drawing, tables, pictures: kept.update(tables=tables) or b"")
         patch.setattr(build, "make_grids", kept_grids)
         handover = build.make_handover(results, REQUEST)
-    return Seen(handover, kept["sheet"], kept["grids"], kept["lines"])
+    return Seen(handover, kept["sheet"], kept["grids"], kept["tables"])
 
 
-def _pdf_places(lines):
-    """A place for each line, by the heading above it."""
-    heading, found = "", []
-    for number, line in enumerate(lines):
-        if number and lines[number - 1] == "" and ":" not in line:
-            heading = line
-        else:
-            found.append(Place(f"PDF / {heading}", _NUMBERED.sub("", line)))
-    return found
+def _pdf_places(tables):
+    """Sentences by the title of their table, and its cells by row and column where it has a head."""
+    for table in tables:
+        yield from (Place(f"PDF / {table.title}", _NUMBERED.sub("", each)) for each in table.sentences)
+        for name, *cells in table.rows:
+            if not table.head:
+                yield Place(f"PDF / {table.title}", f"{name}: {cells[0]}")
+            for column, text in zip(table.head[1:], cells, strict=bool(table.head)):
+                yield Place(f"PDF / {table.title} / {name} / {column}", text)
 
 
 def _sheet_places(sheet):
-    """Dimensions by name, cells of the table of the faces by column, notes as one text, all others one by one."""
+    """Dimensions by name, columns of the table of the faces, notes as one text, all others one by one."""
     texts = [each.text for each in sheet.words]
-    table = next(index for index, text in enumerate(texts) if text.startswith("Outer face, "))
-    columns = [f"Drawing / {texts[table + k].partition(',')[0]}" for k in range(3)]
-    yield from (Place("Drawing", text) for text in texts[:table])
-    yield from (Place(columns[k % 3], text) for k, text in enumerate(texts[table : table + 24]))
-    yield Place("Drawing / notes", _NUMBERED.sub("", " ".join(texts[table + 24 :])))
+    start = next(index for index, text in enumerate(texts) if text.startswith("Outer face, "))
+    heads = {each.at[0]: each.text.partition(",")[0] for each in sheet.words[start : start + 3]}
+    rest = sheet.words[start:]
+    yield from (Place("Drawing", text) for text in texts[:start])
+    for left, name in heads.items():
+        yield Place(f"Drawing / {name}", " ".join(each.text for each in rest if each.at[0] == left))
+    notes = [each.text for each in rest if each.at[0] not in heads]
+    yield Place("Drawing / notes", _NUMBERED.sub("", " ".join(notes)))
     yield from (Place(f"Drawing / {each.name}", each.text) for each in sheet.dimensions)
 
 

@@ -58,6 +58,7 @@ def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     lines = {line.name: line.cells for line in number_lines(designs)}
     assert [cell.text for cell in lines["NMSE"]] == ["0.0123", "0.0023"]
     assert [cell.best for cell in lines["NMSE"]] == [False, True]
+    assert [cell.text for cell in lines["Cutting"]] == ["pass", "pass"]
     assert not any(cell.best for cell in lines["Efficiency"]), "they are the same"
     three = number_lines([designs[index] for index in (0, 1, 1)])
     assert [cell.best for cell in three[0].cells] == [False, True, True]

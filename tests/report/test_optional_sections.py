@@ -51,12 +51,12 @@ def test_sections_pictures_and_links_are_there(page):
 
 
 def test_criteria_of_these_results_count_under_their_names(page):
-    assert "All 14 criteria are met." in page.text
+    assert "All 14 criteria on light and files are met." in page.text
     table = page.text[page.text.index("All criteria") :]
     for stage in ("stray light", "photograph", "outer surface"):
         assert f"mm {stage}" in table
     failing = whole_results(compare={"criteria": (criterion("photo_clipped", 0.5, 0.01),)})
-    assert "1 of 14 criteria is not met: photo clipped." in text_of(failing)
+    assert "1 of 14 criteria on light and files is not met: photo clipped." in text_of(failing)
 
 
 def test_each_referee_has_its_row_and_its_verdict(results):

@@ -74,7 +74,7 @@ def test_other_results_say_their_conditions_and_misses():
     assert "efficiency 84.75\u2009%" in row.figures
     assert row.missed and "deviation_rms" in row.missed[0]
     text = text_of(with_others(proof))
-    assert "All 9 criteria are met." in text, "those of the lens's own results"
+    assert "All 9 criteria on light and files are met." in text, "those of the lens's own results"
 
 
 def test_designs_are_compared_by_their_own_light():
@@ -115,7 +115,7 @@ def test_the_top_line_is_the_verdict(changes, sentence, shown):
     text = Page(page).text
     assert f'<p class="verdict {shown}">' in page
     assert text.index(sentence) < text.index("The light")
-    assert text.index(sentence) < text.index("All 9 criteria are met.") < text.index("All criteria")
+    assert text.index(sentence) < text.index("All 9 criteria on light and files are met.") < text.index("All criteria")
 
 
 def test_warnings_on_the_source_stand_near_the_top():

@@ -11,20 +11,22 @@ from lensforge.surfaces.srbf import fibonacci_hemisphere
 def dimension_numbers(lens):
     """Entries of every dimension: its row, its line in the PDF, and where it is drawn."""
     scopes = {
-        "axis": "on the axis", "section": "in the section S–S", "largest": "largest about the axis",
+        "axis": "on the axis", "section": "in the section S–S", "second": "in the section T–T",
+        "largest": "largest about the axis", "part": "of the whole part",
         "base": "of the base, all around", "box": "of the box around the base",
     }  # fmt: skip
     gap = lens.spec.tolerances.of("gap_mm").amount
     for name, value, scope, drawn in _dimensions(lens):
-        words = scopes[scope]
-        label, line, numbers = f"Datums and dimensions / {name}", f"{{}}  {name}; {words}", (value,)
-        text = f"{{}} mm {words}"
-        if name == "thickness on the axis":
-            text, line, drawn, numbers = f"{text}; ±{{}}", f"{line}; ±{{}}", f"{drawn} ±{{}}", (value, gap)
-        yield shown(label, text, *numbers)
-        yield shown("PDF / Dimensions (mm)", line, *numbers)
+        own = name == "thickness on the axis"
+        kind, tolerance = ("±{}", (gap,)) if own else ("general" if scope in ("base", "box") else "auxiliary", ())
+        yield shown(f"Datums and dimensions / {name} / mm", "{}", value)
+        yield shown(f"Datums and dimensions / {name} / Tolerance", kind, *tolerance)
+        yield shown(f"Datums and dimensions / {name} / Where", scopes[scope])
+        yield shown(f"PDF / Sizes / {name} / mm", "{}", value)
+        yield shown(f"PDF / Sizes / {name} / Tolerance", kind, *tolerance)
         if drawn:
-            yield shown(f"Drawing / {name}", drawn, *numbers)
+            after = " ±{}" if own else " general" if kind == "general" else ""
+            yield shown(f"Drawing / {name}", f"{drawn}{after}", value, *tolerance)
     plane = _plane(lens)
     for label in ("Datums and dimensions / p", "PDF / Datums", "Drawing / notes"):
         yield shown(label, *plane)
@@ -55,10 +57,12 @@ def _dimensions(lens):
     yield "highest point above z = 0", float((radius * dome[:, 2]).max()), "largest", ""
     yield "apex of the cavity above z = 0", cavity, "axis", "({})"
     yield "thickness on the axis", apex - cavity, "axis", "{}"
-    yield "width of the dome", 2.0 * float((radius * np.hypot(dome[:, 0], dome[:, 1])).max()), "largest", ""
+    yield "width of the dome", widest_of(lens.outer), "largest", "(⌀{})"
     for name, face in (("outer rim", lens.outer), ("opening of the cavity", lens.inner)):
         rim = _rim_of(face)
         yield f"{name} in z = 0, along x", float(rim[0] + rim[3600]), "section", "({})"
+        if _second(lens):
+            yield f"{name} in z = 0, along y", float(rim[1800] + rim[5400]), "second", "({})"
         yield f"{name} in z = 0, circle about the axis that holds it", 2.0 * float(rim.max()), "largest", ""
     if lens.spec.base.kind in ("cylinder", "square"):
         for name, value, drawn in _of_base(lens, lens.spec.base):
@@ -69,6 +73,41 @@ def _dimensions(lens):
         yield "base along x, in the section", x, "section", "({})"
         for name, value in (("width along x", x), ("width along y", y), ("height below z = 0", z)):
             yield f"base of {lens.spec.base.file.name}, {name}", value, "box", ""
+
+    yield from _of_part(lens, float((radius * dome[:, 2]).max()))
+
+
+def _of_part(lens, highest):
+    """Length and largest width of the whole part."""
+    base, below, width = lens.spec.base, 0.0, widest_of(lens.outer)
+    if base.kind == "step":
+        x, y, below = _box_of(base.file)
+        width = max(width, float(np.hypot(x, y)))
+    elif base.kind != "none":
+        below = base.height_mm
+        width = max(width, base.side_mm * 2.0**0.5 if base.kind == "square" else base.diameter_mm)
+        width = max(width, base.flange_diameter_mm or 0.0)
+    yield "overall length", highest + below, "part", "({})"
+    yield "largest width", width, "part", "(⌀{})"
+
+
+def widest_of(face):
+    """Diameter (mm) of the cylinder about the axis that holds a face: of dense directions, near the widest denser."""
+    turn, tilt = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 721), np.linspace(0.0, np.pi / 2.0, 361))
+    for _ in range(4):
+        across = np.sin(tilt)
+        places = np.stack([across * np.cos(turn), across * np.sin(turn), np.maximum(np.cos(tilt), 0.0)], axis=-1)
+        widths = face.radius(places.reshape(-1, 3)).reshape(turn.shape) * across
+        at = np.unravel_index(np.argmax(widths), widths.shape)
+        steps = np.linspace(-1.0, 1.0, 101)
+        near = 3.0 * abs(tilt[1, 0] - tilt[0, 0])
+        turn, tilt = np.meshgrid(turn[at] + 3.0 * near * steps, np.clip(tilt[at] + near * steps, 0.0, np.pi / 2.0))
+    return 2.0 * float(widths.max())
+
+
+def _second(lens):
+    """True where the rims, of lenses whose faces are no mirror images, differ across x and y."""
+    return any(abs(rim[0] - rim[1800]) > 1e-3 for rim in map(_rim_of, (lens.inner, lens.outer)))
 
 
 def _box_of(file):

@@ -3,7 +3,7 @@
 from importlib.metadata import version
 
 from shown_numbers import shown
-from wanted_light import transmitted, wanted_share
+from wanted_light import ASKED, transmitted, wanted_share
 
 from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part
@@ -16,20 +16,17 @@ _TIMED = {
     "verify": "verification", "photometry": "photometry",
 }  # fmt: skip
 _PURPOSES = {"lens.step": "solid for CAD and CAM", "lens.stl": "mesh", "lens.3mf": "mesh for printers"}
-_MOST_OF_CUTTING = 3  # reasons at the top of the page
 _PACKAGES = ("numpy", "scipy", "torch", "numba", "cadquery", "trimesh", "manifold3d", "matplotlib", "pyvista")
 
 
 def frame_numbers(results):
     """Entries of what stands before and after the sections."""
     yield from task_numbers(results.spec)
-    found = list(reasons(results))
-    cutting = [each for part, each in found if part == "Cutting"]
-    for part, each in found:
-        if each not in cutting[_MOST_OF_CUTTING:]:
+    for part, each in reasons(results):
+        if part == "Cutting":
+            yield shown(f"{ASKED} / li", f"{each.words[:1].upper()}{each.words[1:]}", *each.values)
+        else:
             yield shown("li", f"{part}: {each.words}", *each.values)
-    if len(cutting) > _MOST_OF_CUTTING:
-        yield shown("li", "Cutting: {} more, under Manufacture", len(cutting) - _MOST_OF_CUTTING)
     yield from _files(results.find(Part))
     yield from _times(results)
     for azimuth in ("0", "90"):

@@ -1,13 +1,15 @@
 """Numbers that page, PDF and drawing for the shop must show, by their label, each from the records of the folder."""
 
+import re
 from dataclasses import dataclass
 from math import ceil, floor, log10
 
 from shown_numbers import shown
-from wanted_dimensions import dimension_numbers
+from wanted_dimensions import dimension_numbers, widest_of
 from wanted_tolerances import tolerance_numbers
 
 from lensforge.deviations.factors import factors_of
+from lensforge.report.criterion_words import criterion_words
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,11 @@ class Fact:
 
     def entries(self):
         yield shown(" / ".join(filter(None, (self.page, self.name))), self.words, *self.values)
-        yield shown(f"PDF / {self.pdf}", f"{self.name}: {self.words}", *self.values)
+        table, _, column = self.pdf.partition(" / ")
+        if column:
+            yield shown(f"PDF / {table} / {self.name} / {column}", self.words, *self.values)
+        else:
+            yield shown(f"PDF / {table or 'Part'}", f"{self.name}: {self.words}", *self.values)
 
 
 def handover_numbers(results, seen):
@@ -34,12 +40,13 @@ def handover_numbers(results, seen):
         yield from fact.entries()
     yield from _criteria(results)
     yield from _changes(results.check)
+    yield from _flat(results.lens)
     yield from _drawn(results, seen.sheet)
     yield from _notes(results)
     yield shown("figcaption", f"Drawing, {seen.sheet.name}, scale {{}} : 1", seen.sheet.scale)
     for name, digest in seen.handover.sha256.items():
         yield shown(f"Files / {name}", digest)
-        yield shown("PDF / SHA-256", f"{digest}  {name}")
+        yield shown("PDF / SHA-256", f"{name}: {digest}")
 
 
 def _of_part(results):
@@ -58,7 +65,7 @@ def _of_part(results):
         words, scale = "{}; the tables of points, figures and pictures", 1.0 + shop.shrinkage
         yield Fact("", "", "Shrinkage", words, (shop.shrinkage,))
         yield Caption("Shrinkage", "the lens times {} about", (scale,))
-        yield Caption("PDF / ", "the lens times {} about", (scale,))
+        yield Caption("PDF / Part", "the lens times {} about", (scale,))
     if shop.form_tolerance_um is not None:
         name, words = "Form tolerance of the lens's optical faces", "{} µm, width of the zone"
         yield Fact("", "", name, words, (shop.form_tolerance_um,))
@@ -85,7 +92,7 @@ def _of_faces(check):
             ("Largest tilt", "{}°", face.largest_tilt_deg),
             ("Least draft", "{}°", face.draft_deg.min),
         ):
-            yield Fact(f"Optical faces / {name}", f"Face {name}", words, text, (value,))
+            yield Fact(f"Optical faces / {name}", f"Optical faces / {name.capitalize()}", words, text, (value,))
         caption = f"{name}: smaller principal curvature; line: where a ball of {{}} mm just fits"
         yield Caption("Optical faces / figcaption", caption, (cutter.radius_mm,))
 
@@ -123,20 +130,22 @@ def _of_findings(check):
     for each in check.verdicts:
         mark = "yes" if each.holds else "no"
         yield Caption(f"Can it be cut? / {each.name}, {each.surface}", f"{mark} {each.reason}", ())
-        line = f"[{'yes' if each.holds else 'NO '}] {each.name}, {each.surface}: {each.reason}"
-        yield Caption("PDF / Verdicts", line, ())
+        yield Caption(f"PDF / Can it be cut? / {each.name}, {each.surface} / Answer", each.reason, ())
 
 
 def _criteria(results):
     for each in (*results.part.criteria, *results.check.criteria):
-        must = f"(must be {each.sense} {{}})"
-        label = f"Criteria on files and shape / {each.name}"
-        if each.value is None:
-            yield shown(label, f"not measured {must}", each.limit)
-            yield shown("PDF / Criteria", f"{each.name} could not be measured")
-            continue
-        yield shown(label, f"{{}} {each.unit} {must}", each.value, each.limit)
-        yield shown("PDF / Criteria", f"{each.name} = {{}} {each.unit}", each.value)
+        words, sign = criterion_words(each.name), {"<=": "≤", ">=": "≥"}[each.sense]
+        name = words.removesuffix(" (1: yes)")
+        value, limit, numbers, limits = f"{{}} {each.unit}", f"{sign} {{}} {each.unit}", (each.value,), (each.limit,)
+        if name != words:
+            value, limit, numbers, limits = "yes" if each.value else "no", "yes", (), ()
+        elif each.value is None:
+            value, numbers = "not measured", ()
+        for page in ("", "PDF / "):
+            label = f"{page}Criteria on files and shape / {name}"
+            yield shown(f"{label} / Value", value.rstrip(), *numbers)
+            yield shown(f"{label} / Limit", limit.rstrip(), *limits)
 
 
 def _changes(check):
@@ -153,6 +162,24 @@ def _changes(check):
             yield shown("PDF / Changes of the specification", words, least)
 
 
+def _flat(lens):
+    """The flat that would mark the azimuth: beyond three quarters of the way from the dome to the rim of the base."""
+    base, inside = lens.spec.base, widest_of(lens.outer) / 2.0
+    half = base.diameter_mm / 2.0
+    if base.kind != "cylinder" or base.flat_mm is not None or inside >= half:
+        return
+    flat = floor(10.0 * (inside + 0.75 * (half - inside))) / 10.0
+    words = "base.flat_mm = {} would, a flat across +x"
+    for label in (
+        "Datums and dimensions / p", "Datums and dimensions / Notes of the drawing / li", "PDF / Datums",
+        "PDF / Notes of the drawing", "Drawing / notes",
+    ):  # fmt: skip
+        yield shown(label, words, flat)
+    change = "azimuth, base: base.flat_mm = {}, a flat across +x"
+    yield shown("Can it be cut? / Changes of the specification that would help / li", change, flat)
+    yield shown("PDF / Changes of the specification", change, flat)
+
+
 def _drawn(results, sheet):
     """Title block, and the table of the two faces."""
     part, spec = results.part, results.spec
@@ -162,12 +189,15 @@ def _drawn(results, sheet):
     yield shown("Drawing", f"Material: {spec.lens.material}")
     yield shown("Drawing", f"First angle; {sheet.name}, sheet 1 of 1")
     amounts = {factor.name: factor.amount for factor in factors_of(spec.tolerances)}
-    yield shown("Drawing / Material", spec.lens.material)
-    yield shown("Drawing / Material", "n = {} ±{}", spec.lens.refractive_index, amounts["index"])
+    yield shown("Drawing / Material", f"Material {spec.lens.material} n =")
+    wave = float(re.search(r"([0-9.]+) nm", spec.lens.material)[1])
+    yield shown("Drawing / Material", "n = {} ±{} at {} nm", spec.lens.refractive_index, amounts["index"], wave)
     for level in ("0/ –", "1/ –", "2/ –"):
         yield shown("Drawing / Material", level)
     for name in ("outer", "inner"):
         yield from _of_face(name, getattr(results.check, name), spec, amounts)
+        face, wide = f"Drawing / {name.capitalize()} face", widest_of(getattr(results.lens, name))
+        yield shown(face, "Effective aperture: ⌀{}, whole face", wide)
     centring = (amounts["outer_tilt_deg"], amounts["outer_shift_mm"])
     yield shown("Drawing / Outer face", "4/ ±{}°, ±{} mm to the inner face", *centring)
     yield shown("Drawing / Inner face", "4/ reference of the outer face")

@@ -185,4 +185,4 @@ def _criteria(results):
         noun = "criterion" if len(criteria) == 1 else "criteria"
         yield shown("Verification / p", f"{{}} of {{}} {noun}", len(missed), len(criteria))
     elif len(criteria) > 1:
-        yield shown("Verification / p", "All {} criteria are met", len(criteria))
+        yield shown("Verification / p", "All {} criteria on light and files are met", len(criteria))

@@ -41,7 +41,7 @@ def _counted(results):
     if missed:
         yield shown(name, "{} of {} criteria", missed, len(criteria))
     elif len(criteria) > 1:
-        yield shown(name, "All {} criteria are met.", len(criteria))
+        yield shown(name, "All {} criteria on light and files are met.", len(criteria))
 
 
 def light_lines(title, light, spec):

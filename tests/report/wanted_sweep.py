@@ -34,6 +34,7 @@ def _row(sweep, value, results):
     yield shown(f"{row} / steps", "{}", design.steps)
     missed = ", ".join(each.name for _, each in results.criteria() if not each.passed)
     yield shown(f"{row} / criteria", f"missed: {missed}" if missed else "all met")
+    yield shown(f"{row} / cutting", results.verdict.cutting)
 
 
 def _pictures(title, value, results):

@@ -27,12 +27,12 @@ def tolerance_numbers(results):
         yield shown(f"{label} / Amount", amount, value)
         row = largest.get(factor.name)
         if row is None:
-            yield shown("PDF / Tolerances", f"  {factor.words}: {amount} (", value)
+            yield shown(f"PDF / {group} / {factor.words} / Amount", amount, value)
             continue
         most, limit = ("above ", row.searched_to) if row.unlimited else ("", row.at_most)
         yield shown(f"{label} / At most", f"{most}{{}}{unit}", factor_of * limit)
-        line = f"  {factor.words}: {amount} (preset “standard”); at most {most}{{}}{unit}"
-        yield shown("PDF / Tolerances", line, value, factor_of * limit)
+        yield shown(f"PDF / {group} / {factor.words} / Amount", amount, value)
+        yield shown(f"PDF / {group} / {factor.words} / At most", f"{most}{{}}{unit}", factor_of * limit)
 
 
 def _unit(factor):

@@ -21,7 +21,7 @@ _AXES = {
     "source.side_mm": "side of the source (mm)",
 }
 _METRICS: dict[SweptMetric, str] = {"nmse": "NMSE", "uniformity": "uniformity", "efficiency": "efficiency"}
-_HEAD = ("largest radius (mm)", "height (mm)", "steps", "criteria")
+_HEAD = ("largest radius (mm)", "height (mm)", "steps", "criteria", "cutting")
 
 
 def sweep_page(sweep: Sweep, results: Sequence[Results]) -> str:
@@ -58,6 +58,7 @@ def _cells(row: SweepRow, metrics: Sequence[SweptMetric]) -> list[str]:
         f"{row.height_mm:.3f}",
         number(row.steps),
         f"missed: {', '.join(missed)}" if missed else "all met",
+        row.cutting,
     ]
 
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from lensforge.criteria import Criterion
 from lensforge.optimisation.design import Margins
-from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, Sha256, StageResult, Text
+from lensforge.records import Count, Metric, NotNegative, Number, Positive, Record, Sha256, StageResult, State, Text
 from lensforge.results import Results
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import section_sha256
@@ -26,6 +26,7 @@ class SweepRow(Record):
     """One design: the value of the varied field, all changed fields, and the metrics of its own results.
 
     ``changes``: value of each changed field. ``folder``: the design's name, and its folder next to ``sweep.json``.
+    ``cutting``: the verdict on it.
     """
 
     value: Number
@@ -42,6 +43,7 @@ class SweepRow(Record):
     seconds: NotNegative
     constraints: Margins
     criteria: tuple[Criterion, ...]
+    cutting: State = "undecided"
 
 
 class Sweep(StageResult):
@@ -163,4 +165,5 @@ def _row(variant: Variant, results: Results) -> SweepRow:
         seconds=design.seconds,
         constraints=design.constraints,
         criteria=tuple(criterion for _, criterion in results.criteria()),
+        cutting=results.verdict.cutting,
     )
