@@ -41,6 +41,13 @@ def source_of(spec: Spec) -> "Source":
     return build_source(spec.source, spec.lens.dispersion)
 
 
+def judging_source(spec: Spec) -> "Source":
+    """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
+    from lensforge.sources.measured_rays import held_back
+
+    return held_back(source_of(spec))
+
+
 def warned_source(
     spec: Spec, warn: Callable[[str], None] | None, start: Lens | None = None, *, anyway: bool = False
 ) -> "Source":

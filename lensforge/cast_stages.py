@@ -3,7 +3,7 @@
 from typing import Literal
 
 from lensforge import seeds
-from lensforge.arguments import count_of, inputs_of, preset_of, require, source_of, threads_of_torch
+from lensforge.arguments import count_of, inputs_of, judging_source, preset_of, require, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.geometry.part import Part
@@ -44,7 +44,7 @@ def verify_with(second: SecondProcess, part: Part, light: Light, rays: int | Non
     for name, words in (("lens", "another lens than the part"), ("source", "another source than the spec's")):
         if known.get(name) != wanted[name]:
             raise InputError(f"verify: the light is that of {words}; evaluate the part's lens with its own source")
-    preset, source = preset_of(lens.accuracy), source_of(spec)
+    preset, source = preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, preset.verify_rays, source)
     bundle = source.sample(count, seeds.of_verification(lens.seed))
     landed = design_landings(TracedLens.of(lens, preset.evaluate_nodes_per_sigma), spec, bundle)
@@ -75,7 +75,7 @@ def stray_light(
 
     lens, spec = require(part, Part, "stray_light").lens, part.lens.spec
     rays = count_of("rays", rays)
-    preset, source = preset_of(lens.accuracy), source_of(spec)
+    preset, source = preset_of(lens.accuracy), judging_source(spec)
     count, conditions = rays_of(rays, min(preset.verify_rays, _STRAY_RAYS), source)
     with threads_of_torch(threads):
         stray = stray_apart(

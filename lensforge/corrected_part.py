@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import get_args
 
-from lensforge.arguments import count_of, number_of, path_of, preset_of, require, source_of, threads_of_torch
+from lensforge.arguments import count_of, judging_source, number_of, path_of, preset_of, require, threads_of_torch
 from lensforge.errors import InputError
 from lensforge.lens import Lens
 from lensforge.measurement.comparison import Registration, Side
@@ -48,7 +48,7 @@ def correct(
             raise InputError(f"{name} = {value!r}: must be one of {', '.join(allowed)}")
     rays, preset, factor = count_of("rays", rays), preset_of(lens.accuracy), number_of("gain", gain)
     request = Request(number_of("wavelength_mm", wavelength_mm), 1.0 if factor is None else factor, registration)
-    source = source_of(lens.spec)
+    source = judging_source(lens.spec)
     count, conditions = rays_of(rays, default_rays(lens, preset), source)
     with threads_of_torch(threads):
         found = correct_face(

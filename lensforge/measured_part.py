@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from lensforge.arguments import count_of, number_of, path_of, preset_of, source_of
+from lensforge.arguments import count_of, judging_source, number_of, path_of, preset_of
 from lensforge.errors import InputError
 from lensforge.evaluation.light import Light
 from lensforge.lens import Lens
@@ -141,7 +141,7 @@ def _compare_surface(
         raise InputError(
             f"surface = {surface!r}: must be 'inner' or 'outer', the one on which the points were measured"
         )
-    preset, source = preset_of(lens.accuracy), source_of(lens.spec)
+    preset, source = preset_of(lens.accuracy), judging_source(lens.spec)
     count, conditions = rays_of(count_of("rays", rays), default_rays(lens, preset), source)
     found = compare_surface(
         read_cloud(Path(points)),

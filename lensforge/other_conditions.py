@@ -87,6 +87,17 @@ def source_with_file(spec: Spec, file: Path | None) -> SourceSpec | None:
     return RayfileSource(file=file, origin="virtual_focus", **kept)
 
 
+def has_rays_of(source: SourceSpec, own: SourceSpec) -> bool:
+    """True where ``source`` takes rays of a file of ``own``, under any name and in any place; the same source has."""
+    if source == own:
+        return True
+    files = set(input_hashes(source).values())
+    try:
+        return not files.isdisjoint(input_hashes(own).values())
+    except InputError:  # the lens's own files are no longer there
+        return False
+
+
 def _same_source(source: SourceSpec, own: SourceSpec) -> bool:
     """True where both have the same fields and files; False where the lens's own files are no longer there."""
     if source == own:

@@ -9,7 +9,7 @@ _RANGE = 2**40
 _EVALUATION, _VERIFICATION, _FAR_FIELD, _CONVERGENCE, _REFERENCE, _PRESET, _HELD, _OWN, _PARTS = (
     k * _RANGE for k in (1, 2, 4, 8, 16, 32, 64, 128, 256)
 )
-_PARTS_OF_STEPS, _HELD_PARTS = (k * _RANGE for k in (512, 1024))
+_PARTS_OF_STEPS, _HELD_PARTS, OF_FILE = (k * _RANGE for k in (512, 1024, 2048))  # OF_FILE: divides a file's rays
 
 
 def of_step(seed: int, step: int) -> int:

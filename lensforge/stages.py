@@ -13,11 +13,11 @@ from lensforge.arguments import (
     date_of,
     device_of,
     inputs_of,
+    judging_source,
     number_of,
     path_of,
     preset_of,
     require,
-    source_of,
     threads_of_torch,
     warned_source,
 )
@@ -29,7 +29,7 @@ from lensforge.lens import Lens, load_lens
 from lensforge.lens_at_temperature import at_temperature
 from lensforge.manufacturing.result import Check
 from lensforge.optimisation.design import Design, Observer
-from lensforge.other_conditions import light_conditions, photometry_conditions
+from lensforge.other_conditions import has_rays_of, light_conditions, photometry_conditions
 from lensforge.records.arrays import MOST_PIXELS
 from lensforge.sources.photometric.ies_labels import NEWEST, IesVersion, require_ies_version
 from lensforge.spec import Accuracy, Spec
@@ -141,7 +141,16 @@ def evaluate(
         conditions = conditions.model_copy(update={"warnings": warned})
     efficacy = summarise(emitter, chosen).lumens_per_watt
     with threads_of_torch(threads):
-        light = evaluate_lens(body, emitter, preset, rays=rays, pixels=pixels, seed=seed, lumens_per_watt=efficacy)
+        light = evaluate_lens(
+            body,
+            emitter,
+            preset,
+            rays=rays,
+            pixels=pixels,
+            seed=seed,
+            lumens_per_watt=efficacy,
+            searched_with=has_rays_of(chosen, lens.spec.source),
+        )
     return light.model_copy(update={"inputs": inputs_of(lens, chosen), "conditions": conditions})
 
 
@@ -202,7 +211,7 @@ def photometry(
     require(lens, Lens, "photometry")
     version = require_ies_version(ies_version)
     rays, preset = count_of("rays", rays), preset_of(lens.accuracy)
-    lumens, source = number_of("lumens", lumens), source_of(lens.spec)
+    lumens, source = number_of("lumens", lumens), judging_source(lens.spec)
     with threads_of_torch(threads):
         found = measure_photometry(lens, source, preset, rays=rays, lumens=lumens, ies_version=version)
     return found.model_copy(update={"conditions": photometry_conditions(lens, source, rays, lumens)})

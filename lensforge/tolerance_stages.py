@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lensforge import seeds
-from lensforge.arguments import count_of, path_of, require, source_of, threads_of_torch
+from lensforge.arguments import count_of, judging_source, path_of, require, threads_of_torch
 from lensforge.lens import Lens
 from lensforge.other_conditions import rays_of, unless_own
 from lensforge.records import Conditions
@@ -37,7 +37,7 @@ def sensitivity(
     from lensforge.tolerancing.sensitivity import RAYS, measure_sensitivity
 
     require(lens, Lens, "sensitivity")
-    count, conditions = rays_of(count_of("rays", rays), RAYS, source_of(lens.spec))
+    count, conditions = rays_of(count_of("rays", rays), RAYS, judging_source(lens.spec))
     with threads_of_torch(threads):
         found = measure_sensitivity(lens, rays=count, progress=progress)
     return found.model_copy(update={"conditions": conditions})

@@ -25,7 +25,12 @@ def light_rows(light: Light) -> Iterator[Row]:
         yield from _on_several(light)
     yield from _limit_rows(light)
     pixels = f"{count(light.pixels)} pixels across"
-    yield "Simulated with", f"{count(light.rays)} rays, {pixels}, {light.filter.partition(',')[0]} filter"
+    unused = "" if light.fitted is None else " that the search has not used"
+    yield "Simulated with", f"{count(light.rays)} rays{unused}, {pixels}, {light.filter.partition(',')[0]} filter"
+    if light.fitted is not None:
+        fitted = light.fitted
+        words = f"NMSE {measured(fitted.nmse)}, efficiency {in_percent(fitted.efficiency)}"
+        yield "  fitted rays", f"{words} by the {count(fitted.rays)} rays of the search"
 
 
 def _on_one_receiver(light: Light) -> Iterator[Row]:

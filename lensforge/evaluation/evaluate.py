@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from lensforge.accuracy import Preset
-from lensforge.evaluation.light import Light, TableErrors, light_criteria
+from lensforge.evaluation.light import FittedLight, Light, TableErrors, light_criteria
 from lensforge.evaluation.limits import judged_limits
 from lensforge.evaluation.metrics import nmse, relative_deviation, uniformity
 from lensforge.evaluation.noise_free import Images, nmse_estimate
 from lensforge.evaluation.preset_error import measure_preset
 from lensforge.evaluation.receiver_light import Flux, MissedByCause, Possible, RawMetrics, ReceiverLight, WindowSize
 from lensforge.evaluation.region_light import RegionLight
-from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share
+from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share, traced_light
 from lensforge.evaluation.simulate import ABSORBED, IN_GLASS, MISSED_RECEIVER, ReceivedFlux, TracedLens, simulate
 from lensforge.figures.light_unit import light_unit
 from lensforge.kernels.fates import Fate
@@ -25,6 +25,7 @@ from lensforge.receivers.pixels import gaussian3, rebinned
 from lensforge.receivers.possible import PossibleLight, SourceLight
 from lensforge.records import Metric
 from lensforge.sources.bundle import Source
+from lensforge.sources.measured_rays import held_back, searched
 from lensforge.spec import AnyReceiver, Spec
 from lensforge.targets.limits import LightLimit, light_limits
 from lensforge.targets.pattern import DrawnTarget, coarser_target, drawn_target
@@ -40,8 +41,12 @@ def evaluate_lens(
     pixels: int | None = None,
     seed: int | None = None,
     lumens_per_watt: float | None = None,
+    searched_with: bool = False,
 ) -> Light:
     """Simulate ``lens``: rays from the argument, the spec, or the preset, in this order; pixels likewise.
+
+    ``searched_with``: the lens was designed with ``source``; of measured rays, those that the search has not used then
+    judge it, and the figures by the others, to which it is fitted, stand beside.
 
     ``seed``: by default the lens's own. The error of the preset's tables on this scene is measured as well, and the
     limits of the spec are judged: those in lux and candela by ``lumens_per_watt`` of ``source``.
@@ -50,13 +55,20 @@ def evaluate_lens(
     count = rays or lens.spec.evaluate.rays or preset.evaluate_rays
     side = pixels or lens.spec.evaluate.pixels
     limits = light_limits(lens.spec, receivers_of(lens.spec, side), lumens_per_watt, source.flux_w)
-    light = evaluate_traced(
-        traced, lens.spec, source, count, lens.seed if seed is None else seed, pixels=side, limits=limits
-    )
+    seed, judging = lens.seed if seed is None else seed, held_back(source) if searched_with else source
+    light = evaluate_traced(traced, lens.spec, judging, count, seed, pixels=side, limits=limits, bounds_by=source)
     design = TracedLens.of(lens, preset.nodes_per_sigma)
-    error = measure_preset(lens, source, design, traced)
+    error = measure_preset(lens, judging, design, traced)
+    fitted = _fitted(traced, lens.spec, searched(source), count, seed) if judging is not source else None
     settled = {"preset_error": error, "inputs": {"lens": lens.sha256}, "lumens_per_watt": lumens_per_watt}
+    settled["fitted"] = fitted
     return light.model_copy(update=settled)
+
+
+def _fitted(traced: TracedLens, spec: Spec, source: Source, rays: int, seed: int) -> FittedLight:
+    """Figures by the rays of the search."""
+    found = traced_light(traced, spec, source, rays, seed).metrics
+    return FittedLight(rays=min(rays, source.ray_count or rays), nmse=found.nmse, efficiency=found.efficiency)
 
 
 def evaluate_traced(
@@ -68,11 +80,12 @@ def evaluate_traced(
     *,
     pixels: int | None = None,
     limits: Sequence[LightLimit] = (),
+    bounds_by: Source | None = None,
 ) -> Light:
     """Simulate surfaces that are tables already, such as measured ones, under the protocol of ``spec``.
 
     ``limits`` on pictures of that many ``pixels`` are judged. The luminous efficacy is left open: it is not one of the
-    emitter.
+    emitter. ``bounds_by``: all rays of the source, of which ``source`` may be a part; they tell what is possible.
     """
     started = time.perf_counter()
     side = pixels or spec.evaluate.pixels
@@ -82,8 +95,8 @@ def evaluate_traced(
         for section, receiver in zip(spec.all_receivers, receivers, strict=True)
     ]
     simulation = simulate(traced, source, receivers, rays, seed, drawn)
-    light, reach_mm = SourceLight.of(source, traced.scene.media), spec.constraints.max_radius_mm + traced.grown_mm
-    variance = spec.evaluate.filter_variance
+    light, variance = SourceLight.of(bounds_by or source, traced.scene.media), spec.evaluate.filter_variance
+    reach_mm = spec.constraints.max_radius_mm + traced.grown_mm
     lit = tuple(
         receiver_light(section, PossibleLight(light, receiver, reach_mm), received, variance, simulation.emitted_w)
         for section, receiver, received in zip(spec.all_receivers, receivers, simulation.received, strict=True)

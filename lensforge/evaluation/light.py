@@ -44,6 +44,14 @@ class PresetError(Record):
     evaluation: TableError
 
 
+class FittedLight(Record):
+    """Light on the first receiver by the ``rays`` of a file that the search has used: too good where it fits noise."""
+
+    rays: Count
+    nmse: Metric
+    efficiency: Metric
+
+
 def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
     """The one criterion on a simulation: a search for a crossing that gives up must not lose any light."""
     remedy = "take a higher accuracy; please report the lens.json"
@@ -53,7 +61,8 @@ def light_criteria(flux: Flux) -> tuple[Criterion, ...]:
 class Light(SimulatedResult):
     """The light of a lens on its receivers, simulated with independent replicates of rays.
 
-    Metrics, flux and maps of the light itself are those of the first receiver.
+    Metrics, flux and maps of the light itself are those of the first receiver. Of a ray file they are those of rays
+    that the search has not used; ``fitted``: by the rays that it has.
     """
 
     stage: ClassVar[str] = "evaluate"
@@ -69,6 +78,7 @@ class Light(SimulatedResult):
     table_nodes: Count
     table_error_nm: TableErrors
     preset_error: PresetError | None
+    fitted: FittedLight | None = None
     seed: Count
     seconds: NotNegative
     criteria: tuple[Criterion, ...]

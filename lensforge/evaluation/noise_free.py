@@ -8,7 +8,8 @@ inner products of the images.
 Replicates of an analytic source are independent scrambles. Those of a measured source are a random division of its
 rays: the estimate is then the light of the LED that was measured, and the standard error that of a file with so many
 rays, as far as they are independent draws from the LED's light; rays in a regular pattern are better than stated. A
-lens that was designed with the same rays has adapted to their noise, and looks better by its overfit than it is.
+lens that was designed with the same rays has adapted to their noise, and looks better by its overfit than it is: so
+others are held back from the search.
 
 Two lenses lit by the same rays share much of the noise: the error of the change from one to the other is that of the
 difference of their pairs.

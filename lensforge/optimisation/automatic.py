@@ -124,7 +124,7 @@ class _Position:
             return self._after_broad_functions(outcome, now, kept)
         gain = self.accepted.gain_of(outcome, even=False)
         if not gain.reaches(self.schedule.stages.effort.level_gain):
-            if not 0 < self.schedule.stages.start_level == level < len(counts) - 1:
+            if not self.schedule.stages.start_level == level < len(counts) - 1:
                 return self._after_small_gain(gain, outcome, now)
             if gain.share <= 0.0:  # the functions of a finished lens are near their best, those of the next level new
                 now, kept = self, Turn(None, "accepted")

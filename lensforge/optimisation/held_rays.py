@@ -1,7 +1,8 @@
-"""Held rays judge a search that never sees them: two samples, so that their noise does not count as error.
+"""Rays that judge a search: two samples, so that their noise does not count as error.
 
-Of a source with a limited number of rays a fifth is kept from the search: a lens that fits the noise of the others
-shows it there.
+No step sees them; those of a limited number are the rays of the steps, turned anew. A lens that fits the noise of a
+file looks too good by them, but what a stage gains is known, as it is not by the few rays that could be held apart: of
+30,000 rays of led_rayfile a stage that lowers the error by a third gained -8 to 31 +- 37 % by 6,000 of them.
 """
 
 from collections.abc import Sequence
@@ -13,16 +14,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from lensforge import seeds
-from lensforge.errors import InputError
 from lensforge.optimisation.judgement import SLICES, Judgement
 from lensforge.optimisation.merit import MeritFunction, SampledLight
 from lensforge.optimisation.problem import Problem
 from lensforge.optimisation.search_parts import Pair
 from lensforge.sources.bundle import RayBundle, Source
-from lensforge.sources.measured_rays import divided, smoothed
+from lensforge.sources.measured_rays import smoothed
 
 _LEAST_IMAGE = 1e-4  # NMSE below which nothing is left to gain: an evaluation is no more certain than a fifth of that
-_OF_FILE = 0.2  # of measured rays: with as many, two halves of 10,000 judge a file of 100,000
 
 
 @dataclass(frozen=True)
@@ -37,25 +36,13 @@ class HeldRays:
 
     @staticmethod
     def of(source: Source, rays: int, seed: int) -> tuple["HeldRays", Source]:
-        """Two samples of ``rays`` rays at most, and the source of the steps, which has none of them.
-
-        They come from seeds that no step has; those of measured rays are a part of the file that no step has. Raises
-        :class:`InputError` for a file of so few rays that none would be left for a part.
-        """
-        steps, held = divided(source, 1.0 - _OF_FILE, seeds.of_held(seed, 0))
-        if held.ray_count is None:
-            samples = held.sample(rays, seeds.of_held(seed, 0)), held.sample(rays, seeds.of_held(seed, 1))
-            return HeldRays(samples, seed), steps
-        if held.ray_count < 2 * SLICES:
-            raise InputError(
-                f"{source.ray_count} rays: too few to judge a search by a fifth of them, at least "
-                f"{round(2 * SLICES / _OF_FILE)}; give lens.levels as numbers, or take a larger file"
-            )
-        halves = divided(held, 0.5, seeds.of_held(seed, 1))
-        first, second = (half.sample(min(rays, half.ray_count or rays), seeds.of_held(seed, 0)) for half in halves)
-        order = np.random.default_rng(seeds.of_held(seed, 1))  # a file may be sorted, its slices must not be
-        shuffled = first.take(order.permutation(len(first))), second.take(order.permutation(len(second)))
-        return HeldRays(shuffled, seed), smoothed(steps)
+        """Two samples of ``rays`` rays, from seeds that no step has, and the source of the steps."""
+        steps, numbers = smoothed(source), (seeds.of_held(seed, number) for number in (0, 1))
+        first, second = (steps.sample(rays, number) for number in numbers)
+        if source.ray_count is not None:  # a file may be sorted, the slices of its rays must not be
+            order = np.random.default_rng(seeds.of_held(seed, 0)).permutation(rays)
+            first, second = first.take(order), second.take(order)
+        return HeldRays((first, second), seed), steps
 
     def judge(
         self, problem: Problem, weights: Float[Tensor, "k 2"], offsets: Float[Tensor, "2"], even: bool

@@ -24,6 +24,7 @@ from lensforge.optimisation.search_state import SearchState, level_of, restored
 from lensforge.optimisation.symmetry import settled_symmetry
 from lensforge.sources.build import summarise
 from lensforge.sources.bundle import Source
+from lensforge.sources.measured_rays import searched
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.surfaces.srbf import fibonacci_hemisphere
@@ -67,9 +68,9 @@ def search(
         state = _fresh_state(schedule, problems, start)
     if checkpoint is not None and not resume:
         delete_checkpoint(checkpoint)  # of an earlier search: an interrupt before the first step leaves none
-    held, of_steps = None, source
+    held, of_steps = None, searched(source)
     if spec.lens.levels == "auto":
-        held, of_steps = HeldRays.of(source, preset.effort.held_rays, seed)
+        held, of_steps = HeldRays.of(of_steps, preset.effort.held_rays, seed)
     descent = Descent(of_steps, problems, schedule, held, seed, accuracy, progress or (lambda _: None), state, clock)
     descent.run(checkpoint, key)
     state = descent.state
@@ -84,7 +85,7 @@ def search(
 def _schedule(spec: Spec, source: Source, preset: Preset, start: Lens | None) -> Schedule:
     if spec.lens.levels != "auto":
         return fixed_schedule(spec, preset, last_only=start is not None)
-    effort, settings = preset.effort.with_rays_of(source.ray_count), spec.optimise
+    effort, settings = preset.effort.with_rays_of(searched(source).ray_count), spec.optimise
     levels = UsefulLevels.of(spec, source, effort.finest)
     first = 0 if start is None else levels.resolving(start.detail_rad, spec.lens.sigma_c)
     # parts of a robust search have no symmetry: the spread of their light is not averaged over mirror images

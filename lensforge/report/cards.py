@@ -86,8 +86,12 @@ def _light_cards(results: Results) -> Iterator[Card]:
 
 
 def _table_cards(results: Results) -> Iterator[Card]:
-    """Error of the accuracy preset, where it has been measured."""
+    """NMSE by the rays that the search has used, and error of the accuracy preset, where they have been measured."""
     light = results.find(Light)
+    if light is not None and light.fitted is not None:
+        rays, share = number(light.fitted.rays), percent(light.fitted.efficiency.value)
+        note = f"{_error(light.fitted.nmse)}by the {rays} rays of the search, to which the lens is fitted; efficiency"
+        yield Card("NMSE of fitted rays", number(light.fitted.nmse.value, 3), "", f"{note} {share}")
     if light is None or light.preset_error is None:
         return
     first, left = light.first, light.preset_error.evaluation

@@ -24,6 +24,7 @@ from lensforge.optics.two_refractions import transmittance_of
 from lensforge.receivers.build import receivers_of
 from lensforge.records import Metric
 from lensforge.sources.build import build_source, summarise
+from lensforge.sources.measured_rays import held_back
 from lensforge.targets.limits import light_limits
 from lensforge.tolerancing.part_light import HeldLight, MeasuredPart, PartLight
 from lensforge.tolerancing.yield_result import MetricBound
@@ -69,7 +70,8 @@ class PartStudy:
         limits = light_limits(spec, receivers, efficacy, source.flux_w)
         # tables of the search, not of an evaluation: their error is in the part and in the lens as designed alike
         nominal = TracedLens.of(lens, PRESETS[lens.accuracy].nodes_per_sigma)
-        return PartLight(spec, nominal, receivers, limits, HeldLight.of(source, recipe.rays, recipe.seed))
+        held = HeldLight.of(held_back(source), recipe.rays, recipe.seed)
+        return PartLight(spec, nominal, receivers, limits, held)
 
     @cached_property
     def maker(self) -> PartMaker:
@@ -87,7 +89,9 @@ class PartStudy:
         lens, recipe = self.recipe.lens, self.recipe
         source = build_source(lens.spec.source, lens.dispersion)
         traced = TracedLens.of(lens, PRESETS[lens.accuracy].evaluate_nodes_per_sigma)
-        return evaluate_traced(traced, lens.spec, source, recipe.designed_rays, recipe.seed, limits=self.light.limits)
+        judging, rays = held_back(source), recipe.designed_rays
+        limits = self.light.limits
+        return evaluate_traced(traced, lens.spec, judging, rays, recipe.seed, limits=limits, bounds_by=source)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

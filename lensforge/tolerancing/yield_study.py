@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from lensforge.lens import Lens
 from lensforge.records import Metric
 from lensforge.sources.build import build_source
+from lensforge.sources.measured_rays import held_back
 from lensforge.tolerancing.budget import budget
 from lensforge.tolerancing.contributions import contributions
 from lensforge.tolerancing.feasible_amounts import require_bearable
@@ -171,7 +172,7 @@ def _worst(study: PartStudy, measured: Float[np.ndarray, "n m 2"]) -> tuple[Wors
 def _worst_maps(study: PartStudy, worst: tuple[WorstPart, ...]) -> Float[np.ndarray, "k h w"]:
     """Light of the worst parts on the first receiver, per measure of its pixels, by more rays."""
     lens, light = study.recipe.lens, study.light
-    source = build_source(lens.spec.source, lens.dispersion)
+    source = held_back(build_source(lens.spec.source, lens.dispersion))
     held = HeldLight.of(source, max(_WORST_RAYS, study.recipe.rays), study.recipe.seed)
     finer = replace(light, held=held)
     images = [finer.received(study.part(each.part))[0].images.mean(axis=0) for each in worst]

@@ -1,8 +1,12 @@
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from nightly import NIGHTLY
 from scenes import random_surface, small_spec, sphere
 
+import lensforge as lf
 from lensforge.accuracy import PRESETS
 from lensforge.evaluation.evaluate import evaluate_lens, evaluate_traced
 from lensforge.evaluation.light import LightMetrics
@@ -13,6 +17,11 @@ from lensforge.jackknife import jackknife
 from lensforge.lens import Lens
 from lensforge.optics.two_refractions import normal_transmittance
 from lensforge.sources.build import build_source
+from lensforge.sources.measured_rays import searched
+from lensforge.sources.ray_set import RaySetEmitter
+from lensforge.sources.rayfiles import RayFile, write_rayfile
+from lensforge.sources.square import SquareEmitter
+from lensforge.spec.ray_source import RayfileSource
 
 DRAFT = PRESETS["draft"]
 
@@ -174,3 +183,26 @@ def test_the_smallest_evaluations_are_finite(rays: int, pixels: int) -> None:
     result = _evaluate(lens, rays=rays, pixels=pixels)
     assert np.isfinite(result.map).all()
     assert sum(result.flux.model_dump().values()) == pytest.approx(1.0)
+
+
+def test_a_lens_for_a_ray_file_is_judged_by_the_rays_that_no_search_uses(tmp_path: Path) -> None:
+    """Of the file, the rays for searches go forward, all others backward."""
+    rays = SquareEmitter(1.0).sample(4096, 5)
+    numbered = RaySetEmitter(replace(rays, origins=np.arange(4096.0)[:, None] * np.ones(3)), 1.0)
+    of_search = np.zeros(4096, dtype=bool)
+    of_search[searched(numbered).sample(2867, 0).origins[:, 0].astype(int)] = True
+    turned = np.where(of_search[:, None], rays.directions, rays.directions * [1.0, 1.0, -1.0])
+    files = {name: tmp_path / f"{name}.tm25ray" for name in ("own", "copy", "other")}
+    for name, path in files.items():
+        order = slice(None, None, -1 if name == "other" else 1)
+        columns = (each[order].astype(np.float32) for each in (rays.origins, turned))
+        write_rayfile(path, RayFile(*columns, np.full(4096, 1 / 4096, np.float32), "W", header_flux_w=1.0), "tm25")
+    source = RayfileSource(file=files["own"], flux_w=1.0)
+    lens = Lens(sphere(3.0), sphere(6.0), small_spec().model_copy(update={"source": source}), 0, "draft")
+    light, copied, other = (
+        lf.evaluate(lens, source=source.model_copy(update={"file": files[name]})) for name in ("own", "copy", "other")
+    )
+    assert light.rays == 1229 and light.missed_by_cause.backward == pytest.approx(1.0) and light.efficiency.value == 0.0
+    assert light.fitted is not None and light.fitted.rays == 2867 and light.fitted.efficiency.value > 0.5
+    assert copied.rays == 1229, "the same rays under another name"
+    assert other.rays == 4096 and other.fitted is None, "no search has seen another file"

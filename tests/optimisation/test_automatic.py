@@ -137,11 +137,18 @@ def test_only_the_merit_with_the_uniformity_counts_in_its_stages() -> None:
     assert turn.improved and turn.begin == "current", "it lights the target worse, and more evenly"
 
 
+def test_a_small_gain_of_the_first_level_says_nothing_of_finer_ones() -> None:
+    for first in (0.95, 1.0, 1.3):
+        found = Followed(schedule(), lambda s, m, k=first: k * m if s.level == 0 else max(0.1, 0.5 * m))
+        assert found.levels == (9, 25, 81) and [stage.level for stage in found.stages[:4]] == [0, 0, 1, 2]
+        assert found.outcomes[2].light.merit == 0.5 * min(first, 1.0), "a loss is taken back"
+
+
 def test_a_gain_that_may_be_noise_is_none() -> None:
     halved = towards({0: 0.1, 1: 0.01, 2: 0.001})
     assert len(Followed(schedule(), halved).stages) > 5
     found = Followed(schedule(), halved, noise=1.0)
-    assert {stage.level for stage in found.stages} == {0} and found.levels == (9,)
+    assert {stage.level for stage in found.stages} == {0, 1} and found.levels == (9,)
     assert "which may be noise: its standard error is" in found.why
 
 

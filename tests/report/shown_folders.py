@@ -10,7 +10,7 @@ from result_folders import STAGES, criterion, finding, make_light, make_proof, m
 from told_apart import told_apart
 
 from lensforge.criteria import Criterion
-from lensforge.evaluation.light import LightMetrics, PresetError, TableError
+from lensforge.evaluation.light import FittedLight, LightMetrics, PresetError, TableError
 from lensforge.evaluation.limit_result import LimitResult
 from lensforge.evaluation.receiver_light import Flux, MissedByCause
 from lensforge.evaluation.region_light import RegionLight
@@ -147,6 +147,8 @@ def ray_file():
     warned = SourceSummary(title="led.tm25ray", flux_w=1.0, symmetry="none", warnings=("2,000 effective rays",))
     alone = {name: Metric(value=value) for name, value in (("nmse", 0.0125), ("efficiency", 0.85))}
     light = {**alone, "share_in_target": Metric(value=0.8), "preset_error": error, "nmse_of_noise": 0.0017}
+    fitted = {"nmse": Metric(value=0.00873, standard_error=0.00041), "efficiency": Metric(value=0.8613)}
+    light["fitted"] = FittedLight(rays=6543, **fitted)
     return _folder(("design", "evaluate"), lens, design={"source": warned}, evaluate=light)
 
 

@@ -154,6 +154,12 @@ def _inside(receiver, size, side):
 
 
 def _preset(light):
+    if light.fitted is not None:
+        card, fitted = f"{ASKED} / card / NMSE of fitted rays", light.fitted
+        yield shown(card, "{}", fitted.nmse.value)
+        yield shown(f"{card} / note", "± {}; by the", fitted.nmse.standard_error)
+        yield shown(f"{card} / note", "by the {} rays of the search", fitted.rays)
+        yield shown(f"{card} / note", "efficiency {} %", 100.0 * fitted.efficiency.value)
     if light.preset_error is None:
         return
     card, left = f"{ASKED} / card / Simulation error", light.preset_error.evaluation

@@ -7,11 +7,13 @@ import pytest
 from jaxtyping import Float
 
 from lensforge import seeds
+from lensforge.accuracy import PRESETS
+from lensforge.errors import InputError
 from lensforge.materials.catalogue import MATERIALS
 from lensforge.optimisation.held_rays import HeldRays
 from lensforge.sources.bundle import RayBundle
 from lensforge.sources.dispersion import DispersedSource
-from lensforge.sources.measured_rays import TurnedRays, divided, smoothed
+from lensforge.sources.measured_rays import TurnedRays, divided, held_back, searched, smoothed
 from lensforge.sources.placement import SourcePose, rotation_about
 from lensforge.sources.ray_set import RaySetEmitter
 from lensforge.sources.spectrum import Spectrum
@@ -89,7 +91,7 @@ def test_the_parts_of_a_file_are_disjoint_and_carry_its_flux() -> None:
 
 def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:
     square = SquareEmitter(1.0, 1.0)
-    assert divided(square, 0.8, 1) == (square, square)
+    assert divided(square, 0.8, 1) == (square, square) and held_back(square) is searched(square) is square
     assert smoothed(square) is square
     held, steps = HeldRays.of(square, 64, 5)
     assert steps is square
@@ -97,13 +99,28 @@ def test_a_source_of_any_number_of_rays_stays_as_it_is() -> None:
     assert not np.array_equal(held.samples[0].origins, held.samples[1].origins)
 
 
-def test_no_step_sees_a_ray_of_a_file_that_judges_it() -> None:
-    whole = RaySetEmitter(lambertian(1_000), 1.0)
-    held, steps = HeldRays.of(whole, 80, 0)
-    judging = {tuple(np.round(row, 9)) for sample in held.samples for row in crossings(sample)}
-    seen = {tuple(np.round(row, 9)) for row in crossings(steps.sample(800, 1))}
-    assert [len(sample) for sample in held.samples] == [80, 80] and len(judging) == 160
-    assert not seen & judging
+def test_what_judges_a_lens_is_no_ray_of_any_search() -> None:
+    whole = RaySetEmitter(lambertian(1_000), 2.0)
+    judging, search = held_back(whole), searched(whole)
+    assert (judging.ray_count, search.ray_count) == (300, 700) and judging.flux_w == search.flux_w == 2.0
+    rows = {tuple(np.round(row, 9)) for row in crossings(judging.sample(300, 0))}
+    for seed in range(3):
+        held, steps = HeldRays.of(search, 80, seed)
+        for sample in (steps.sample(700, seed), *held.samples):
+            assert not rows & {tuple(np.round(row, 9)) for row in crossings(sample)}
+
+
+def test_of_a_large_file_all_is_held_back_but_what_a_step_takes() -> None:
+    assert max(preset.effort.rays[1] for preset in PRESETS.values()) * 2 == 2**20
+    one = RayBundle(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
+    whole = RaySetEmitter(one.take(np.zeros(5_000_000, dtype=np.int8)), 1.0)
+    assert searched(whole).ray_count == 2**20 and held_back(whole).ray_count == 5_000_000 - 2**20
+
+
+def test_too_few_rays_to_hold_some_back_are_refused() -> None:
+    assert held_back(RaySetEmitter(lambertian(54), 1.0)).ray_count == 16
+    with pytest.raises(InputError, match=r"source: 53 rays are too few .* at least 54"):
+        held_back(RaySetEmitter(lambertian(53), 1.0))
 
 
 def test_rays_through_a_dispersive_lens_keep_their_indices() -> None:
