@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -20,8 +21,10 @@ from lensforge.verification.acceptance import (
 from lensforge.verification.light_result import OwnRays
 from lensforge.verification.own_rays_criteria import LEAST_RAYS
 from lensforge.verification.proof import Agreement, Proof, ReceiverProof
-from lensforge.verification.screen import Screen
 from lensforge.verification.stray_result import StrayLight
+
+if TYPE_CHECKING:
+    from lensforge.verification.screen import Screen
 
 _QUANTILES, _P99 = 500, 495  # intervals of the gaps' distribution, and the index of its 99 %
 _LIGHT = "evaluate.json has"
@@ -29,7 +32,7 @@ _ENOUGH = 2 * _QUANTILES  # rays for a root mean square by quantiles
 
 
 def proof_contradictions(
-    proof: Proof, screens: Sequence[Screen], light: Light | None, part: Part | None = None
+    proof: Proof, screens: "Sequence[Screen]", light: Light | None, part: Part | None = None
 ) -> Iterator[str]:
     """Contradictions of the record of a verification; ``screens``: the spec's receivers."""
     yield from judged("criteria", proof.criteria, proof_criteria(proof))
@@ -64,7 +67,7 @@ def _sizes(proof: Proof, part: Part | None) -> Iterator[str]:
     yield from unlike("altered_files", proof.altered_files, part.altered, "the files in the folder are")
 
 
-def _on_receiver(proof: ReceiverProof, screen: Screen, design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
+def _on_receiver(proof: ReceiverProof, screen: "Screen", design: Float[np.ndarray, "h w"] | None) -> Iterator[str]:
     flux, limit = proof.flux, DEVIATION_RAD * screen.reach_mm(proof.design_irradiance)
     yield from differing("deviation_limit_mm", proof.deviation_limit_mm, limit, "where its light goes")
     yield from differing("flux", sum(flux.model_dump().values()), 1.0, "the laws of conservation")

@@ -1,6 +1,7 @@
 """The first contradiction of any record of a result folder."""
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import ValidationError
@@ -27,11 +28,13 @@ from lensforge.measurement.comparison import PhotoComparison, SurfaceComparison
 from lensforge.measurement.correction_result import Correction
 from lensforge.optimisation.design import Design
 from lensforge.records import StageResult
-from lensforge.screens import screens_of
 from lensforge.tolerancing.sensitivity_table import Sensitivity
 from lensforge.tolerancing.yield_result import Yield
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
+
+if TYPE_CHECKING:
+    from lensforge.verification.screen import Screen
 
 
 def contradiction(result: StageResult, lens: Lens, found: Mapping[str, StageResult]) -> str:
@@ -61,7 +64,7 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             own = light if isinstance(light, Light) else None
             part = found.get(Part.stage)
             of = part if isinstance(part, Part) else None
-            yield from proof_contradictions(result, screens_of(lens.spec), own, of)
+            yield from proof_contradictions(result, _screens(lens), own, of)
         case StrayLight():
             yield from stray_contradictions(result)
         case Photometry():
@@ -76,3 +79,10 @@ def _contradictions(result: StageResult, lens: Lens, found: Mapping[str, StageRe
             yield from surface_contradictions(result)
         case Correction():
             yield from correction_contradictions(result, lens)
+
+
+def _screens(lens: Lens) -> "list[Screen]":
+    """Receivers, from whose places the limits of a verification follow."""
+    from lensforge.screens import screens_of
+
+    return screens_of(lens.spec)
