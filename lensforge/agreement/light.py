@@ -145,7 +145,10 @@ def _share(light: ReceiverLight, section: AnyReceiver, receiver: "PosedReceiver"
     whole = (window.width, window.height) == receiver.grid.size and not np.isfinite(window.radius)
     if not whole or not total > 0.0:  # the efficiency is that of the window
         return
-    covered = drawn_target(section.targets, receiver).coverage
+    drawn = drawn_target(section.targets, receiver)
+    seen, covered = light.target_map, drawn.coverage
+    if not np.allclose(seen, drawn.light * seen.sum(), rtol=0.0, atol=1e-6 * float(seen.max())):
+        return  # not the target of the spec: nothing is known of its edges
     most, least = (float(light.raw_map[inside].sum()) / total for inside in (covered > 0.0, covered == 1.0))
     landed = light.efficiency.value
     low, high = least * landed * (1.0 - _EDGE), most * landed * (1.0 + _EDGE)
