@@ -6,6 +6,7 @@ from lensforge.far_field.angular_grid import AngularGrid
 from lensforge.far_field.beam_figures import Direction, PlaneFigures
 from lensforge.far_field.photometry import LostFlux, Photometry, WrittenFile, WrittenFiles, photometry_criteria
 from lensforge.records import Extent, Metric
+from lensforge.roadway.lamp_light import LampLight
 from lensforge.roadway.road_figures import RoadFigures
 from lensforge.sources.intensity import TabulatedIntensity
 from lensforge.sources.photometric.beam import plane_profile, width_above
@@ -20,6 +21,8 @@ def make_photometry(lens, **changes):
     files = WrittenFiles(ies=written, ldt=written, tm33=written, tm25ray=written)
     lumens = Metric(value=1000.0, unit="lm", standard_error=0.5)
     samples = np.tile(table.values[None, :-1], (16, 1, 1))
+    lamp = LampLight(AngularGrid(36, GAMMA_DEG), samples, lens.spec.photometry.street_side_deg)
+    zones = np.full((16, 2, 4), lumens.value / 8.0)
     content = {
         "inputs": {"lens": lens.sha256},
         "rays": 1024,
@@ -37,7 +40,7 @@ def make_photometry(lens, **changes):
         "peak_direction": Direction(c_deg=0.0, gamma_deg=0.0),
         "beam_c0": _beam(table, 0.0),
         "beam_c90": _beam(table, 90.0),
-        "road": RoadFigures.of(lens.spec.photometry, AngularGrid(36, GAMMA_DEG), samples, lumens),
+        "road": RoadFigures.of(lens.spec.photometry, lamp, lumens, zones),
         "node_error": Extent(max=0.03, rms=0.01),
         "interpolation_error": 0.002,
         "files": files,

@@ -9,6 +9,7 @@ from page_text import Page, text_of, undrawn_page_of
 from result_folders import criterion, finding, make_results, small_lens
 
 import lensforge
+from lensforge.evaluation.light import Light
 from lensforge.evaluation.limit_result import LimitResult
 from lensforge.lens import Lens
 from lensforge.optimisation.asked_light import asked_light
@@ -43,12 +44,12 @@ def test_the_table_is_the_first_on_the_page_and_has_asked_got_and_possible():
     assert page.tags.index("table") < page.tags.index("svg")
     share, pattern, window, *_ = asked_rows(make_results())
     assert (share.asked, share.passes, share.got) == (
-        "92.3\u2009%",
+        "–",
         "passes from 64.6\u2009%",
         "81.2\u2009% ± 0.030\u2009%",
     )
     assert (share.possible, share.law) == ("≤ 95.0\u2009%", "étendue")
-    assert (pattern.asked, pattern.passes, pattern.possible) == ("0", "passes up to 0.1", "≥ 0.001")
+    assert (pattern.asked, pattern.passes, pattern.possible) == ("–", "passes up to 0.1", "≥ 0.001")
     assert window.name == "Efficiency" and window.state == "", "nothing was asked"
 
 
@@ -131,3 +132,10 @@ def test_of_a_ray_file_that_is_elsewhere_nothing_is_said():
     source = RayfileSource(file=Path("/somewhere/led.tm25ray"))
     lens = replace(lens, spec=lens.spec.model_copy(update={"source": source}))
     assert light_rows(make_results(lens=lens, evaluate={"limits": (limit,)}))[0].possible == "–"
+
+
+@pytest.mark.parametrize(("least", "words"), [(0.0, "–"), (0.002, "≥ 0.002")])
+def test_a_bound_that_says_nothing_is_not_shown(least, words):
+    possible = make_results().find(Light).possible.model_copy(update={"nmse": least})
+    _, pattern, *_ = asked_rows(make_results(evaluate={"possible": possible}))
+    assert (pattern.asked, pattern.possible, bool(pattern.law)) == ("–", words, least > 0.0)

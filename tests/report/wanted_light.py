@@ -92,10 +92,8 @@ def _asked(receiver, section, results, where):
     target, pattern, detected = (
         f"{ASKED} / {name}{where}" for name in ("Light in the target", "Error of the pattern (NMSE)", "Efficiency")
     )
-    yield shown(f"{target} / Asked", "{}\u2009%", 100.0 * passed)
     yield with_error(f"{target} / Got", receiver.share_in_target, "\u2009%", 100.0)
     yield shown(f"{target} / Possible", "≤ {}\u2009%", 100.0 * receiver.possible.share_in_target)
-    yield shown(f"{pattern} / Asked", "{}", 0)
     yield with_error(f"{pattern} / Got", receiver.nmse)
     yield shown(f"{pattern} / Possible", "≥ {}", receiver.possible.nmse)
     yield with_error(f"{detected} / Got", receiver.efficiency, "\u2009%", 100.0)
