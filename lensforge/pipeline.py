@@ -34,8 +34,6 @@ from lensforge.starts import best_design
 from lensforge.verification.proof import Proof
 from lensforge.verification.stray_result import StrayLight
 
-PICTURE_FILE = "light.png"  # of a preview
-
 if TYPE_CHECKING:
     from lensforge.drawings.grids import GridRequest
     from lensforge.drawings.handover import Handover
@@ -112,33 +110,6 @@ def run(
         with told.timed("report"):
             refresh_report(folder, seconds=time.perf_counter() - began)
         delete_checkpoint(folder / CHECKPOINT)  # not earlier: a run interrupted in any stage resumes from it
-        return open_run(folder)
-
-
-def preview(
-    spec: Spec,
-    folder: Path | str,
-    *,
-    seed: int = 0,
-    threads: int | None = None,
-    progress: Observer | None = None,
-    announce: Announce | None = None,
-    warn: Callable[[str], None] | None = None,
-    anyway: bool = False,
-) -> Run:
-    """Search at draft accuracy, simulate the light, and write both with a picture into ``folder``; no part.
-
-    The stages of the part can be run there later, one by one.
-    """
-    require_spec(spec, "preview")
-    folder = folder_of(folder)
-    with locked(folder, create=True), threads_of_torch(threads):
-        made = stages.design(spec, accuracy="draft", seed=seed, progress=progress, warn=warn, anyway=anyway)
-        write_design(made, folder)
-        if announce is not None:
-            announce("evaluate")
-        light = write_result(stages.evaluate(made.lens), folder)
-        light.save(folder / PICTURE_FILE)
         return open_run(folder)
 
 

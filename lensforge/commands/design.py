@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from lensforge import pipeline
+from lensforge import pipeline, stages
+from lensforge.arguments import threads_of_torch
 from lensforge.commands.conclusion import finish_run
 from lensforge.commands.light_blocks import light_rows
 from lensforge.commands.options import (
@@ -24,13 +25,16 @@ from lensforge.commands.part_blocks import lens_rows
 from lensforge.commands.screen import Block, print_screen
 from lensforge.commands.whole_number import WholeNumber
 from lensforge.errors import InputError
+from lensforge.folder_lock import locked
 from lensforge.optimisation.checkpoint import CHECKPOINT
 from lensforge.results import REPORT_FILE
-from lensforge.run_folder import Run
+from lensforge.run_folder import Run, open_run, write_result
 from lensforge.spec import Accuracy, Spec, load_spec
 
 if TYPE_CHECKING:
     from lensforge.commands.stage_clock import StageClock
+
+_PICTURE_FILE = "light.png"  # of a preview
 
 
 @click.command()
@@ -125,24 +129,22 @@ def preview(
     directory = out or Path("cad_out") / f"{content.name}_preview"
     with StageClock("design", quiet=output.quiet) as clock:
         told = DesignProgress(clock, content)
-        run = pipeline.preview(
-            content,
-            directory,
-            seed=seed,
-            threads=threads,
-            progress=told.on_step,
-            announce=clock.begin,
-            warn=clock.warn,
-            anyway=anyway,
-        )
+        with locked(directory, create=True), threads_of_torch(threads):
+            made = stages.design(
+                content, accuracy="draft", seed=seed, progress=told.on_step, warn=clock.warn, anyway=anyway
+            )
+            pipeline.write_design(made, directory)
+            clock.begin("evaluate")
+            write_result(stages.evaluate(made.lens), directory).save(directory / _PICTURE_FILE)
+            run = open_run(directory)
         clock.total()
     if shown:
-        click.launch(str(directory / pipeline.PICTURE_FILE))
+        click.launch(str(directory / _PICTURE_FILE))
     if output.json:
         print_json(document(run, run.design, run.light))
     elif output.screen:
         rows = [*light_rows(run.light), *lens_rows(run.design, content)]
-        picture = ("Picture", str(directory / pipeline.PICTURE_FILE))
+        picture = ("Picture", str(directory / _PICTURE_FILE))
         print_screen([Block(f"{content.name}: a draft, {run.design.steps} steps", [*rows, picture])])
 
 

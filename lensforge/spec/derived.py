@@ -139,7 +139,7 @@ def _source_extent(source: Any) -> float | None:
 
 
 def _given(section: Any, name: str) -> Any:
-    """What the user gave as ``name``: a section of another spec holds what was derived there, too."""
+    """The value that the user gave as ``name``: a section of another spec holds what was derived there, too."""
     return None if isinstance(section, BaseModel) and name not in section.model_fields_set else _get(section, name)
 
 

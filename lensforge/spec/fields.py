@@ -45,7 +45,7 @@ def summary_of(section: type[BaseModel]) -> str:
 
 
 def default_of(section: type[BaseModel], name: str) -> str:
-    """What a field holds where it is left out: ``needed``, ``derived: ...``, a value, or "" for nothing."""
+    """Value of a field that is left out: ``needed``, ``derived: ...``, a value, or "" for nothing."""
     field = section.model_fields[name]
     if field.is_required():
         return "needed"
