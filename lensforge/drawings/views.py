@@ -68,7 +68,7 @@ def _edges(lens: Lens, azimuth: float) -> list[Points]:
 
 
 def _silhouettes(lens: Lens, azimuth: float) -> list[ViewLine]:
-    """Where the dome is wider behind the plane of the section, and, as a part that is cut off, before it."""
+    """Lines of the dome where it is wider behind the plane of the section, and, cut off, before it."""
     across, towards = rim_directions(np.array([azimuth, azimuth + 0.5 * np.pi]))
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _AZIMUTHS)
     plane = np.sin(turn)[:, None] * across + np.cos(turn)[:, None] * _AXIS
