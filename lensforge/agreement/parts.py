@@ -105,7 +105,7 @@ def _spread(name: str, stated: MetricSpread, values: Float[np.ndarray, " n"]) ->
 
 
 def _variance(found: Yield) -> Iterator[str]:
-    """Shares of each tolerance once, the largest first, and with those of several together 1."""
+    """Shares of each tolerance once, the surest first, and with those of several together 1."""
     yield from unlike(
         "variance", sorted(found.variance), sorted(name for name in found.metrics if found.metrics[name].spread > 0.0),
         "the metrics that scatter are",
@@ -115,8 +115,8 @@ def _variance(found: Yield) -> Iterator[str]:
         if sorted((cause.tolerance, cause.words) for cause in variance.causes) != names:
             yield f"variance.{metric}: not the tolerances that were drawn"
         shares = [cause.share for cause in variance.causes]
-        if shares != sorted(shares, reverse=True):
-            yield f"variance.{metric}: the largest share is not the first"
+        if [cause.rank for cause in variance.causes] != sorted(cause.rank for cause in variance.causes):
+            yield f"variance.{metric}: the surest share is not the first"
         rest = 1.0 - sum(shares)
         yield from differing(f"variance.{metric}.interactions", variance.interactions.value, rest, "its shares")
 

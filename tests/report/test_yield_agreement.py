@@ -52,7 +52,7 @@ def test_a_record_agrees_with_itself(found, lens):
         ("metrics.nmse.spread", 0.5, "metrics.nmse.spread"),
         ("metrics.nmse.mean", Metric(value=0.01), "metrics.nmse.mean"),
         ("variance.nmse.causes.0.share", 0.9, "variance.nmse.interactions"),
-        ("variance.nmse.causes.1.share", 0.9, "the largest share is not the first"),
+        ("variance.nmse.causes.1.share", 0.9, "the surest share is not the first"),
         ("variance.nmse.causes.0.tolerance", "index", "not the tolerances that were drawn"),
         ("budget.alone.0.low", 1e3, "budget: source_shift_mm.at_most"),
         ("budget.alone.0.high", None, "an amount without its interval"),
