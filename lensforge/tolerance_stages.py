@@ -63,9 +63,9 @@ def tolerance(
     ``tolerances``: others than those of the spec. ``budget``: also search for the largest amount of each tolerance.
     ``checkpoint``: a file of measured parts, with which an interrupted study goes on to the same bits. ``scheduler``:
     a Dask cluster that measures the parts, to the same bits: its address, such as ``tcp://10.0.0.5:8786``, or
-    ``local:4`` for processes of this machine. ``progress`` is called with the number of parts measured and of all, and
-    cancels by returning False. Raises :class:`InputError` for tolerances that the part cannot bear, and where no
-    scheduler answers.
+    ``local:4`` for processes of this machine. ``progress`` is called with the number of parts measured and of all, in
+    each stage of the study, and cancels by returning False. Raises :class:`InputError` for tolerances that the part
+    cannot bear, and where no scheduler answers.
     """
     from lensforge.tolerancing.yield_study import measure_yield
 

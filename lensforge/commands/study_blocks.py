@@ -55,13 +55,17 @@ def yield_block(found: Yield) -> Block:
 
 
 def _spread(spread: MetricSpread) -> str:
+    if spread.undecided:
+        noise = figure(spread.standard_error or 0.0, digits=2)
+        why = f"a part's ray noise of {noise} outweighs their spread"
+        return f"designed {measured(spread.designed)}; the parts are undecided: {why}"
     low, middle, high = (figure(value, digits=3) for value in (spread.p5, spread.p50, spread.p95))
     return f"designed {measured(spread.designed)}; of the parts 5 % below {low}, half below {middle}, 95 % below {high}"
 
 
 def _causes(found: Yield, name: str) -> Iterator[Row]:
-    if name in found.variance:
-        causes = sorted(found.variance[name].causes, key=lambda cause: -cause.share)[:_MOST_CAUSES]
+    if name in found.variance and not found.metrics[name].undecided:
+        causes = found.variance[name].causes[:_MOST_CAUSES]
         shares = (Metric(value=each.share, standard_error=each.standard_error) for each in causes)
         words = (f"{in_percent(part)} {each.words}" for part, each in zip(shares, causes, strict=True))
         yield "  by", ", ".join(words)

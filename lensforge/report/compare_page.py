@@ -102,8 +102,9 @@ def number_lines(designs: Sequence[Results]) -> list[Line]:
 
 
 def _best(label: str, designs: Sequence[Results]) -> int | None:
-    """Index of the design with the best value of the number called ``label``."""
-    if label not in _BETTER:
+    """Index of the design with the best value of the number called ``label``; None for different targets."""
+    first, *others = (design.spec.all_receivers for design in designs)
+    if label not in _BETTER or any(each != first for each in others):
         return None
     metrics: list[Metric | None] = [getattr(design.find(Light), label.lower(), None) for design in designs]
     values = [None if metric is None else metric.value for metric in metrics]

@@ -159,7 +159,8 @@ def spread_rows(result: Yield) -> list[SpreadRow]:
     rows = []
     for name, each in result.metrics.items():
         values = (each.designed.value, each.p5, each.p50, each.p95, each.spread)
-        rows.append(SpreadRow(metric_words(name), *(shown(name, value, each.unit) for value in values)))
+        designed, *of_parts = (shown(name, value, each.unit) for value in values)
+        rows.append(SpreadRow(metric_words(name), designed, *(["undecided"] * 4 if each.undecided else of_parts)))
     return rows
 
 

@@ -40,7 +40,7 @@ def contributions(draws: Draws, values: Float[np.ndarray, " n"], noise: float) -
                 standard_error=share.standard_error or 0.0,
             )
         )
-    causes.sort(key=lambda cause: -cause.share)
+    causes.sort(key=lambda cause: cause.rank)
     return Variance(causes=tuple(causes), interactions=_metric(1.0 - explained / total))
 
 

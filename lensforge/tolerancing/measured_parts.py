@@ -17,7 +17,7 @@ from lensforge.tolerancing.part_study import PartStudy, Scales
 _SAVE_SECONDS = 5.0
 _CHUNK = 8  # parts of one task: a second of work, which a lost worker repeats
 
-Progress = Callable[[int, int], object]  # parts measured, and of all; False cancels
+Progress = Callable[[int, int], object]  # parts measured, and of those that a stage asks for; False cancels
 
 
 class Workers(Protocol):
@@ -61,16 +61,12 @@ def job_of(number: int, scales: Scales) -> Job:
 
 @dataclass
 class MeasuredParts:
-    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``.
-
-    ``expected``: parts of the whole study, as far as known, for ``progress``.
-    """
+    """Metrics of the parts of ``study``; those that are not ``kept`` are measured by ``workers``."""
 
     study: PartStudy
     workers: Workers = field(default_factory=Threads)
     kept: KeptParts = field(default_factory=KeptParts)
     progress: Progress | None = None
-    expected: int = 0
 
     def with_rays(self, rays: int) -> "MeasuredParts":
         """The same parts by other ``rays`` each, kept beside those of these rays."""
@@ -82,11 +78,12 @@ class MeasuredParts:
         jobs = [job_of(number, scales or {}) for number in parts]
         missing = [job for job in jobs if (rays, job) not in known]
         chunks = [tuple(missing[first : first + _CHUNK]) for first in range(0, len(missing), _CHUNK)]
-        saved = time.monotonic()
+        saved, done = time.monotonic(), len(jobs) - len(missing)
         try:
             for number, found in self.workers.measure(self.study, chunks) if chunks else ():
                 known.update(zip(((rays, job) for job in chunks[number]), found, strict=True))
-                if self.progress is not None and self.progress(len(known), max(self.expected, len(known))) is False:
+                done += len(chunks[number])
+                if self.progress is not None and self.progress(done, len(jobs)) is False:
                     raise Cancelled("yield: cancelled")
                 if time.monotonic() - saved > _SAVE_SECONDS:
                     self.kept.save()

@@ -74,6 +74,11 @@ class MetricSpread(Record):
     spread: NotNegative
     standard_error: NotNegative | None
 
+    @property
+    def undecided(self) -> bool:
+        """True where the noise of a part's rays outweighs the spread of the parts: percentiles are those of noise."""
+        return self.standard_error is not None and self.spread < self.standard_error
+
 
 class CauseShare(Record):
     """Share of a metric's variance that one tolerance makes by itself, and its standard error."""
@@ -83,18 +88,26 @@ class CauseShare(Record):
     share: Number
     standard_error: NotNegative
 
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Order of the causes: by what is certain of their shares, two standard errors less, and then by value."""
+        return -max(self.share - 2.0 * self.standard_error, 0.0), -self.share
+
 
 class Variance(Record):
-    """Causes of a metric's spread; ``interactions``: what is left to several tolerances together."""
+    """Causes of a metric's spread, the surest first; ``interactions``: what is left to several tolerances together."""
 
     causes: Annotated[tuple[CauseShare, ...], Field(max_length=_MOST_FACTORS)]
     interactions: Metric
 
 
 def drawn_to_mean(values: Float[np.ndarray, " n"], spread: float) -> Float[np.ndarray, " n"]:
-    """``values`` drawn to their mean until they scatter by ``spread``: what ray noise has added is taken off."""
+    """``values`` drawn to their mean until they scatter by ``spread``: what ray noise has added is taken off.
+
+    As they are where the noise leaves no spread: parts are not alike because nobody can tell them apart.
+    """
     mean, scatter = float(values.mean()), float(values.std(ddof=1))
-    drawn: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 else 1.0)
+    drawn: Float[np.ndarray, " n"] = mean + (values - mean) * (spread / scatter if scatter > 0.0 < spread else 1.0)
     return drawn
 
 

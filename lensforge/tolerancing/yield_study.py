@@ -61,7 +61,7 @@ def measure_yield(
     study = PartStudy(Recipe(lens, parts, rays or RAYS, seed, DESIGNED_RAYS))
     require_bearable(lens, study.factors)
     kept = KeptParts.of(file, study)
-    found = MeasuredParts(study, workers or Threads(), kept, progress, parts)
+    found = MeasuredParts(study, workers or Threads(), kept, progress)
     if rays is None:
         announce("pilot parts")
         found = _with_enough_rays(found, min(_PILOT, parts))
@@ -198,7 +198,10 @@ def _notes(study: PartStudy, metrics: dict[str, MetricSpread]) -> tuple[str, ...
             found.append(f"{words}: what is too fine for the tables of the faces counts as roughness")
     for bound in study.bounds:
         spread = metrics[bound.metric]
-        if spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread > 0.0:
+        if spread.undecided:
+            why = f"a part's standard error of {spread.standard_error:.2g} outweighs the spread over the parts"
+            found.append(f"{bound.metric}: undecided which parts pass: {why}; take more rays")
+        elif spread.standard_error is not None and spread.standard_error > _LARGEST_ERROR * spread.spread:
             share = spread.standard_error / spread.spread
             found.append(f"{bound.metric}: a part's standard error is {share:.2g} of the spread over the parts")
     return tuple(found)

@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -63,6 +64,16 @@ def test_numbers_stand_side_by_side_and_the_better_is_marked(designs):
     three = number_lines([designs[index] for index in (0, 1, 1)])
     assert [cell.best for cell in three[0].cells] == [False, True, True]
     assert not any(cell.best for cell in lines["Farthest from the LED"]), "no radius is better whatever the spec"
+
+
+def test_none_is_the_better_of_two_targets(designs):
+    first, second = designs
+    spec = second.lens.spec
+    wider = spec.model_copy(
+        update={"target": spec.target.model_copy(update={"distance_mm": 1.5 * spec.target.distance_mm})}
+    )
+    other = replace(second, lens=replace(second.lens, spec=wider))
+    assert not any(cell.best for line in number_lines([first, other]) for cell in line.cells)
 
 
 def test_a_stage_that_one_has_not_run_leaves_a_gap(designs):

@@ -63,7 +63,7 @@ def test_a_study_that_chooses_its_rays_goes_on_after_an_interrupt(tmp_path, monk
 
     def stop(done: int, expected: int) -> bool:
         measured.append(done)
-        return done < 96
+        return len(measured) < 12
 
     with pytest.raises(Cancelled):
         measure_yield(lens, parts=40, with_budget=False, file=file, progress=stop)
@@ -136,3 +136,12 @@ def test_threads_do_not_change_a_bit() -> None:
     assert (found[0] == found[1]).all()
     assert np.isfinite(found[0]).all()
     assert study.names[0] == "nmse"
+
+
+def test_progress_counts_the_parts_that_are_asked_for() -> None:
+    """The study as specified, and then the same parts with a tolerance doubled, as the budget asks for them."""
+    seen: list[tuple[int, int]] = []
+    parts = _parts(study_of(rays=256), None, lambda done, asked: seen.append((done, asked)))
+    parts.of(range(20))
+    parts.of(range(3), {"gap_mm": 2.0})
+    assert seen == [(8, 20), (16, 20), (20, 20), (3, 3)]

@@ -8,6 +8,7 @@ import pytest
 from nightly import scaled
 from parts import lens_with, study_of
 
+from lensforge.commands.study_blocks import yield_block
 from lensforge.errors import InputError
 from lensforge.receivers.pixels import PixelGrid, splat_flux
 from lensforge.tolerance_stages import _name_of
@@ -166,6 +167,20 @@ def test_yields_of_many_seeds_scatter_no_more_than_binomial() -> None:
 @pytest.fixture(scope="module")
 def result() -> Yield:
     return measure_yield(lens_with(), parts=48, rays=1024, with_budget=False)
+
+
+def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike() -> None:
+    few = measure_yield(lens_with(), parts=48, rays=128, with_budget=False)
+    undecided = {name for name, spread in few.metrics.items() if spread.undecided}
+    assert "rsd" in undecided
+    screen = {str(label): words for label, words, *_ in yield_block(few).rows}
+    for name, spread in few.metrics.items():
+        assert np.ptp(few.column(name)) == 0.0 or spread.p5 < spread.p50 < spread.p95, name
+        assert name not in screen or ("undecided" in screen[name]) == (name in undecided), name
+    assert undecided & set(screen)
+    judged = {bound.metric for bound in few.bounds}
+    for name in judged & undecided:
+        assert any(note.startswith(f"{name}: undecided which parts pass") for note in few.notes)
 
 
 def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_path) -> None:
