@@ -72,7 +72,7 @@ _FEASIBLE = (
     "optimisation/test_shape_constraints",
 )
 _ENVELOPE = ("optimisation/test_keep_out_balls", *_FEASIBLE, "optimisation/test_envelope")
-_FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "manufacturing/test_wall")
+_FACE = ("manufacturing/test_face", "manufacturing/test_cutter", "geometry/test_wall")
 _CHECK = (
     "manufacturing/test_draft_finding",
     "manufacturing/test_cutting_advice",

@@ -157,7 +157,7 @@ def _changes(check):
             yield shown(f"Can it be cut? / {title} / li", words, ball)
             yield shown("PDF / Changes of the specification", words, ball)
         if not each.holds and each.name == "wall":
-            words, least = "wall, body: constraints.min_thickness_mm = {} and design", 2.0 - each.value
+            words, least = "again, or constraints.min_thickness_mm = {} where", each.value
             yield shown(f"Can it be cut? / {title} / li", words, least)
             yield shown("PDF / Changes of the specification", words, least)
 

@@ -65,8 +65,7 @@ def _(result: Check, results):
 def change(label, finding, spec):
     """Entries of the field of the spec that makes a finding hold; a ball is rounded down, an angle up."""
     if finding.name == "wall":
-        least = spec.constraints.min_thickness_mm
-        yield shown(label, "constraints.min_thickness_mm = {} and design", least + (least - finding.value))
+        yield shown(label, "again, or constraints.min_thickness_mm = {} where", finding.value)
     if finding.name == "cutter":
         yield shown(label, "manufacture.cutter_radius_mm = {}", floor(1e3 * finding.limit) / 1e3)
     if finding.name == "tilt":
