@@ -31,6 +31,7 @@ from lensforge.jackknife import jackknife_error
 from lensforge.records import Metric
 
 _REPLICATES = 16
+_ROUNDING = 1e-12
 
 Blocks = Float[np.ndarray, "b r"]  # 1 where a replicate is in a block, else 0
 
@@ -124,7 +125,8 @@ def _least(readings: Float[np.ndarray, "r k"], most: float | None = None) -> Lea
     slope = _slope(halves, quarters)
     mean = readings.mean(axis=0)
     value = float(np.clip(halves.extrapolated(slope), mean.min(), mean.mean() if most is None else most))
-    return LeastEstimate(value, halves.left_out(slope), halves.read - value)
+    taken_off = halves.read - value
+    return LeastEstimate(value, halves.left_out(slope), taken_off if taken_off > _ROUNDING * abs(value) else 0.0)
 
 
 def _halves() -> Blocks:

@@ -17,6 +17,7 @@ from lensforge.far_field.resolution import (
     fit,
 )
 from lensforge.sources.bundle import RayBundle
+from lensforge.sources.square import SquareEmitter
 
 GAMMA_DEG = np.array([0.0, 4.0, 10.0, 25.0, 40.0, 60.0, 75.0, 90.0])
 
@@ -236,3 +237,20 @@ def test_a_fit_ends_where_no_finer_level_is_worth_it():
     expected = made.grid(half).table(made.table(half).mean(axis=0))
     np.testing.assert_array_equal(found.finer.values, expected.values)
     assert 0.0 < found.interpolation_error < 1.0
+
+
+def test_the_axis_is_as_well_known_as_the_light_beside_it() -> None:
+    """Its cell is the smallest of all: rays of a Lambertian source, few enough for their noise to tell."""
+    grid = AngularGrid(36, np.linspace(0.0, 90.0, 37))
+    rays = [SquareEmitter(1.0).sample(2**10, seed) for seed in range(16)]
+    samples = grid.fitted(np.stack([grid.deposit(each) for each in rays]))
+    errors = samples.std(axis=0, ddof=1) / 4.0
+    assert (samples[:, 1:, 0] == samples[:, :1, 0]).all()
+    assert errors[0, 0] < 1.5 * errors[:, 8:16].mean()
+    assert abs(samples[:, 0, 0].mean() - 1.0 / np.pi) < 3.0 * errors[0, 0]
+    deposited = sum(each.flux.sum() for each in rays) / 16.0
+    assert (samples.mean(axis=0) * grid.solid_angles).sum() == pytest.approx(deposited, rel=1e-12)
+    spike = samples.mean(axis=0)[None] * np.ones((16, 1, 1))
+    spike[:, :, 0] += np.linspace(4.9, 5.1, 16)[:, None]
+    kept = grid._pooled(spike[:, 0], (spike.mean(axis=0) * grid.solid_angles).sum(axis=0))
+    np.testing.assert_array_equal(kept, spike[:, 0])

@@ -22,7 +22,7 @@ def make_photometry(lens, **changes):
     lumens = Metric(value=1000.0, unit="lm", standard_error=0.5)
     samples = np.tile(table.values[None, :-1], (16, 1, 1))
     lamp = LampLight(AngularGrid(36, GAMMA_DEG), samples, lens.spec.photometry.street_side_deg)
-    zones = np.full((16, 2, 4), lumens.value / 8.0)
+    zones = _zones(lamp)
     content = {
         "inputs": {"lens": lens.sha256},
         "rays": 1024,
@@ -69,3 +69,11 @@ def _beam(table, c_deg):
         for name, share in (("beam_angle_deg", 0.5), ("field_angle_deg", 0.1))
     }
     return PlaneFigures(c_deg=c_deg, peak_cd=_candela(peak), **angles)
+
+
+def _zones(lamp):
+    """Flux (lm) of each sample forward and back, at gamma to 30, 60, 80 and 90 degrees, by midpoints."""
+    lateral, gamma = (each.ravel() for each in np.meshgrid(np.arange(360) + 0.5, np.arange(0.25, 90.0, 0.5)))
+    flux = lamp.intensities(lateral, gamma) * np.sin(np.radians(gamma)) * np.radians(1.0) * np.radians(0.5)
+    zone = np.digitize(gamma, (30.0, 60.0, 80.0)) + 4 * (np.cos(np.radians(lateral)) < 0.0)
+    return np.stack([np.bincount(zone, one, minlength=8).reshape(2, 4) for one in flux])
