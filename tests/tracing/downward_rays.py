@@ -48,9 +48,10 @@ class Exits:
 def through_spheres(rays: RayBundle, radii: tuple[float, float], index: float = INDEX) -> Exits:
     """Concentric spheres about the origin, in closed form; no ray is totally reflected that starts inside both.
 
-    Angles and Fresnel's laws of sines and tangents: nothing is shared with the tracers but the fates' names.
+    Angles and Fresnel's laws of sines and tangents, of either half of the light: both spheres have one plane of
+    incidence. Nothing is shared with the tracers but the fates' names.
     """
-    points, directions, flux = rays.origins, rays.directions, rays.flux.copy()
+    points, directions, halves = rays.origins, rays.directions, np.tile(0.5 * rays.flux, (2, 1))
     down, height = directions[:, 2] <= 0.0, points[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         rise = np.where(height < 0.0, -height / directions[:, 2], 0.0)[:, None]
@@ -71,7 +72,7 @@ def through_spheres(rays: RayBundle, radii: tuple[float, float], index: float = 
         across /= np.where(size > 1e-12, size, 1.0)[:, None]
         directions = np.cos(behind)[:, None] * normals + np.sin(behind)[:, None] * across
         sines, tangents = (f(before - behind) / f(np.maximum(before + behind, 1e-9)) for f in (np.sin, np.tan))
-        reflected = np.where(before > 1e-6, 0.5 * (sines**2 + tangents**2), ((1.0 - ratio) / (1.0 + ratio)) ** 2)
-        flux = np.where(passed, flux * (1.0 - reflected), flux)
+        reflected = np.where(before > 1e-6, np.array([sines, tangents]), (1.0 - ratio) / (1.0 + ratio)) ** 2
+        halves = np.where(passed, halves * (1.0 - reflected), halves)
     kept = (fates == Fate.LEFT_LENS)[:, None]
-    return Exits(np.where(kept, points, 0.0), np.where(kept, directions, 0.0), flux, fates)
+    return Exits(np.where(kept, points, 0.0), np.where(kept, directions, 0.0), halves.sum(axis=0), fates)
