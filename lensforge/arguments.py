@@ -15,6 +15,7 @@ from lensforge.lens import Lens
 from lensforge.optimisation.source_clearance import source_clearance_warnings
 from lensforge.records.fields import LARGEST_COUNT
 from lensforge.records.validation import its_type
+from lensforge.sources.measured_rays import held_back
 from lensforge.spec import Spec
 from lensforge.spec.files import input_hashes, section_sha256
 from lensforge.spec.section import iso_date
@@ -43,8 +44,6 @@ def source_of(spec: Spec) -> "Source":
 
 def judging_source(spec: Spec) -> "Source":
     """The source of ``spec`` as all that judges its lens sees it: of measured rays those that no search uses."""
-    from lensforge.sources.measured_rays import held_back
-
     return held_back(source_of(spec))
 
 

@@ -6,6 +6,7 @@ the point where it leaves the source: radiance varies slowly with the angle ther
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +15,9 @@ from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.sources.bundle import ChangedSource, RayBundle, Source
 from lensforge.sources.dispersion import DispersedSource
-from lensforge.sources.ray_set import RaySetEmitter
+
+if TYPE_CHECKING:
+    from lensforge.sources.ray_set import RaySetEmitter
 
 # Standard deviation of a turn: as many rays as this within its area, 2 sigma^2 of the hemisphere. With 80,000 rays
 # 2 to 4 degrees are alike, with 16,000 6 degrees are better than 3.
@@ -73,7 +76,9 @@ def smoothed(source: Source) -> Source:
     return TurnedRays(_ray_set(source, 0), sigma_rad)
 
 
-def _ray_set(source: Source, seed: int) -> RaySetEmitter:
+def _ray_set(source: Source, seed: int) -> "RaySetEmitter":
+    from lensforge.sources.ray_set import RaySetEmitter  # other sources do without it
+
     if isinstance(source, RaySetEmitter):
         return source
     assert source.ray_count is not None
@@ -84,7 +89,7 @@ def _ray_set(source: Source, seed: int) -> RaySetEmitter:
 class TurnedRays(ChangedSource):
     """Rays of ``source``, each turned about its point in the source's plane by ``sigma_rad`` in two directions."""
 
-    source: RaySetEmitter
+    source: "RaySetEmitter"
     sigma_rad: float
 
     @property

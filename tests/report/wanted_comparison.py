@@ -56,7 +56,10 @@ def place_of(label, section):
 
 
 def best_of(designs):
-    """Labels of the best values of the first receivers, where designs differ."""
+    """Labels of the best values of the first receivers, where designs for one target differ."""
+    first, *others = (results.spec for results in designs.values())
+    if any((each.target, each.receivers) != (first.target, first.receivers) for each in others):
+        return
     lit = {name: results.find(Light).first for name, results in designs.items() if results.find(Light)}
     for metric, (row, better) in _BEST.items():
         values = {name: getattr(each, metric).value for name, each in lit.items() if getattr(each, metric) is not None}
@@ -75,6 +78,8 @@ def _of_light(results):
         even = (("Uniformity", first.uniformity), ("RSD", first.rsd))
         yield from ((row, "{}", each.value) for row, each in even if each is not None)
         yield name, f"{{}} {unit}", per_watt * watts
+        if light.fitted is not None:
+            yield "NMSE of fitted rays", "{}", light.fitted.nmse.value
         if light.preset_error is not None:
             yield "Simulation error", "{}", light.preset_error.evaluation.irradiance_nmse.value
     if stray is not None:

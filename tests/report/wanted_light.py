@@ -157,7 +157,7 @@ def _preset(light):
         yield shown(card, "{}", fitted.nmse.value)
         yield shown(f"{card} / note", "± {}; by the", fitted.nmse.standard_error)
         yield shown(f"{card} / note", "by the {} rays of the search", fitted.rays)
-        yield shown(f"{card} / note", "efficiency {} %", 100.0 * fitted.efficiency.value)
+        yield shown(f"{card} / note", "efficiency {}\u2009%", 100.0 * fitted.efficiency.value)
     if light.preset_error is None:
         return
     card, left = f"{ASKED} / card / Simulation error", light.preset_error.evaluation

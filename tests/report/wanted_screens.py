@@ -63,8 +63,14 @@ def light_lines(title, light, spec):
             yield with_error(label, each.efficiency, " %", 100.0).after("efficiency ")
             yield with_error(label, each.share_in_target, " %", 100.0).after("in the target ")
     yield from _limits(title, light)
-    words = "{} rays, {} pixels across, 3x3 Gaussian filter"
+    unused = "" if light.fitted is None else " that the search has not used"
+    words = f"{{}} rays{unused}, {{}} pixels across, 3x3 Gaussian filter"
     yield shown(f"{title} / Simulated with", words, light.rays, light.pixels)
+    if light.fitted is not None:
+        label = f"{title} / fitted rays"
+        yield with_error(label, light.fitted.nmse).after("NMSE ")
+        yield with_error(label, light.fitted.efficiency, " %", 100.0).after("efficiency ")
+        yield shown(label, "by the {} rays of the search", light.fitted.rays)
 
 
 def _evenness(title, light):

@@ -130,7 +130,7 @@ def _(result: Yield, results):
     for number, (name, spread) in enumerate(result.metrics.items(), start=1):
         words = "designed {}; of the parts 5 % below {}, half below {}, 95 % below {}"
         yield shown(f"Yield / {name}", words, spread.designed.value, spread.p5, spread.p50, spread.p95)
-        causes = sorted(result.variance[name].causes, key=lambda cause: -cause.share)[:3]
+        causes = result.variance[name].causes[:3]
         label = "Yield / by" + (f" ({number})" if number > 1 else "")
         for each in causes:
             yield shown(label, f"{{}} ± {{}} % {each.words}", 100.0 * each.share, 100.0 * each.standard_error)
