@@ -122,13 +122,18 @@ def test_there_are_up_to_sixteen_replicates_and_none_without_a_ray(rays, of_file
     assert found.emitted_w == 3.0
     if of_file is None:  # one ray of 3 W in each, on the axis
         assert found.rays == replicates
-        assert (received.window == 3.0).all() and (received.images.sum(axis=(1, 2)) == 3.0).all()
+        assert (
+            (received.outside == 0.0).all()
+            and (received.window == 3.0).all()
+            and (received.images.sum(axis=(1, 2)) == 3.0).all()
+        )
     else:  # the plane holds rays up to x = 3, its window those up to 2
         assert found.rays == min(rays, of_file)
         total = received.by_fate[:, Fate.LEFT_LENS].mean()
         assert total == pytest.approx(3.0) and received.by_fate.sum() == pytest.approx(3.0 * replicates)
         on_grid, in_window = (sum(1 for x in range(found.rays) if x <= most) for most in (2, 2))
         assert received.window.sum() == pytest.approx(3.0 * in_window)
+        assert received.outside.sum() == pytest.approx(3.0 * (found.rays - in_window))
         assert received.images.sum() == pytest.approx(3.0 * on_grid)
 
 
