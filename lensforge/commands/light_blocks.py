@@ -45,7 +45,7 @@ def _on_one_receiver(light: Light) -> Iterator[Row]:
 
 
 def _by_raster(lit: ReceiverLight) -> str:
-    """What the pixels leave, where it is more than the noise leaves."""
+    """Words for the NMSE with half as many pixels, where the change is above its noise."""
     change, error = lit.nmse_of_raster, lit.nmse.standard_error
     if change is None or abs(change) <= (error or 0.0):
         return ""

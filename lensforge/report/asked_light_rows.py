@@ -123,7 +123,7 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
 
 
 def _by_raster(light: ReceiverLight) -> str:
-    """What the pixels leave of an NMSE, in words."""
+    """Words for the change of an NMSE with half as many pixels."""
     if light.nmse_of_raster is None:
         return ""
     return f"; with half as many pixels it is {number(light.nmse.value - light.nmse_of_raster, 2)}"

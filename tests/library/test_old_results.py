@@ -32,19 +32,22 @@ def test_a_folder_of_version_0_1_0_loads_and_says_what_to_run() -> None:
 
 
 def test_its_light_is_what_it_was() -> None:
-    """Evaluated by this version it has the figures that version 0.1.0 wrote, which had ray noise, as its raw ones."""
+    """Evaluated by this version it has the figures that version 0.1.0 wrote, which had ray noise, as its raw ones.
+
+    Version 0.1.0 left out that the second face sees light that the first has polarised: a few millionths here.
+    """
     was = json.loads((OLD / "evaluate.json").read_text(encoding="utf-8"))
     light = lf.evaluate(lf.load_lens(OLD / "lens.json"))
-    assert light.raw.nmse == pytest.approx(was["nmse"], rel=1e-12)
+    assert light.raw.nmse == pytest.approx(was["nmse"], rel=1e-6)
     assert light.nmse.value == pytest.approx(was["nmse"] - was["nmse_of_noise"], rel=0.02)
-    assert light.efficiency.value == pytest.approx(was["efficiency"], rel=1e-12)
-    assert light.raw.uniformity == pytest.approx(was["uniformity"], rel=1e-12)
+    assert light.efficiency.value == pytest.approx(was["efficiency"], rel=1e-7)
+    assert light.raw.uniformity == pytest.approx(was["uniformity"], rel=1e-6)
     with np.load(OLD / "evaluate.npz") as images:
-        assert np.allclose(light.map, images["irradiance"], rtol=1e-12, atol=0.0)
+        assert np.allclose(light.map, images["irradiance"], rtol=1e-5, atol=0.0)
     flux = {name: share for name, share in was["flux"].items() if name != "absorbed_fresnel"}
     flux |= {
         "reflected": was["flux"]["absorbed_fresnel"],
         "absorbed": 0.0,
         "cover_glass": 0.0,
     }  # as they are called now
-    assert light.flux.model_dump() == pytest.approx(flux, abs=1e-15)
+    assert light.flux.model_dump() == pytest.approx(flux, abs=1e-7)

@@ -9,12 +9,12 @@ from known_shapes import exported, sampled, sphere
 
 from lensforge.geometry.base_profile import base_corners
 from lensforge.geometry.plan import lay_out
+from lensforge.geometry.wall import Span
 from lensforge.manufacturing.check import _of_lens
 from lensforge.manufacturing.cutter import FIT_TOLERANCE, local_fit, nearest_points, reachable
 from lensforge.manufacturing.face import AirSide
 from lensforge.manufacturing.face_check import bounded
 from lensforge.manufacturing.quadrature import area_rule
-from lensforge.manufacturing.result import Wall
 from lensforge.manufacturing.scallop import scallop, scallop_height_mm, scallop_slope_rad, stepover_for_slope_mm
 from lensforge.manufacturing.tools import _AWAY, _across, _is_clear, _on_base, tool_axes, tool_reach
 from lensforge.spec import BaseSection, Tool
@@ -156,7 +156,7 @@ def test_the_nearest_points_are_those_of_a_search_through_all(count: int) -> Non
 
 
 def test_the_wall_of_a_lens_is_that_of_its_mould_over_the_scale() -> None:
-    found = _of_lens(Wall(thickness_mm=3.0, inner_point_mm=(1.5, 3.0, 0.0), outer_point_mm=(0.0, 4.5, 6.0)), 1.5)
+    found = _of_lens(Span(3.0, np.array([1.5, 3.0, 0.0]), np.array([0.0, 4.5, 6.0])), 1.5)
     assert (found.thickness_mm, found.inner_point_mm, found.outer_point_mm) == (2.0, (1.0, 2.0, 0.0), (0.0, 3.0, 4.0))
 
 

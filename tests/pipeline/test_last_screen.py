@@ -66,6 +66,8 @@ def test_every_number_on_the_screen_is_one_of_the_records(
     factors = (1.0, 100.0, 1e3, small_run.light.lumens_per_watt or 1.0)
     known = [value * factor for value in found for factor in factors]
     known += [0.1, 0.0, 90.0, len(small_run.design.history), len(list(small_run.criteria()))]
+    first = small_run.light.first
+    known.append(first.nmse.value - (first.nmse_of_raster or 0.0))  # with half as many pixels
     text = printed(small_run, capsys).partition("Written:")[0]
     shown = _NUMBER.findall(text.replace(str(small_run.folder), ""))
     assert len(shown) > 25

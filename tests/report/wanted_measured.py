@@ -100,8 +100,11 @@ def _changes(change):
 def correction_numbers(made):
     """Numbers of a corrected face, by the name of their fact."""
     cutter, light = made.cutter, made.second_cut
+    under = "" if made.conditions is None else f"_{made.conditions.name}"
     yield shown(
-        "File", f"lens_corrected_{made.surface}.step, AP214, form error {{}} nm as read back", made.form_error_nm.max
+        "File",
+        f"lens_corrected_{made.surface}{under}.step, AP214, form error {{}} nm as read back",
+        made.form_error_nm.max,
     )
     extent = "{} µm rms, {} µm at most"
     yield shown("Deviation of the first cut", extent, made.deviation_um.rms, made.deviation_um.max)

@@ -211,12 +211,11 @@ def test_arrays_of_other_dimensions_and_none_are_refused(tmp_path, values) -> No
         read_table(tmp_path / "light.npz")
 
 
-def test_what_is_no_table_is_refused_with_a_short_reason(tmp_path) -> None:
+def test_what_is_no_table_is_refused_with_its_place_and_not_its_words(tmp_path) -> None:
     (tmp_path / "light.csv").write_text("1," + 1000 * "x")
-    with pytest.raises(InputError, match="no table of numbers") as refusal:
+    with pytest.raises(InputError, match=r"no table of numbers \(no number at row 0, column 2\.\);") as refusal:
         read_table(tmp_path / "light.csv")
-    reason = str(refusal.value).split("numbers (", 1)[1].split(");", 1)[0]
-    assert len(reason) == 120
+    assert "xx" not in str(refusal.value)
 
 
 def test_tables_of_64_mib_are_read_and_archives_of_four_times_that(monkeypatch, tmp_path) -> None:

@@ -14,6 +14,7 @@ from lensforge.receivers.pixels import bin_flux, gaussian3
 from lensforge.screens import screens_of
 from lensforge.tracing.exit_rays import ExitRays
 from lensforge.verification.passage import CastFate, LandedRays, Passage
+from lensforge.verification.refraction import unpolarised
 from lensforge.verification.screen import Screen, nmse, squared_norm
 
 PIXELS = 40
@@ -159,7 +160,9 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     points[4, 2] = 120.0  # beyond the plane
     fates = [CastFate.LANDED, CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.NO_HIT, CastFate.LANDED]
     flux = np.arange(1.0, 6.0)
-    passage = Passage(points, ways, flux, np.zeros(5), np.zeros(5), np.array(fates, dtype=np.int64), np.zeros((5, 2)))
+    lost, facets = np.zeros(5), np.zeros((5, 2))
+    ends = np.array(fates, dtype=np.int64)
+    passage = Passage(points, ways, flux, lost, lost.copy(), ends, facets, unpolarised(np.nan_to_num(ways)))
     landed = LandedRays.of(passage, Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names
