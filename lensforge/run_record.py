@@ -132,7 +132,7 @@ def _is_altered(result: StageResult) -> bool:
 def as_recorded(results: Results, hashes: Mapping[str, str] | None) -> Results:
     """``results`` without those that are not as recorded by ``hashes``, nor made from such; None: nothing is known.
 
-    A part whose files were altered stays: casts of its files judge it, and until then its verdict is undecided.
+    A part whose files were altered stays: casts of its files judge it, and until then its files fail.
     """
     if hashes is None:
         return results

@@ -144,7 +144,7 @@ def _files(design: Design | None, part: Part | None, check: Check | None, proof:
         return
     for name in unjudged_files(part, proof):
         verify = "`lensforge verify` judges it as it is, " if name in JUDGED_FILES else ""
-        yield "undecided", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
+        yield "fail", f"{name} is not the file that was exported: {verify}`lensforge export` writes it again"
     if proof is None:
         yield "undecided", "the exported part has not been verified"
     elif proof.altered_files and not part.altered:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from lensforge.commands.rounded import count, figure, share
 from lensforge.commands.screen import Row
-from lensforge.geometry.part import Part
+from lensforge.geometry.part import STEP_FILE, SURFACES_FILE, Part
 from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.optimisation.design import Design
 from lensforge.spec import Spec
@@ -49,6 +49,15 @@ def solid_rows(part: Part) -> Iterator[Row]:
     mass = "" if part.mass_g is None else f", {figure(part.mass_g, 'g')}"
     mesh = "closed" if part.watertight else "not closed"
     yield "Solid", f"{figure(part.volume_mm3, 'mm³')}{mass}; mesh {mesh}, {count(part.triangulation.triangles)} facets"
+    scale = part.lens.spec.manufacture.scale
+    if part.untrimmed_surfaces is not None:
+        scaled = "" if scale == 1.0 else f" times {scale:.12g} for the mould insert; lens.step is the moulded lens"
+        yield "Faces", f"{SURFACES_FILE}: the optical faces{scaled}"
+    elif scale != 1.0:
+        yield (
+            "Insert",
+            f"{STEP_FILE} is the moulded lens; `lensforge export --runout DEG` writes the faces times {scale:.12g}",
+        )
     if part.keep_out is not None:
         yield "Keep-out", f"{figure(part.keep_out.distance_mm, 'mm')} away"
 
@@ -72,7 +81,7 @@ def length(mm: float) -> str:
 def cutting_rows(check: Check) -> Iterator[Row]:
     """A line for each face, the wall, and the subjects on which the check has more to say."""
     for name, face in (("Inner face", check.inner), ("Outer face", check.outer)):
-        yield name, _reach(face)
+        yield name, _reach(face, check)
     yield "Thinnest wall", figure(check.min_wall_mm, "mm")
     also = []
     for name, words in _ALSO.items():
@@ -82,13 +91,14 @@ def cutting_rows(check: Check) -> Iterator[Row]:
         yield "Also", "; ".join(also)
 
 
-def _reach(face: FaceResult) -> str:
+def _reach(face: FaceResult, check: Check) -> str:
     cutter = face.cutter
+    base = check.relief.beyond_shop(cutter.largest_radius_mm, cutter.radius_mm)
     ball = f"a ball of {cutter.radius_mm:g} mm radius reaches"
     if cutter.largest_radius_mm is None:
-        return f"{ball} all of it; so does any ball"
+        return f"{ball} all of it; so does any ball{base}"
     if cutter.largest_radius_mm >= cutter.radius_mm:
-        return f"{ball} all of it (at most {figure(cutter.largest_radius_mm, 'mm', 3)})"
+        return f"{ball} all of it (at most {figure(cutter.largest_radius_mm, 'mm', 3)}{base})"
     return f"{ball} {share(cutter.reachable_fraction)}, one of {figure(cutter.largest_radius_mm, 'mm', 3)} all"
 
 

@@ -40,7 +40,7 @@ def _blocks(result: StageResult, run: Run) -> list[Block]:
         case Check():
             return check_blocks(result, run.spec, run.verdict.cutting)
         case Proof():
-            return [Block(f"Files: {run.verdict.files}", [*_proof(result, run), *reasons(run.verdict, "files")])]
+            return [_judged_proof(result, run)]
         case StrayLight():
             return [stray_block(result)]
         case Photometry():
@@ -59,6 +59,14 @@ def _judged_light(light: Light, run: Run) -> tuple[str, list[Row]]:
     verdict = run.verdict if own else verdict_on(run.lens, None, light, None, None, None)
     title = "Light" if own else "Light under other conditions"
     return f"{title}: {verdict.light}", [*light_rows(light), *reasons(verdict, "light")]
+
+
+def _judged_proof(proof: Proof, run: Run) -> Block:
+    """The verdict on the files; rays other than the lens's own judge the files by themselves."""
+    own = proof.conditions is None
+    verdict = run.verdict if own else verdict_on(run.lens, None, None, run.find(Part), None, proof)
+    title = "Files" if own else "Files under other conditions"
+    return Block(f"{title}: {verdict.files}", [*_proof(proof, run), *reasons(verdict, "files")])
 
 
 def reasons(verdict: Verdict, name: str) -> list[Row]:

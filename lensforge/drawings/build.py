@@ -140,7 +140,7 @@ def _content(
         dimensions=drawn.views.dimensions,
         notes=drawn.notes,
         tolerances=tolerances,
-        faces={"outer": face_facts(check.outer), "inner": face_facts(check.inner)},
+        faces={name: face_facts(face, check.relief) for name, face in (("outer", check.outer), ("inner", check.inner))},
         grids=grids,
         verdicts=check.verdicts,
         changes=tool_advice(lens, check),

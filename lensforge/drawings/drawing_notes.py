@@ -31,7 +31,7 @@ def drawing_notes(
 
 def tool_notes(lens: Lens, check: Check) -> list[str]:
     """Tools that the faces take, by the check, and how many of its findings do not hold."""
-    faces = f"{_ball(check.inner)} for the inner face, {_ball(check.outer)} for the outer one"
+    faces = f"{_ball(check.inner)} for the inner face, {_ball(check.outer)} for the outer one{_base(check)}"
     steepest = max(check.inner.largest_tilt_deg, check.outer.largest_tilt_deg)
     found = [
         f"Largest ball that reaches all of a face: {faces}. Tool normal to the faces: tilted up to {steepest:.1f}°."
@@ -56,6 +56,11 @@ def tool_advice(lens: Lens, check: Check) -> list[str]:
 def _ball(face: FaceResult) -> str:
     largest = face.cutter.largest_radius_mm
     return "any" if largest is None else f"R {int(1e3 * largest) / 1e3:.3f}"  # rounded down: it still fits
+
+
+def _base(check: Check) -> str:
+    balls = [(face.cutter.largest_radius_mm, face.cutter.radius_mm) for face in (check.inner, check.outer)]
+    return max(check.relief.beyond_shop(*ball) for ball in balls)  # once, where one of them is larger
 
 
 def _sources(lens: Lens, tolerances: ToleranceTable) -> str:

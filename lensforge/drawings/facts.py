@@ -3,6 +3,7 @@
 from lensforge.drawings.handover import PointGrid
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
+from lensforge.manufacturing.relief_result import Relief
 from lensforge.manufacturing.result import Check, FaceResult
 from lensforge.spec import DrawingSection
 from lensforge.spec.section import rounded_up
@@ -98,15 +99,16 @@ def _tolerance_facts(lens: Lens, part: Part) -> Facts:
     }
 
 
-def face_facts(face: FaceResult) -> Facts:
+def face_facts(face: FaceResult, relief: Relief) -> Facts:
     """Figures of one optical face by the check."""
-    sphere = face.best_fit_sphere
+    sphere, ball = face.best_fit_sphere, face.cutter
+    base = relief.beyond_shop(ball.largest_radius_mm, ball.radius_mm)
     return {
         "Best-fit sphere, radius": f"{sphere.radius_mm:.4f} mm",
         "Departure from it, peak to valley": f"{1e3 * sphere.pv_mm:.2f} µm",
         "Departure, rms": f"{1e3 * sphere.rms_mm:.2f} µm",
         "Smallest concave radius": _length(face.curvature.smallest_concave_radius_mm),
-        "Largest ball that reaches the whole face": _length(face.cutter.largest_radius_mm),
+        "Largest ball that reaches the whole face": f"{_length(ball.largest_radius_mm)}{base}",
         "Largest tilt": f"{face.largest_tilt_deg:.2f}°",
         "Least draft": f"{face.draft_deg.min:.2f}°",
     }

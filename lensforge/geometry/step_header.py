@@ -8,13 +8,10 @@ from typing import Any
 
 from lensforge.version import __version__
 
-# ISO 10303-21 requires a time stamp. Without a date it is the epoch, the usual value of files that can be reproduced.
-_NO_TIME = "1970-01-01T00:00:00"
-
 
 @dataclass(frozen=True)
 class StepHeader:
-    """Texts of the header; ``date`` as 2026-01-31, None where none is given."""
+    """Texts of the header; ``date`` as 2026-01-31, None where none is given: the time stamp is then an empty string."""
 
     author: str = ""
     organisation: str = ""
@@ -32,7 +29,7 @@ def sign(model: Any, product: str, header: StepHeader) -> None:
 
     made = APIHeaderSection_MakeHeader(model)
     made.SetName(text(product))
-    made.SetTimeStamp(text(_NO_TIME if header.date is None else f"{header.date}T00:00:00"))
+    made.SetTimeStamp(text("" if header.date is None else f"{header.date}T00:00:00"))
     made.SetOriginatingSystem(text(f"lensforge {__version__}"))
     made.SetAuthorValue(1, text(header.author))
     made.SetOrganizationValue(1, text(header.organisation))

@@ -27,7 +27,7 @@ def check_findings(
     allowed_deg = spec.manufacture.max_tilt_deg
     faces: tuple[tuple[FaceName, FaceResult], ...] = (("inner", inner), ("outer", outer))
     return (
-        *(cutter_finding(name, face.cutter) for name, face in faces),
+        *(cutter_finding(name, face.cutter, relief) for name, face in faces),
         *relief_findings(relief, spec.base),
         *(tilt_finding(name, face.largest_tilt_deg, allowed_deg) for name, face in faces),
         wall_finding(wall_mm, spec),
@@ -57,13 +57,14 @@ def _place(wall: Wall) -> str:
     return ", ".join(f"{round(value, 6) + 0.0:.4g}" for value in wall.inner_point_mm)  # no "-0"
 
 
-def cutter_finding(surface: FaceName, cutter: Cutter) -> Finding:
+def cutter_finding(surface: FaceName, cutter: Cutter, relief: Relief) -> Finding:
     """Reach of the spec's ball cutter on a face."""
     ball, largest = f"a ball of {cutter.radius_mm:g} mm radius", cutter.largest_radius_mm
     limit = None if largest is None else largest * _BALL
     if within(cutter.radius_mm, "<=", limit):
         others = "any ball" if largest is None else f"any ball of up to {largest:.4g} mm radius"
-        reason = f"{ball} reaches all of the {surface} face; so does {others}"
+        base = relief.beyond_shop(largest, cutter.radius_mm)
+        reason = f"{ball} reaches all of the {surface} face; so does {others}{base}"
     else:
         reason = (
             f"{ball} reaches {100.0 * cutter.reachable_fraction:.1f} % of the {surface} face; "

@@ -43,3 +43,12 @@ class Relief(Record):
     outer: OuterRelief | CustomBaseRelief | None
     inner: InnerRelief | CustomBaseRelief | None
     note: Text | None = None
+
+    def beyond_shop(self, largest_mm: float | None, shop_mm: float) -> str:
+        """Words behind a face's largest ball where it is larger than the shop's, for which alone the base is checked.
+
+        Empty where it is not larger, and without a base. ``largest_mm``: None where any ball reaches the face.
+        """
+        has_base = self.outer is not None or self.inner is not None
+        larger = largest_mm is None or largest_mm > shop_mm
+        return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""

@@ -92,7 +92,7 @@ def _shop_rows(results: Results) -> Iterator[AskedRow]:
         asked=f"radius {_mm(shop)}",
         got="any" if largest is None else f"radius ≤ {number(largest, 3)} mm",
         state=("pass" if all(reached) else "fail") if reached else "",
-        note="asked: that of the shop",
+        note=f"asked: that of the shop{check.relief.beyond_shop(largest, shop)}",
     )
     for side, face, least in (
         ("inner", check.inner, limits.inner_draft_deg),

@@ -169,8 +169,9 @@ def _mill_cards(results: Results) -> Iterator[Card]:
         return
     tightest = min((record.inner, record.outer), key=largest_mill)
     largest = tightest.cutter.largest_radius_mm
+    base = record.relief.beyond_shop(largest, tightest.cutter.radius_mm)
     fits = largest is None or largest >= tightest.cutter.radius_mm
-    note = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm"
+    note = f"largest radius that reaches all of both faces; the shop has {tightest.cutter.radius_mm:g} mm{base}"
     value, unit = ("any", "") if largest is None else (number(largest, 3), "mm")
     yield Card("Ball mill", value, unit, note, "pass" if fits else "open")
     wall = f"along the normal; required: {results.spec.constraints.min_thickness_mm:g} mm"

@@ -2,7 +2,7 @@
 
 import pytest
 from scenes import small_spec
-from test_findings import BASE, cutter, face, outer, tool
+from test_findings import BASE, NO_BASE, cutter, face, outer, tool
 
 from lensforge.manufacturing.advice import advice
 from lensforge.manufacturing.findings import (
@@ -57,7 +57,7 @@ def test_a_reason_of_the_relief_is_advice_enough() -> None:
 )
 def test_a_smaller_ball_or_a_search_for_wider_hollows_is_advised(make, kept, expected) -> None:
     spec = small_spec(manufacture__make=make, manufacture__cutter_radius_mm=1.0, **kept)
-    assert advice(cutter_finding("outer", cutter(1.0, 0.27949)), spec, with_tools()) == expected
+    assert advice(cutter_finding("outer", cutter(1.0, 0.27949), NO_BASE), spec, with_tools()) == expected
     unknown = Finding(name="cutter", surface="outer", value=None, sense="<=", limit=None, unit="mm", reason="none")
     assert "cutter_radius_mm =" not in advice(unknown, spec, with_tools())
 

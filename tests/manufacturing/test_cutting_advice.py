@@ -4,6 +4,7 @@ import re
 
 import pytest
 from scenes import small_spec
+from test_findings import NO_BASE
 
 import lensforge as lf
 from lensforge.commands.check_blocks import check_blocks
@@ -28,7 +29,7 @@ def cutter(radius_mm: float, largest_mm: float) -> Finding:
         largest_radius_mm=largest_mm,
         residual_mm=0.1,
     )
-    return cutter_finding("inner", found)
+    return cutter_finding("inner", found, NO_BASE)
 
 
 def test_a_ball_of_the_advised_radius_reaches_all(small_run: lf.Run) -> None:

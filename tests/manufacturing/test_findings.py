@@ -19,6 +19,8 @@ from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief,
 from lensforge.manufacturing.result import Cutter, Draft, FaceResult, ToolReach, ToolResult, Wall, Walls
 from lensforge.spec import BaseSection
 
+NO_BASE = Relief(outer=None, inner=None, note="there is no base")
+
 
 def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) -> Cutter:
     return Cutter(
@@ -40,7 +42,8 @@ def cutter(radius_mm: float, largest_mm: float | None, reached: float = 0.6789) 
     ],
 )
 def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, largest_mm, holds, words) -> None:
-    found = cutter_finding("inner", cutter(radius_mm, largest_mm))
+    found = cutter_finding("inner", cutter(radius_mm, largest_mm), NO_BASE)
+    assert "base" not in found.reason
     assert found.holds == holds and words in found.reason
     assert (found.name, found.surface, found.sense, found.unit, found.value) == (
         "cutter",
@@ -50,6 +53,14 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
         radius_mm,
     )
     assert found.limit == (None if largest_mm is None else pytest.approx(0.5 * (1.0 + 1e-6), rel=1e-12))
+
+
+@pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
+def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
+    words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
+    for relief in (Relief(outer=outer(), inner=None), Relief(outer=None, inner=inner(0.0, 0.0))):
+        assert cutter_finding("inner", ball, relief).reason.endswith(words) == larger
+    assert "base" not in cutter_finding("inner", ball, NO_BASE).reason
 
 
 def test_tilt_has_the_tolerance_of_the_export_and_the_wall_that_of_the_search() -> None:

@@ -118,5 +118,5 @@ def test_a_3mf_that_no_cast_reads_is_not_judged(folder: Path) -> None:
     path = folder / "lens.3mf"
     path.write_bytes(path.read_bytes() + b"\n")
     code, printed, _ = verified(folder)
-    assert code == 0 and printed.startswith("Files: undecided\n")
+    assert code == 1 and printed.startswith("Files: fail\n")
     assert "lens.3mf is not the file that was exported: `lensforge export` writes it again" in " ".join(printed.split())

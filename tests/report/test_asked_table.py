@@ -9,13 +9,19 @@ from page_text import Page, text_of, undrawn_page_of
 from result_folders import criterion, finding, make_results, small_lens
 
 import lensforge
+from lensforge.commands.part_blocks import cutting_rows, solid_rows
+from lensforge.drawings.drawing_notes import tool_notes
+from lensforge.drawings.facts import face_facts
 from lensforge.evaluation.light import Light
 from lensforge.evaluation.limit_result import LimitResult
+from lensforge.geometry.part import UntrimmedSurfaces
 from lensforge.lens import Lens
+from lensforge.manufacturing.relief_result import OuterRelief, Relief
 from lensforge.optimisation.asked_light import asked_light
 from lensforge.records import Metric
 from lensforge.report.asked_light_rows import light_rows
 from lensforge.report.asked_table import asked_rows
+from lensforge.report.cards import cards
 from lensforge.report.criterion_words import criterion_words
 from lensforge.report.numerals import number
 from lensforge.sources.build import build_source
@@ -91,6 +97,37 @@ def test_sizes_are_judged_by_their_criteria():
     assert rows["Thinnest wall"].asked == "≥ 1 mm"
     mill = rows["Ball mill that reaches every hollow"]
     assert (mill.asked, mill.got, mill.state) == ("radius 1 mm", "radius ≤ 0.77 mm", "fail")
+
+
+def test_every_place_that_names_a_larger_ball_names_the_one_for_which_the_base_is_checked():
+    face = make_results().check.inner
+    wide = face.model_copy(update={"cutter": face.cutter.model_copy(update={"largest_radius_mm": 1.92})})
+    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flange_clearance_mm=0.0, flush_fraction=1.0)
+    words = "; the base is checked for 1 mm only"
+    for relief, told in ((Relief(outer=clear, inner=None), True), (Relief(outer=None, inner=None), False)):
+        results = make_results(check={"inner": wide, "outer": wide, "relief": relief})
+        check, (row,) = results.check, [row for row in asked_rows(results) if row.name.startswith("Ball mill")]
+        (card,) = (card for card in cards(results) if card.label == "Ball mill")
+        screen, tables = dict(cutting_rows(check))["Inner face"], face_facts(wide, relief)
+        places = [row.note, card.note, screen, tool_notes(results.lens, check)[0]]
+        places.append(tables["Largest ball that reaches the whole face"])
+        assert [words in place for place in places] == 5 * [told]
+        assert "at most 1.92 mm" in screen
+
+
+def test_the_screen_names_the_file_with_the_scaled_faces_of_an_insert():
+    spec = small_lens().spec.replace({"manufacture": {"make": "insert", "shrinkage": 0.006}})
+    lens = replace(small_lens(), spec=spec)
+    faces = UntrimmedSurfaces(runout_deg=5.0, scale=1.006, form_error_nm=1.0, normal_error_mrad=0.001)
+    plain, scaled = (
+        dict(solid_rows(make_results(lens=each).part.model_copy(update={"untrimmed_surfaces": with_faces})))
+        for each, with_faces in ((small_lens(), None), (lens, faces))
+    )
+    without = dict(solid_rows(make_results(lens=lens).part))
+    assert not {"Faces", "Insert"} & set(plain)
+    assert scaled["Faces"].startswith("lens_surfaces.step: the optical faces times 1.006 for the mould insert")
+    assert "lens.step is the moulded lens" in scaled["Faces"]
+    assert "`lensforge export --runout DEG` writes the faces times 1.006" in without["Insert"]
 
 
 def test_a_lens_alone_has_no_table():

@@ -14,7 +14,7 @@ from lensforge.records import Metric
 from lensforge.report.headline import headline
 from lensforge.results import Results
 from lensforge.spec import parse_spec
-from lensforge.verdict import LARGEST_NMSE, LEAST_SHARE, Verdict
+from lensforge.verdict import LARGEST_NMSE, LEAST_SHARE, Verdict, verdict_on
 
 TRANSMITTED = (1.0 - (0.4936 / 2.4936) ** 2) ** 2  # of PMMA's two faces at normal incidence: 0.9232
 FLAT = np.ones((PIXELS, PIXELS))
@@ -133,6 +133,21 @@ def test_a_missed_criterion_of_a_stage_fails_the_files(stem: str) -> None:
     with pytest.raises(CriterionMissed):
         verdict.require(small_lens().spec, ("files",))
     verdict.require(small_lens().spec, ("light",))
+
+
+def test_a_changed_file_fails_until_the_verification_has_judged_it_as_it_is() -> None:
+    """A folder with such a file is refused; a later verification judges STEP and STL by their content."""
+    names = {"step": "lens.step", "stl": "lens.stl", "threemf": "lens.3mf"}
+    for field, name in names.items():
+        kept = make_results()
+        changed = kept.part.model_copy(update={field: b"other"})
+        assert changed.altered == (name,)
+        for proof in (None, kept.proof):
+            verdict = verdict_on(kept.lens, None, None, changed, None, proof)
+            assert verdict.files == "fail" and f"{name} is not the file that was exported" in verdict.reasons.files[0]
+        judged = kept.proof.model_copy(update={"altered_files": (name,)})
+        after = verdict_on(kept.lens, None, None, changed, None, judged)
+        assert after.files == ("fail" if field == "threemf" else "pass")
 
 
 def cut(lens: Lens, *findings: Finding) -> Results:
