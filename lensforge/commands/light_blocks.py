@@ -53,7 +53,7 @@ def _by_raster(lit: ReceiverLight) -> str:
 
 
 def _evenness(lit: ReceiverLight, lumens_per_watt: float | None) -> Iterator[Row]:
-    """Uniformity in the region of uniform light, and the mean there or where the target is bright."""
+    """Uniformity in the region of uniform light; mean and inner evenness there or where the target is bright; peak."""
     if lit.uniformity is not None:
         rsd = "" if lit.rsd is None else f"; RSD {measured(lit.rsd)}"
         yield "Uniformity", f"{measured(lit.uniformity)} {lit.evenness_words}{rsd}"
@@ -61,6 +61,9 @@ def _evenness(lit: ReceiverLight, lumens_per_watt: float | None) -> Iterator[Row
         unit = light_unit(lumens_per_watt, far_field=lit.chart.far_field)
         mean = times(lit.in_region.mean, unit.per_watt, unit.symbol)
         yield f"Mean {unit.quantity}", f"{mean} {_REGIONS[lit.in_region.region]}"
+        inner, left = measured(lit.in_region.inner), share(lit.in_region.inner_share)
+        yield "Evenness", f"{inner} least over mean in the inner {left} of that region"
+        yield "Peak to target", f"{measured(lit.in_region.peak)} (largest light over the target's largest)"
 
 
 def _on_several(light: Light) -> Iterator[Row]:

@@ -82,7 +82,7 @@ class ReceiverLight(Record):
     arrives. ``efficiency``: share of the emitted flux in the window; ``share_in_target``: where the target is above a
     tenth of its largest pixel, by ray. ``uniformity``, ``rsd``: least over mean, and standard deviation over mean, in
     the region of ``uniform_mm`` or ``uniform_deg``; None where the spec names none. ``in_region``: mean light and
-    uniformities there, or where the target is bright; None where one of the replicates is dark.
+    evenness there, or where the target is bright, and the peak; None where one of the replicates is dark.
 
     ``nmse``, ``uniformity`` and ``rsd`` are those of the light, without ray noise; ``raw``: those of ``map``, with it.
     Where the replicates are too few to tell light from noise, both are the same, and there is no standard error.

@@ -9,6 +9,7 @@ from lensforge.evaluation.light import Light
 from lensforge.evaluation.light_bounds import LARGEST_NMSE, LEAST_SHARE, possible_share
 from lensforge.evaluation.limit_result import LimitResult, LimitState
 from lensforge.evaluation.receiver_light import ReceiverLight
+from lensforge.evaluation.region_light import REGIONS
 from lensforge.optics.two_refractions import transmittance_of
 from lensforge.records import Metric
 from lensforge.report.numerals import NOTHING, number, number_with_error, percent, percent_with_error
@@ -77,7 +78,7 @@ def _limit_row(limit: LimitResult, possible: PossibleLimit | None, several: bool
 
 
 def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iterator[AskedRow]:
-    """Light in the target and in the window, error of the pattern, and evenness, where the spec names a mask.
+    """Light in the target and in the window, error of the pattern, and evenness, in the mask too where there is one.
 
     ``judged``: by the bounds of a spec without limits of its own.
     """
@@ -120,6 +121,12 @@ def _on_receiver(shown: ShownReceiver, transmitted: float, judged: bool) -> Iter
         if metric is not None:
             note = f"{words} in the mask {shown.mask_words}"
             yield AskedRow(f"{name}{where}", NOTHING, number_with_error(metric, 3), "", note)
+    if (region := light.in_region) is not None:
+        rim = f"without its rim, which leaves {percent(region.inner_share)} of the area"
+        note = f"least over mean light {REGIONS[region.region]}, {rim}"
+        yield AskedRow(f"Evenness of the inner 90\u2009%{where}", NOTHING, number_with_error(region.inner, 3), "", note)
+        note = "largest light over the target’s largest, both with the same flux"
+        yield AskedRow(f"Peak to target{where}", NOTHING, number_with_error(region.peak, 3), "", note)
 
 
 def _by_raster(light: ReceiverLight) -> str:

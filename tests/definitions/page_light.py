@@ -120,6 +120,26 @@ def rsd(images, mask):
 
 def uniformity(images, mask):
     values = np.array([image[mask] / image[mask].mean() for image in images])
+    return min(max(extrapolated(values), values.mean(axis=0).min()), 1.0)
+
+
+def peak(images, target):
+    values = -np.array([image.ravel() / image.sum() for image in images]) * target.sum() / target.max()
+    return -min(max(extrapolated(values), values.mean(axis=0).min()), values.mean())
+
+
+def inner(mask):
+    """A region without its rim, which leaves the share nearest to nine tenths."""
+    out = np.argwhere(~np.pad(mask, 1)) - 1
+    far = {(i, j): min(np.hypot(*(out - (i, j)).T)) for i, j in np.argwhere(mask)}
+    choices = [[place for place in far if far[place] >= d] for d in set(far.values())]
+    best = min(choices, key=lambda places: abs(len(places) / len(far) - 0.9))
+    found = np.zeros_like(mask)
+    found[tuple(zip(*best, strict=True))] = True
+    return found
+
+
+def extrapolated(values):
     assert len(values) == 16
 
     def darkest(blocks):
@@ -133,8 +153,7 @@ def uniformity(images, mask):
     eights = [[k for k in range(16) if (k & q).bit_count() % 2 == odd] for q in range(1, 16) for odd in (0, 1)]
     (u_4, v_4), (u_8, v_8) = darkest(fours), darkest(eights)
     below = (v_4 - u_4) - (v_8 - u_8)
-    found = u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
-    return min(max(found, values.mean(axis=0).min()), 1.0)
+    return u_8 + (float(np.clip((u_8 - u_4) / below, 0, 1)) if below > 0 else 1.0) * (v_8 - u_8)
 
 
 def share_in_target(lens, place, flux, inside):

@@ -21,6 +21,7 @@ from scipy.stats import t as student
 import lensforge as lf
 from lensforge.evaluation.minimum import uniformity_without_noise
 from lensforge.evaluation.noise_free import nmse_without_noise, rsd_without_noise
+from lensforge.evaluation.region_light import RegionLight
 from lensforge.surfaces.chart_spline import ChartSpline
 from lensforge.surfaces.conic import Biconic, Toroid
 from lensforge.surfaces.polynomial import XYPolynomial
@@ -149,6 +150,12 @@ def test_figures_without_noise_of_the_same_replicates() -> None:
     assert nmse_without_noise(images, target).value == pytest.approx(page_light.nmse(page, target), rel=1e-10)
     assert rsd_without_noise(images, mask).value == pytest.approx(page_light.rsd(page, mask), rel=1e-10)
     assert uniformity_without_noise(images, mask).value == pytest.approx(page_light.uniformity(page, mask), rel=1e-10)
+    mask[:] = True
+    mask[9, 21:] = False  # a notch
+    region = RegionLight.of(images, target, mask, "W/m²")
+    assert region is not None and region.inner_share == page_light.inner(mask).sum() / mask.sum() < 1.0
+    assert region.inner.value == pytest.approx(page_light.uniformity(page, page_light.inner(mask)), rel=1e-10)
+    assert region.peak.value == pytest.approx(page_light.peak(page, target), rel=1e-10)
 
 
 @pytest.mark.parametrize("name", LENSES)

@@ -12,7 +12,7 @@ from lensforge.evaluation.metrics import uniformity
 from lensforge.evaluation.minimum import LeastEstimate, least_without_noise
 from lensforge.evaluation.noise_free import PairEstimate
 from lensforge.evaluation.receiver_light import Flux
-from lensforge.evaluation.region_light import RegionLight, bright_region
+from lensforge.evaluation.region_light import RegionLight, bright_region, inner_region
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask
 from lensforge.records import Metric
 from lensforge.targets.limits import LightLimit
@@ -97,6 +97,55 @@ def test_light_of_a_region_is_that_of_its_pixels() -> None:
     assert RegionLight.of(images * [[[0.0]], [[1.0]]], target, None, "lx") is None
     masked = RegionLight.of(images, target, np.array([[False, False, True]]), "lx")
     assert masked is not None and masked.region == "uniform" and masked.mean.value == pytest.approx(0.9)
+
+
+def box(rows: slice, columns: slice) -> np.ndarray:
+    """A region on 70 x 120 pixels."""
+    found = np.zeros((70, 120), dtype=bool)
+    found[rows, columns] = True
+    return found
+
+
+def test_the_inner_region_is_what_erosion_leaves_of_nine_tenths() -> None:
+    """Of 100 x 60 pixels a rim of 1 leaves 0.947, one of 2 0.896; of 60 x 28 one of 1 0.898, one of 2 0.800."""
+    assert np.array_equal(inner_region(box(slice(7, 67), slice(15, 115))), box(slice(9, 65), slice(17, 113)))
+    at_edge = inner_region(box(slice(10, 70), slice(92, 120)))
+    assert np.array_equal(at_edge, box(slice(11, 69), slice(93, 119))), "all beyond the picture is outside"
+    y, x = np.indices((70, 120)) - np.array([33.3, 71.2])[:, None, None]
+    radius = np.sqrt(0.9) * 30.0
+    disc = inner_region(np.hypot(x, y) <= 30.0)
+    assert disc[np.hypot(x, y) <= radius - 1.0].all() and not disc[np.hypot(x, y) >= radius + 1.0].any()
+    assert disc.sum() == pytest.approx(0.9 * np.pi * 30.0**2, rel=0.02)
+    ring, d = inner_region((np.hypot(x, y) <= 30.0) & (np.hypot(x, y) >= 9.0)), 0.1 * (30.0 - 9.0) / 2.0
+    assert not ring[np.hypot(x, y) <= 9.0 + d - 0.5].any(), "a rim of the hole, as wide: pi (a + b) (a - b - 2 d)"
+    stroke = box(slice(30, 31), slice(5, 100))
+    assert np.array_equal(inner_region(stroke), stroke), "nothing of it is nearer to nine tenths"
+
+
+def test_the_inner_evenness_and_the_peak_are_those_of_known_light() -> None:
+    """Light that falls from 1 by 1 % a row, half of it on the rim of the target, and a stripe of 1.4 beside it."""
+    target = box(slice(7, 67), slice(10, 110)).astype(float)
+    light = np.where(target > 0.0, 1.0 - 0.01 * np.arange(70)[:, None] + 0.07, 0.0)
+    rim = box(slice(7, 67), slice(10, 110)) & ~box(slice(9, 65), slice(12, 108))
+    light[rim] *= 0.5
+    light[2:5, 60:100] = 1.4
+    rows = 1.07 - 0.01 * np.arange(9, 65)
+    truth, peak = rows.min() / rows.mean(), 1.4 / (light.sum() / target.sum())
+    exact = RegionLight.of(np.stack([light] * 16), target, None, "lx")
+    assert exact is not None and exact.inner_share == 96 * 56 / 6000
+    assert exact.inner.value == pytest.approx(truth, rel=1e-12) and exact.peak.value == pytest.approx(peak, rel=1e-12)
+    assert exact.u0.value < 0.6 * truth, "the rim counts there"
+    noisy = np.random.default_rng(1).poisson(200.0 * light, (16, 70, 120)).astype(float)
+    found = RegionLight.of(noisy, 3.0 * target, None, "lx")
+    assert found is not None and found.inner_share == exact.inner_share
+    mean = noisy.mean(axis=0)
+    inside = mean[9:65, 12:108]
+    for metric, value, raw in (
+        (found.inner, truth, inside.min() / inside.mean()), (found.peak, peak, mean.max() / mean.sum() * target.sum()),
+    ):  # fmt: skip
+        assert metric.standard_error and 0.0 < metric.standard_error < 0.05
+        assert abs(metric.value - value) < 3.0 * metric.standard_error
+        assert abs(metric.value - value) <= abs(raw - value)
 
 
 def test_a_mask_needs_pixels_and_light() -> None:

@@ -1,6 +1,8 @@
 """The record of a light on two receivers: what it says of itself, what it refuses, and which receiver is the first."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,6 +65,17 @@ def test_it_says_its_figures_and_how_it_was_made(light: Light) -> None:
     assert "uniformity" not in str(light.model_copy(update={"receivers": (without, light.receivers[1])}))
     warm = light.model_copy(update={"conditions": Conditions(name="hot", temperature_c=80.0)})
     assert str(warm).startswith(f"light under other conditions ({warm.conditions}): wall: NMSE")
+
+
+def test_a_record_without_the_inner_evenness_says_what_to_run(light: Light, tmp_path: Path) -> None:
+    light.write(tmp_path)
+    path = tmp_path / "evaluate.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    del content["receivers"][1]["in_region"]["inner"]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(InputError, match=r"in_region\.inner.*run `lensforge evaluate` again$") as refused:
+        Light.read(tmp_path)
+    assert "\n" not in str(refused.value)
 
 
 def test_receivers_of_other_pixels_are_refused(light: Light) -> None:

@@ -23,6 +23,7 @@ def light_numbers(results):
             yield from _mask(receiver, section, f", {receiver.name}" if several else "")
             yield from _pictures(receiver, section, light, several)
             yield from _region(receiver, light, several)
+            yield from _inner(receiver, f", {receiver.name}" if several else "")
         yield from _level(light, spec)
         yield from _preset(light)
     found = results.find(Photometry)
@@ -200,6 +201,17 @@ def _region(receiver, light, several):
     yield with_error(f"{title} / mean {quantity}", region.mean, f" {unit}", per_watt)
     yield with_error(f"{title} / U0, least over mean", region.u0)
     yield with_error(f"{title} / U1, least over largest", region.u1)
+
+
+def _inner(receiver, where):
+    """Evenness without the rim of the region, and the peak, in the first table."""
+    if receiver.in_region is not None:
+        even = f"{ASKED} / Evenness of the inner 90\u2009%{where}"
+        place = {"uniform": "in the region of uniform light", "bright": "where the target is above half of its maximum"}
+        words = f"least over mean light {place[receiver.in_region.region]}, without its rim, which leaves {{}}\u2009%"
+        yield with_error(f"{even} / Got", receiver.in_region.inner)
+        yield shown(f"{even} / note", words, 100.0 * receiver.in_region.inner_share)
+        yield with_error(f"{ASKED} / Peak to target{where} / Got", receiver.in_region.peak)
 
 
 def _far_field(found):

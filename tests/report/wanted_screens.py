@@ -81,6 +81,10 @@ def _evenness(title, light):
     if lit.in_region is not None:
         unit, quantity, per_watt = watts_to_shown(light, lit)
         yield with_error(f"{title} / Mean {quantity}", lit.in_region.mean, f" {unit}", per_watt)
+        even, left = f"{title} / Evenness", 100.0 * lit.in_region.inner_share
+        yield with_error(even, lit.in_region.inner).before(" least over mean")
+        yield shown(even, "in the inner {} % of that region", left)
+        yield with_error(f"{title} / Peak to target", lit.in_region.peak).before(" (largest light over the target's")
 
 
 def _limits(title, light):
