@@ -121,7 +121,7 @@ class ReceiverLight(Record):
 
     @property
     def evenness_words(self) -> str:
-        """What the uniformity is; where noise would put it above 1, that it is not."""
+        """Words for the uniformity; where noise would put it above 1, for the side of its error."""
         capped = self.uniformity is not None and self.uniformity.standard_error and self.uniformity.value >= 1.0
         return "least over mean" + (", at most 1: the error is to one side" if capped else "")
 

@@ -132,6 +132,10 @@ def part_lines(title, part):
     mass, numbers = ("", ()) if part.mass_g is None else (", {} g", (part.mass_g,))
     solid = f"{{}} mm³{mass}; mesh closed, {{}} facets"
     yield shown(f"{title} / Solid", solid, part.volume_mm3, *numbers, part.triangulation.triangles)
+    scale = part.lens.spec.manufacture.scale
+    if part.untrimmed_surfaces is None and scale != 1.0:
+        told = "lens.step is the moulded lens; `lensforge export --runout DEG` writes the faces times {}"
+        yield shown(f"{title} / Insert", told, scale)
     if part.keep_out is not None:
         yield shown(f"{title} / Keep-out", "{} mm away", part.keep_out.distance_mm)
 

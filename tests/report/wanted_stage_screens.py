@@ -76,7 +76,8 @@ def change(label, finding, spec):
 def _(result: Proof, results):
     light = results.find(Light)
     designed = {} if light is None else {each.name: each.efficiency.value for each in light.receivers}
-    yield from landing_lines("Files", result)
+    title = "Files" if result.conditions is None else "Files under other conditions"
+    yield from landing_lines(title, result)
     counted = {}
     for each in result.receivers:
         quantity = "intensity" if each.far_field else "irradiance"
@@ -91,7 +92,7 @@ def _(result: Proof, results):
         ):
             counted[name] = counted.get(name, 0) + 1
             again = f" ({counted[name]})" if counted[name] > 1 else ""
-            yield shown(f"Files / {name}{again}", words, *values)
+            yield shown(f"{title} / {name}{again}", words, *values)
 
 
 @stage_numbers.register
