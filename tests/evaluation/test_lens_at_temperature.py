@@ -151,7 +151,8 @@ def test_a_finished_lens_takes_the_constants_of_a_data_sheet() -> None:
 
 def test_a_record_states_a_temperature_that_the_lens_can_have() -> None:
     """What physics leaves possible is that of the warm lens, and no other temperature's."""
-    lens = lens_of(small_spec(**PLASTIC))
+    narrow = TARGET | {"half_width_mm": 20.0, "receiver_mm": 80.0, "uniform_mm": 30.0}  # what refraction alone bounds
+    lens = lens_of(small_spec(**PLASTIC, target=narrow))
     light = lf.evaluate(lens, temperature_c=-40.0)
     assert light.conditions is not None and not list(light_contradictions(light, lens))
     for celsius, words in ((20.0, "possible.share_in_target"), (900.0, "must be -100 to 400")):

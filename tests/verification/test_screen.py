@@ -131,7 +131,8 @@ def test_landed_rays_have_the_fates_of_the_passage_and_miss_the_receiver_where_t
     points[4, 2] = 120.0  # beyond the plane
     fates = [CastFate.LANDED, CastFate.LANDED, CastFate.TOTAL_REFLECTION, CastFate.NO_HIT, CastFate.LANDED]
     flux = np.arange(1.0, 6.0)
-    passage = Passage(points, ways, flux, np.zeros(5), np.zeros(5), np.array(fates, dtype=np.int64), np.zeros((5, 2)))
+    none, codes = np.zeros(5), np.array(fates, dtype=np.int64)
+    passage = Passage(points, ways, flux, none, none, codes, np.zeros((5, 2)), np.zeros((5, 2, 3), dtype=complex))
     landed = LandedRays.of(passage, Screen.square(100.0, 10.0, 4))
     names = ["landed", "missed_receiver", "total_reflection", "no_hit", "missed_receiver"]
     assert landed.fate_names.tolist() == names
