@@ -148,6 +148,8 @@ def trace_sequence(inner: TracedSurface, outer: TracedSurface, rays: TensorRays,
             found = _transmittances(cosine, ratio, coating, coatings.rows, alive)
             passed = transmitted_fields(fields[alive], before, directions, normals, ratio, found)
             share = 0.5 * torch.sum(passed**2, dim=(1, 2))
+            most = torch.maximum(*found[:2]).detach() / share.detach()  # by rounding in single precision more passes
+            share = share * most.clamp(max=1.0)
             flux = flux.index_put((alive,), flux[alive] * share)
             fields = fields.index_put((alive,), passed / torch.sqrt(share)[:, None, None])
     if rays.made is not None:
