@@ -4,7 +4,6 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
 
 from lensforge.evaluation.minimum import largest_without_noise, least_over_mean, least_without_noise, ratio_of
 from lensforge.jackknife import jackknife_metric
@@ -71,6 +70,8 @@ def inner_region(inside: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 
     Distances are those of pixel centres, in pixels; all beyond the edge of the picture is outside.
     """
+    from scipy.ndimage import distance_transform_edt
+
     distance = distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
     steps, counts = np.unique(distance[inside], return_counts=True)
     left = counts[::-1].cumsum()[::-1] / counts.sum()
