@@ -93,5 +93,5 @@ def ray_set_warnings(
     if effective_rays < FEWEST_EFFECTIVE_RAYS:
         yield (
             f"{effective_rays:.0f} effective rays: a lens fits the noise of fewer than {FEWEST_EFFECTIVE_RAYS} and is "
-            "worse in other light than its figures say; ask for a larger file"
+            "worse in other light than in that of the rays it is designed with; ask for a larger file"
         )
