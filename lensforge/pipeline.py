@@ -223,8 +223,7 @@ def run_handover(folder: Path, request: "GridRequest | None" = None, words: Draw
 def run_report(folder: Path) -> Path:
     """Write ``report.html`` from the results in ``folder``; a PDF of an earlier page is deleted.
 
-    Raises :class:`InputError` for a record that contradicts itself, ``run.json`` or the files that it describes, before
-    anything is written.
+    Raises :class:`InputError` for a record or a file of other content than the hashes say, before anything is written.
     """
     load_to_show(folder)
     return refresh_report(folder)

@@ -72,8 +72,7 @@ class Run(Results):
 def load(folder: Path | str) -> Run:
     """Read a result folder: the object that :func:`run` returned.
 
-    Raises :class:`InputError` for any other folder, and for a record that contradicts itself, ``run.json`` or the files
-    that it describes.
+    Raises :class:`InputError` for any other folder, and for a record or a file of other content than the hashes say.
     """
     folder = folder_of(folder)
     if not folder.is_dir():

@@ -95,12 +95,17 @@ def _at_terminal() -> bool:
 
 
 def _radius(answer: str) -> float:
+    return _millimetres(f"--max-radius {answer}", answer, "a number of mm above 0")
+
+
+def _millimetres(given: str, answer: str, allowed: str) -> float:
+    """Length (mm) in ``answer``. Raises :class:`InputError` that quotes ``given`` and says what is ``allowed``."""
     try:
         value = float(answer)
     except ValueError:
         value = 0.0
     if not 1e-6 <= value <= 1e9:
-        raise InputError(f"--max-radius {answer}: must be a number of mm above 0")
+        raise InputError(f"{given}: must be {allowed}")
     return value
 
 
@@ -111,12 +116,7 @@ def _made_by(cutter: str) -> dict[str, dict[str, Any]]:
     if cutter == "mould":
         drafts = {"inner_draft_deg": GOOD_DRAFT_DEG, "outer_draft_deg": GOOD_DRAFT_DEG}
         return {"constraints": drafts, "manufacture": {"make": "insert"}}
-    try:
-        radius = float(cutter)
-    except ValueError:
-        radius = 0.0
-    if not 1e-6 <= radius <= 1e9:
-        raise InputError(f"--cutter {cutter}: must be the {_CUTTERS}")
+    radius = _millimetres(f"--cutter {cutter}", cutter, f"the {_CUTTERS}")
     hollows = {"inner_concave_radius_mm": radius, "outer_concave_radius_mm": radius}
     return {
         "constraints": {**hollows, "inner_draft_deg": 0.0, "outer_draft_deg": 0.0},

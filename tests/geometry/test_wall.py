@@ -1,10 +1,8 @@
 """The wall between two faces, against closed forms and the nearest of many points."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
-from jaxtyping import Float
+from known_shapes import Ellipsoid, sphere
 from scenes import hemisphere_directions, random_surface
 from scipy.spatial import cKDTree
 
@@ -13,28 +11,6 @@ from lensforge.geometry.wall import Span, thickest, thinnest
 from lensforge.surfaces.surface import Surface
 
 SMALL, LARGE = 0.8, 2.45
-
-
-@dataclass(frozen=True)
-class Ellipsoid(Surface):
-    """Semi-axes and centre (mm); the origin must be inside."""
-
-    axes: tuple[float, float, float]
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def detail_rad(self) -> float:
-        return 0.2
-
-    def radius(self, directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        scaled, shift = directions / np.array(self.axes), np.array(self.centre) / np.array(self.axes)
-        quadratic, linear = np.sum(scaled**2, axis=1), scaled @ shift
-        found: Float[np.ndarray, " n"] = (linear + np.sqrt(linear**2 - quadratic * (shift @ shift - 1.0))) / quadratic
-        return found
-
-
-def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Ellipsoid:
-    return Ellipsoid((radius, radius, radius), centre)
 
 
 def span(inner: Surface, outer: Surface) -> Span:
