@@ -70,3 +70,8 @@ def of_parts_of_steps(seed: int, block: int) -> int:
 def of_held_parts(seed: int) -> int:
     """Seed for the parts by which a robust search judges its progress."""
     return _HELD_PARTS + seed
+
+
+def of_choice(seed: int) -> int:
+    """Seed of the evaluation that chooses the best of several lenses: that of no run, which would judge them, too."""
+    return MOST + 1 + seed

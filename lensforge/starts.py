@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from lensforge import seeds, stages
 from lensforge.arguments import count_of, preset_of, threads_of_torch, warned_source
 from lensforge.errors import InputError
+from lensforge.evaluation.light import Light
+from lensforge.lens import Lens
 from lensforge.optimisation.design import Design, Observer, Start
 from lensforge.spec import Accuracy, Spec
 from lensforge.spec.design import require_spec
@@ -22,6 +24,7 @@ class SeededSearch:
     accuracy: Accuracy
     anyway: bool
     progress: Observer | None
+    rays_seed: int  # of the rays that choose
 
 
 def best_design(
@@ -39,7 +42,8 @@ def best_design(
 ) -> Design:
     """Search ``starts`` times, with the seeds from ``seed`` on, and return the best; its ``starts`` has all of them.
 
-    The best keeps most constraints and limits and, of those, has the smallest NMSE, by an evaluation of each lens.
+    The best keeps most constraints and limits and, of those, has the smallest NMSE. Rays that judge no lens afterwards,
+    the same for all, choose it: of the figures of many lenses by the rays that judge, the best would be the luckiest.
     ``scheduler``: a Dask cluster, to the same bits, as of :func:`tolerance`; ``progress`` then hears nothing.
     ``announce`` is called with a line for each start that has ended. Other arguments as of :func:`design`.
     """
@@ -49,7 +53,7 @@ def best_design(
     if first + count - 1 > seeds.MOST:
         raise InputError(f"seed = {seed}: with {count} starts the last seed is above {seeds.MOST}")
     warned_source(spec, warn, stages.start_of(spec, None), anyway=anyway)
-    search = SeededSearch(spec, accuracy, anyway, progress if scheduler is None else None)
+    search = SeededSearch(spec, accuracy, anyway, progress if scheduler is None else None, seeds.of_choice(first))
     found: dict[int, tuple[Design, Start]] = {}
     for number, each in _all(search, tuple(range(first, first + count)), threads, scheduler):
         found[number] = each
@@ -66,14 +70,14 @@ def _all(
     """Every search, as it ends: its number from 0 on, and what it found."""
     if scheduler is not None:
         with connected(scheduler) as cluster:
-            yield from cluster.map(searched, search, numbers)
+            yield from cluster.map(started, search, numbers)
         return
     with threads_of_torch(threads):
         for number, seed in enumerate(numbers):
-            yield number, searched(search, seed)
+            yield number, started(search, seed)
 
 
-def searched(search: SeededSearch, seed: int) -> tuple[Design, Start]:
+def started(search: SeededSearch, seed: int) -> tuple[Design, Start]:
     """One search, and the light of its lens."""
     design = stages.design(
         search.spec,
@@ -83,7 +87,7 @@ def searched(search: SeededSearch, seed: int) -> tuple[Design, Start]:
         warn=lambda _: None,  # once is enough
         anyway=search.anyway,
     )
-    light = stages.evaluate(design.lens)
+    light = _light_by_other_rays(design.lens, search.rays_seed)
     missed = sum(not criterion.passed for criterion in design.criteria)
     missed += sum(limit.state == "missed" for limit in light.limits)
     errors = [each.nmse.value for each in light.receivers if each.nmse is not None]
@@ -94,4 +98,28 @@ def searched(search: SeededSearch, seed: int) -> tuple[Design, Start]:
         merit=sum(errors) / len(errors),
         missed=missed,
         seconds=design.seconds,
+    )
+
+
+def _light_by_other_rays(lens: Lens, seed: int) -> Light:
+    """The light of ``lens`` by rays of its source that judge none: measured ones are those of the search, turned."""
+    from lensforge.evaluation.evaluate import evaluate_traced
+    from lensforge.evaluation.simulate import TracedLens
+    from lensforge.receivers.build import receivers_of
+    from lensforge.sources.build import build_source, summarise
+    from lensforge.sources.measured_rays import searched, smoothed
+    from lensforge.targets.limits import light_limits
+
+    spec, preset = lens.spec, preset_of(lens.accuracy)
+    source = build_source(spec.source, lens.dispersion)
+    efficacy = summarise(source, spec.source).lumens_per_watt
+    limits = light_limits(spec, receivers_of(spec, spec.evaluate.pixels), efficacy, source.flux_w)
+    return evaluate_traced(
+        TracedLens.of(lens, preset.evaluate_nodes_per_sigma),
+        spec,
+        smoothed(searched(source)),
+        spec.evaluate.rays or preset.evaluate_rays,
+        seed,
+        limits=limits,
+        bounds_by=source,
     )

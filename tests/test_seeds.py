@@ -13,6 +13,10 @@ def test_no_two_purposes_share_a_seed() -> None:
     ranges = [
         (seeds.of_step(0, 0), seeds.of_step(most, steps)),
         (seeds.of_replicate(0, replicates, 0, parts, 0), seeds.of_replicate(most, replicates, 15, parts, parts - 1)),
+        (
+            seeds.of_replicate(seeds.of_choice(0), replicates, 0, parts, 0),
+            seeds.of_replicate(seeds.of_choice(most), replicates, 15, parts, parts - 1),
+        ),
         (seeds.of_verification(0), seeds.of_verification(most)),
         (seeds.of_far_field(0, far, 0), seeds.of_far_field(most, far, far - 1)),
         (seeds.of_convergence(0), seeds.of_convergence(2**20)),

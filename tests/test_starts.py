@@ -1,9 +1,12 @@
 """The best of several searches, and what is stated of all of them."""
 
+from pathlib import Path
+
 import pytest
 from scenes import small_spec
 
 import lensforge as lf
+from lensforge import seeds
 from lensforge.errors import InputError
 from lensforge.given_faces.lens_face import LENS_FILE
 from lensforge.optimisation.design import Start
@@ -17,8 +20,9 @@ def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
     best = min(found.starts, key=lambda start: (start.missed, start.merit))
     alone = lf.design(spec, seed=best.seed, accuracy="draft")
     assert found.lens == alone.lens
-    light = lf.evaluate(alone.lens)
-    assert (best.nmse, best.efficiency) == (light.nmse, light.efficiency)
+    judged, chosen = lf.evaluate(alone.lens), lf.evaluate(alone.lens, seed=seeds.of_choice(5))
+    assert (best.nmse, best.efficiency) == (chosen.nmse, chosen.efficiency), "by the same rays for every start"
+    assert best.nmse != judged.nmse, "and not by those that judge the best"
     assert found.spread > 0.0
     assert alone.spread is None
     found.lens.save(tmp_path / LENS_FILE)
@@ -26,6 +30,15 @@ def test_the_best_of_the_starts_is_the_design_of_its_seed(tmp_path):
     assert load_results(tmp_path).design == found
     assert len(said) == 2
     assert said[0].startswith("start 1 of 2: seed 5, NMSE ")
+
+
+def test_rays_of_a_file_that_judge_the_best_do_not_choose_it(monkeypatch):
+    """The rays that are held back are in no evaluation of the starts."""
+    rays = Path(__file__).parents[1] / "examples" / "led.tm25ray"
+    spec = small_spec(source={"kind": "rayfile", "file": str(rays), "origin": "virtual_focus"})
+    monkeypatch.setattr("lensforge.evaluation.evaluate.held_back", lambda _: pytest.fail("held back"))
+    found = lf.best_design(spec, starts=2, accuracy="draft", anyway=True)
+    assert len(found.starts) == 2
 
 
 def test_a_lens_that_misses_a_constraint_is_no_better_for_its_light():

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from lensforge.commands.rounded import count, figure, share
 from lensforge.commands.screen import Row
 from lensforge.geometry.part import STEP_FILE, SURFACES_FILE, Part
-from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.manufacturing.result import Check, FaceName
 from lensforge.optimisation.design import Design
 from lensforge.spec import Spec
 from lensforge.verification.proof import Proof
@@ -80,8 +80,8 @@ def length(mm: float) -> str:
 
 def cutting_rows(check: Check) -> Iterator[Row]:
     """A line for each face, the wall, and the subjects on which the check has more to say."""
-    for name, face in (("Inner face", check.inner), ("Outer face", check.outer)):
-        yield name, _reach(face, check)
+    yield "Inner face", _reach("inner", check)
+    yield "Outer face", _reach("outer", check)
     yield "Thinnest wall", figure(check.min_wall_mm, "mm")
     also = []
     for name, words in _ALSO.items():
@@ -91,9 +91,9 @@ def cutting_rows(check: Check) -> Iterator[Row]:
         yield "Also", "; ".join(also)
 
 
-def _reach(face: FaceResult, check: Check) -> str:
-    cutter = face.cutter
-    base = check.relief.beyond_shop(cutter.largest_radius_mm, cutter.radius_mm)
+def _reach(name: FaceName, check: Check) -> str:
+    cutter = (check.inner if name == "inner" else check.outer).cutter
+    base = check.relief.beyond_shop(cutter.largest_radius_mm, cutter.radius_mm, name)
     ball = f"a ball of {cutter.radius_mm:g} mm radius reaches"
     if cutter.largest_radius_mm is None:
         return f"{ball} all of it; so does any ball{base}"

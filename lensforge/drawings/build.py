@@ -140,7 +140,10 @@ def _content(
         dimensions=drawn.views.dimensions,
         notes=drawn.notes,
         tolerances=tolerances,
-        faces={name: face_facts(face, check.relief) for name, face in (("outer", check.outer), ("inner", check.inner))},
+        faces={
+            "outer": face_facts("outer", check.outer, check.relief),
+            "inner": face_facts("inner", check.inner, check.relief),
+        },
         grids=grids,
         verdicts=check.verdicts,
         changes=tool_advice(lens, check),

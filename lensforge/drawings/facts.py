@@ -4,7 +4,7 @@ from lensforge.drawings.handover import PointGrid
 from lensforge.geometry.part import Part
 from lensforge.lens import Lens
 from lensforge.manufacturing.relief_result import Relief
-from lensforge.manufacturing.result import Check, FaceResult
+from lensforge.manufacturing.result import Check, FaceName, FaceResult
 from lensforge.spec import DrawingSection
 from lensforge.spec.section import rounded_up
 
@@ -99,10 +99,10 @@ def _tolerance_facts(lens: Lens, part: Part) -> Facts:
     }
 
 
-def face_facts(face: FaceResult, relief: Relief) -> Facts:
+def face_facts(name: FaceName, face: FaceResult, relief: Relief) -> Facts:
     """Figures of one optical face by the check."""
     sphere, ball = face.best_fit_sphere, face.cutter
-    base = relief.beyond_shop(ball.largest_radius_mm, ball.radius_mm)
+    base = relief.beyond_shop(ball.largest_radius_mm, ball.radius_mm, name)
     return {
         "Best-fit sphere, radius": f"{sphere.radius_mm:.4f} mm",
         "Departure from it, peak to valley": f"{1e3 * sphere.pv_mm:.2f} µm",

@@ -47,6 +47,26 @@ class PairEstimate:
         return PairEstimate(self.value - before.value, self.deviations - before.deviations).metric()
 
 
+@dataclass(frozen=True)
+class RootEstimate(PairEstimate):
+    """The root of ``square``, an estimate by pairs; None with too few replicates."""
+
+    square: PairEstimate | None = None
+
+    def change_of(self, designed: float, before: "RootEstimate") -> Metric:
+        """Change of ``designed``, the value of ``before`` by many rays, from ``before`` to this light.
+
+        Squares are unbiased and change alike by few rays and by many, roots do not: of few rays that of the one may be
+        0 and of the other above ``designed``. The changed value is the root of the changed square, at least 0.
+        """
+        if self.square is None or before.square is None:
+            return Metric(value=max(self.value - before.value, -designed))
+        change = self.square.change_from(before.square)
+        value, noise = float(np.sqrt(max(designed**2 + change.value, 0.0))), change.standard_error or 0.0
+        error = noise / (2.0 * max(value, 0.5 * np.sqrt(noise) or 1.0))  # the slope of the root, as of the estimate
+        return Metric(value=value - designed, standard_error=float(error))
+
+
 def nmse_without_noise(images: Images, target: Image) -> Metric:
     """:func:`nmse_estimate` as a record."""
     return nmse_estimate(images, target).metric()
@@ -71,7 +91,7 @@ def nmse_estimate(images: Images, target: Image) -> PairEstimate:
     return PairEstimate(*_ratio_of_squares(errors.reshape(len(images), -1), scales * np.linalg.norm(target)))
 
 
-def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> PairEstimate:
+def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> RootEstimate:
     """RSD in ``mask`` of the light to which ``images`` are unbiased: the root of its squared relative deviation.
 
     That square is the mean over all pairs k != l of <E_k, E_l>, E_k the deviations from the mean in the mask, over that
@@ -80,12 +100,13 @@ def rsd_estimate(images: Images, mask: Bool[np.ndarray, "h w"]) -> PairEstimate:
     inside = images[:, mask]
     means = inside.mean(axis=1)
     if not _enough(means):
-        return PairEstimate(relative_deviation(images.mean(axis=0), mask))
+        return RootEstimate(relative_deviation(images.mean(axis=0), mask))
     deviations = (inside - means[:, None]) / np.sqrt(inside.shape[1])
     squared, apart = _ratio_of_squares(deviations, means)
     value, error = np.sqrt(max(squared, 0.0)), _error_over_pairs(apart)
     # the slope of the root, bounded where the square is not larger than its own error, so that 0 has an error too
-    return PairEstimate(float(value), apart / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0)))
+    slopes = apart / (2.0 * max(value, 0.5 * np.sqrt(error) or 1.0))
+    return RootEstimate(float(value), slopes, PairEstimate(squared, apart))
 
 
 def _enough(amounts: Float[np.ndarray, " r"]) -> bool:

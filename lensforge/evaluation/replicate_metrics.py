@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from lensforge.evaluation.light import LightMetrics
 from lensforge.evaluation.minimum import LeastEstimate, uniformity_estimate
-from lensforge.evaluation.noise_free import Images, PairEstimate, nmse_estimate, rsd_estimate
+from lensforge.evaluation.noise_free import Images, PairEstimate, RootEstimate, nmse_estimate, rsd_estimate
 from lensforge.evaluation.simulate import TracedLens, simulate
 from lensforge.jackknife import jackknife_metric
 from lensforge.receivers.build import receivers_of
@@ -28,7 +28,7 @@ class ReplicateMetrics:
 
     nmse: PairEstimate
     uniformity: LeastEstimate | None
-    rsd: PairEstimate | None
+    rsd: RootEstimate | None
     efficiency: Float[np.ndarray, " r"]
 
     @staticmethod
@@ -55,19 +55,22 @@ class ReplicateMetrics:
             efficiency=mean_share(self.efficiency),
         )
 
-    def change_from(self, before: "ReplicateMetrics", rays: int) -> LightMetrics:
+    def change_from(self, before: "ReplicateMetrics", rays: int, *, designed_rsd: float | None = None) -> LightMetrics:
         """Differences from ``before``, replicate by replicate: what both have of the noise cancels in their errors.
+
+        ``designed_rsd``: RSD of ``before`` by many rays, to which the change is to be added.
 
         Of few rays a small change moves none to another pixel, and all replicates agree on none. Errors are at least
         those of one ray: the noise of all ``rays`` over their root.
         """
         least, even, noise = before.uniformity, before.rsd, before.metrics()
+        deviation = None
+        if self.rsd is not None and even is not None:
+            deviation = self.rsd.change_from(even) if designed_rsd is None else self.rsd.change_of(designed_rsd, even)
         return LightMetrics(
             nmse=_with_one_ray(self.nmse.change_from(before.nmse), noise.nmse, rays),
             uniformity=None if self.uniformity is None or least is None else self.uniformity.change_from(least),
-            rsd=None
-            if self.rsd is None or even is None
-            else _with_one_ray(self.rsd.change_from(even), noise.rsd, rays),
+            rsd=None if deviation is None else _with_one_ray(deviation, noise.rsd, rays),
             efficiency=_with_one_ray(mean_share(self.efficiency - before.efficiency), noise.efficiency, rays),
         )
 

@@ -63,7 +63,7 @@ def cutter_finding(surface: FaceName, cutter: Cutter, relief: Relief) -> Finding
     limit = None if largest is None else largest * _BALL
     if within(cutter.radius_mm, "<=", limit):
         others = "any ball" if largest is None else f"any ball of up to {largest:.4g} mm radius"
-        base = relief.beyond_shop(largest, cutter.radius_mm)
+        base = relief.beyond_shop(largest, cutter.radius_mm, surface)
         reason = f"{ball} reaches all of the {surface} face; so does {others}{base}"
     else:
         reason = (

@@ -6,9 +6,11 @@ down from an undercut rim. A custom base, from a STEP file, is represented by it
 where a spec has one.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -22,13 +24,17 @@ from lensforge.geometry.plan import Plan
 from lensforge.manufacturing.cutter import LEAF
 from lensforge.manufacturing.face import FaceSamples, OpticalFace
 from lensforge.manufacturing.face_check import FaceCheck
-from lensforge.manufacturing.relief_result import CustomBaseRelief, InnerRelief, OuterRelief, Relief
+from lensforge.manufacturing.relief_result import BaseBall, CustomBaseRelief, InnerRelief, OuterRelief, Relief
 
 # At the rim of a hemisphere the ball touches the bore's wall exactly, up to the form error.
 _CLEAR_MM = 1e-6 * FORM_LIMIT_NM
 _RIM_POINTS = 4096
 _BASE_CHORD_MM = 1e-3  # between the mesh and the curved faces of a custom base
 _BASE_POINTS, _SEED = 4000, 0
+_LARGEST_BALL = 20.0  # in face radii: as good as a plane
+_BALL_WITHIN, _MOST_BALLS = 0.005, 12  # relative, of the base's largest ball; balls that are tried for it
+
+_FaceRelief = TypeVar("_FaceRelief", OuterRelief, InnerRelief, CustomBaseRelief)
 
 
 @dataclass(frozen=True)
@@ -101,16 +107,48 @@ def _turn() -> Float[np.ndarray, "n 2"]:
 def check_relief(
     plan: Plan[Patch] | None, custom: CustomBaseMesh | None, cutter_mm: float, inner: FaceCheck, outer: FaceCheck
 ) -> Relief:
-    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base.
+    """Clearance that the cutter lacks at the base, over the samples that it could reach without the base, and its ball.
 
     ``plan``: the body with its base, None for a mould insert; ``custom``: the base from a STEP file, if there is one.
     """
     if custom is not None:
-        return Relief(outer=_at_custom(outer, custom, cutter_mm), inner=_at_custom(inner, custom, cutter_mm))
+        at_base = partial(_at_custom, custom)
+        return Relief(
+            outer=_with_ball(at_base, outer, cutter_mm),
+            inner=_with_ball(at_base, inner, cutter_mm),
+        )
     if plan is None or not plan.has_base:
         note = "a mould insert has no base" if plan is None else "there is no base"
         return Relief(outer=None, inner=None, note=note)
-    return Relief(outer=_outer_relief(plan, outer, cutter_mm), inner=_inner_relief(plan, inner, cutter_mm))
+    return Relief(
+        outer=_with_ball(partial(_outer_relief, plan), outer, cutter_mm),
+        inner=_with_ball(partial(_inner_relief, plan), inner, cutter_mm),
+    )
+
+
+def _with_ball(measured: Callable[[FaceCheck, float], _FaceRelief], face: FaceCheck, cutter_mm: float) -> _FaceRelief:
+    """The clearance of the cutter's ball at one face, and the largest ball that the base clears there.
+
+    Up to the face's own largest ball every sample is reached, and a larger ball that touches a sample holds the
+    smaller one: whatever is in the way of that is in its way too, and bisection finds the largest.
+    """
+    found = measured(face, cutter_mm)
+    highest = min(face.largest_cutter_mm, _LARGEST_BALL * float(np.linalg.norm(face.samples.points, axis=1).max()))
+
+    def clears(radius_mm: float) -> bool:
+        return measured(replace(face, cutter_radius_mm=radius_mm), radius_mm).clear
+
+    if clears(highest):
+        return found.model_copy(update={"ball": BaseBall(radius_mm=None)})
+    low, high = 0.0, highest
+    if cutter_mm < highest:
+        low, high = (cutter_mm, highest) if found.clear else (0.0, cutter_mm)
+    for _ in range(_MOST_BALLS):
+        if high - low <= _BALL_WITHIN * high:
+            break
+        middle = float(np.sqrt(low * high)) if low > 0.0 else 0.5 * high
+        low, high = (middle, high) if clears(middle) else (low, middle)
+    return found.model_copy(update={"ball": BaseBall(radius_mm=low, within_mm=high - low)})
 
 
 def _outer_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> OuterRelief:
@@ -164,7 +202,7 @@ def _inner_relief(plan: Plan[Patch], face: FaceCheck, cutter_mm: float) -> Inner
     )
 
 
-def _at_custom(face: FaceCheck, custom: CustomBaseMesh, cutter_mm: float) -> CustomBaseRelief:
+def _at_custom(custom: CustomBaseMesh, face: FaceCheck, cutter_mm: float) -> CustomBaseRelief:
     retreat = custom.retreat_mm(face.samples, cutter_mm)
     return CustomBaseRelief(retreat_mm=_largest_reached(face, retreat), flush_fraction=_clear(face, retreat))
 

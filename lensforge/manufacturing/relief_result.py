@@ -1,6 +1,19 @@
 """The clearance of the ball at the base, as a record."""
 
+from math import floor
+from typing import Literal
+
 from lensforge.records import NotNegative, Record, Share, Text
+
+
+class BaseBall(Record):
+    """The largest ball that the base clears at a face, by its radius: one of ``within_mm`` more hits the base.
+
+    ``radius_mm``: None where the base clears every ball that reaches all of the face.
+    """
+
+    radius_mm: NotNegative | None
+    within_mm: NotNegative = 0.0
 
 
 class OuterRelief(Record):
@@ -14,6 +27,12 @@ class OuterRelief(Record):
     step_clearance_mm: NotNegative | None
     flange_clearance_mm: NotNegative | None
     flush_fraction: Share
+    ball: BaseBall | None = None
+
+    @property
+    def clear(self) -> bool:
+        """True where nothing of the base must give way to the ball."""
+        return self.smallest_step_mm == self.step_clearance_mm == self.flange_clearance_mm == 0.0
 
 
 class InnerRelief(Record):
@@ -25,6 +44,12 @@ class InnerRelief(Record):
     bore_clearance_mm: NotNegative | None
     pocket_diameter_mm: NotNegative | None
     flush_fraction: Share
+    ball: BaseBall | None = None
+
+    @property
+    def clear(self) -> bool:
+        """True where nothing of the base must give way to the ball."""
+        return self.bore_clearance_mm == self.pocket_diameter_mm == 0.0
 
 
 class CustomBaseRelief(Record):
@@ -35,20 +60,42 @@ class CustomBaseRelief(Record):
 
     retreat_mm: NotNegative | None
     flush_fraction: Share
+    ball: BaseBall | None = None
+
+    @property
+    def clear(self) -> bool:
+        """True where nothing of the base must give way to the ball."""
+        return self.retreat_mm == 0.0
 
 
 class Relief(Record):
-    """Clearance of the ball at the base; ``note`` says why there is nothing to clear."""
+    """Clearance of the shop's ball at the base, and each face's largest; ``note``: why there is nothing to clear."""
 
     outer: OuterRelief | CustomBaseRelief | None
     inner: InnerRelief | CustomBaseRelief | None
     note: Text | None = None
 
-    def beyond_shop(self, largest_mm: float | None, shop_mm: float) -> str:
-        """Words behind a face's largest ball where it is larger than the shop's, for which alone the base is checked.
+    def beyond_shop(
+        self, largest_mm: float | None, shop_mm: float, surface: Literal["inner", "outer"] | None = None
+    ) -> str:
+        """Words behind a face's largest ball: the base's own, where the face's is larger than both it and the shop's.
 
-        Empty where it is not larger, and without a base. ``largest_mm``: None where any ball reaches the face.
+        Empty where the face's is not larger, without a base, and where the base clears it. ``largest_mm``: None where
+        any ball reaches the face. ``surface``: None for the base at both faces.
         """
-        has_base = self.outer is not None or self.inner is not None
+        at = {"inner": self.inner, "outer": self.outer}
+        found = [each for name, each in at.items() if each is not None and surface in (None, name)]
         larger = largest_mm is None or largest_mm > shop_mm
-        return f"; the base is checked for {shop_mm:g} mm only" if has_base and larger else ""
+        if not found or not larger:
+            return ""
+        balls = [each.ball for each in found]
+        if None in balls:
+            return f"; the base is checked for {shop_mm:g} mm only"
+        limits = [(ball.radius_mm, ball.within_mm) for ball in balls if ball is not None and ball.radius_mm is not None]
+        radius_mm, within_mm = min(limits, default=(None, 0.0))
+        if radius_mm is None or (largest_mm is not None and radius_mm >= largest_mm):
+            return ""
+        if radius_mm == 0.0:
+            return "; the base clears no ball"
+        fits = floor(1e3 * radius_mm) / 1e3  # it still fits
+        return f"; the base clears up to {fits:g} mm, to within {within_mm:.1g} mm"

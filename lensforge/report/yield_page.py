@@ -109,6 +109,8 @@ def _distributions(result: Yield) -> list[PagePicture]:
         figure = distribution(values, spread.designed.value, bounds, label, share=is_share(name))
         far = [bound_words(bound) for bound in bounds if beyond(values, bound.bound)]
         caption = f"The bound, {far[0]}, is far from all parts, and not drawn." if far else ""
+        if spread.undecided:
+            caption = f"Undecided: a part's ray noise outweighs the spread of the parts. {caption}".rstrip()
         found.append(picture(f"distribution{index}", figure, metric_words(name), caption))
     return found
 

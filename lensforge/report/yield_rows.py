@@ -171,7 +171,7 @@ def judged(result: Yield) -> list[str]:
 
 def cause_rows(result: Yield) -> list[CausesRow]:
     """The leading causes of each metric that has a bound and that scatters."""
-    found = [name for name in judged(result) if name in result.variance]
+    found = [name for name in judged(result) if name in result.variance and not result.metrics[name].undecided]
     return [CausesRow(metric_words(name), causes_words(result.variance[name])) for name in found]
 
 
@@ -239,5 +239,6 @@ def worst_words(result: Yield, worst: WorstPart) -> str:
         value = worst.metrics[name]
         missed = [each for each in result.bounds if each.metric == name and not each.kept_by(np.array(value))]
         ends = "".join(f", bound {bound_words(bound)}" for bound in missed)
-        found.append(f"{metric_words(name)} {shown(name, value, result.metrics[name].unit)}{ends}")
+        state = " (undecided)" if result.metrics[name].undecided else ""
+        found.append(f"{metric_words(name)} {shown(name, value, result.metrics[name].unit)}{state}{ends}")
     return "; ".join(found)

@@ -12,6 +12,7 @@ Of the last two the layouts are those of public programs that read and write the
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -31,20 +32,25 @@ _LEAST_NM = 100.0  # below that are µm: no light here is shorter
 Columns = tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]
 
 
+class _Line(NamedTuple):
+    """A line that is not empty, without the blanks around it, and its ``number`` in the file, from 1 on."""
+
+    number: int
+    text: str
+
+
 def read_spectrum_file(path: Path) -> Columns:
     """Read wavelengths (nm), rising, and relative power densities. Raises :class:`InputError`, one line."""
     lines = _lines(Path(path))
-    if lines and _OPTIS.match(lines[0]):
+    if lines and _OPTIS.match(lines[0].text):
         rows = _optis_rows(lines, path)
-    elif lines and lines[0].upper().startswith("OPTIS -"):
-        raise InputError(f"{path}: {_shown(lines[0])!r}: an OPTIS file, but not a spectrum; export the spectrum")
-    elif any(_LIGHTTOOLS.match(line) for line in lines if not line.startswith("#")):
+    elif lines and lines[0].text.upper().startswith("OPTIS -"):
+        raise InputError(f"{path}: {_shown(lines[0].text)!r}: an OPTIS file, but not a spectrum; export the spectrum")
+    elif any(_LIGHTTOOLS.match(line.text) for line in _uncommented(lines)):
         rows = _lighttools_rows(lines, path)
     else:
         rows = _plain_rows(lines, path)
     found = np.array(rows)
-    if not (np.abs(found) < _HUGE).all():
-        raise InputError(f"{path}: its numbers are not all finite and below {_HUGE:g}; export it again")
     if (np.diff(found[:, 0]) < 0.0).all():
         found = found[::-1]  # from red to blue
     if found[:, 0].max() < _LEAST_NM:
@@ -55,59 +61,69 @@ def read_spectrum_file(path: Path) -> Columns:
     return found[:, 0], found[:, 1]
 
 
-def _lines(path: Path) -> list[str]:
-    """The lines that are not empty, without the blanks around them."""
+def _lines(path: Path) -> list[_Line]:
     raw = read_file(path, missing="give the file of a spectrum", most_bytes=_MOST_BYTES)
     if b"\0" in raw:
         raise InputError(f"{path}: not a text file; export the spectrum as text, two columns")
     text = raw.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
-    lines = [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+    numbered = (_Line(number, line.strip()) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1))
+    lines = [line for line in numbered if line.text]
     if len(lines) > _MOST_LINES:
         raise InputError(f"{path}: {len(lines)} lines, at most {_MOST_LINES} are read; export it coarser")
     return lines
 
 
-def _optis_rows(lines: list[str], path: Path) -> list[list[float]]:
+def _uncommented(lines: list[_Line]) -> list[_Line]:
+    return [line for line in lines if not line.text.startswith("#")]
+
+
+def _optis_rows(lines: list[_Line], path: Path) -> list[list[float]]:
     """Rows below the count, which is the second line where the line of text is empty."""
-    at = next((place for place in (1, 2) if place < len(lines) and _COUNT.fullmatch(lines[place])), 0)
+    at = next((place for place in (1, 2) if place < len(lines) and _COUNT.fullmatch(lines[place].text)), 0)
     if at == 0:
         raise InputError(f"{path}: line 3 of an OPTIS spectrum is the number of its samples; export it again")
-    count, rows = int(lines[at]), [_row(line, path) for line in lines[at + 1 :]]
+    count, rows = int(lines[at].text), [_row(line, path) for line in lines[at + 1 :]]
     if len(rows) != count or not rows:
-        raise InputError(f"{path}: {count} samples announced, {len(rows)} found; export it again")
+        where = f"{path}, line {lines[at].number}"
+        raise InputError(f"{where}: {count} samples announced, {len(rows)} found; export it again")
     return rows
 
 
-def _lighttools_rows(lines: list[str], path: Path) -> list[list[float]]:
-    kept = [line for line in lines if not line.startswith("#")]
-    for line in kept:
-        if line.lower().startswith(("discrete", "photometric")):
-            raise InputError(f"{path}: {line.split()[0]}: only continuous, radiometric spectra are read; export it so")
-    rows = [_row(line, path) for line in kept if not _LIGHTTOOLS.match(line)]
+def _lighttools_rows(lines: list[_Line], path: Path) -> list[list[float]]:
+    kept = _uncommented(lines)
+    for number, text in kept:
+        if text.lower().startswith(("discrete", "photometric")):
+            where = f"{path}, line {number}"
+            raise InputError(f"{where}: {text.split()[0]}: only continuous, radiometric spectra are read; export it so")
+    rows = [_row(line, path) for line in kept if not _LIGHTTOOLS.match(line.text)]
     if not rows:
         raise InputError(f"{path}: no rows of wavelength and value below its header; export it again")
     return rows
 
 
-def _plain_rows(lines: list[str], path: Path) -> list[list[float]]:
-    kept = [line for line in lines if not line.startswith("#")]
-    if kept and not any(character.isdigit() for character in kept[0].split()[0]):
+def _plain_rows(lines: list[_Line], path: Path) -> list[list[float]]:
+    kept = _uncommented(lines)
+    if kept and not any(character.isdigit() for character in kept[0].text.split()[0]):
         kept = kept[1:]  # names of the columns
     if not kept:
         raise InputError(f"{path}: not two columns of numbers: it has none; wavelength (nm) and relative power density")
     return [_row(line, path) for line in kept]
 
 
-def _row(line: str, path: Path) -> list[float]:
+def _row(line: _Line, path: Path) -> list[float]:
     """Two numbers separated by blanks or a semicolon, then with a point or a comma as decimal sign, or by a comma."""
-    words = [word.strip(",") for word in re.split(r"[\s;]+", line) if word.strip(",")]
-    words = [word.replace(",", ".") for word in words] if len(words) > 1 else line.split(",")
+    where = f"{path}, line {line.number}"
+    words = [word.strip(",") for word in re.split(r"[\s;]+", line.text) if word.strip(",")]
+    words = [word.replace(",", ".") for word in words] if len(words) > 1 else line.text.split(",")
     if len(words) != 2:
-        raise InputError(f"{path}: a line of {len(words)} columns, must be two: wavelength (nm) and relative power")
+        raise InputError(f"{where}: {len(words)} columns, must be two: wavelength (nm) and relative power")
     try:
-        return [number_in(word) for word in words]
+        row = [number_in(word) for word in words]
     except ValueError:
-        raise InputError(f"{path}: a line is not two columns of numbers; wavelength (nm) and power") from None
+        raise InputError(f"{where}: not two columns of numbers; wavelength (nm) and power") from None
+    if not all(abs(number) < _HUGE for number in row):
+        raise InputError(f"{where}: its numbers are not all finite and below {_HUGE:g}; export it again")
+    return row
 
 
 def _shown(line: str) -> str:

@@ -4,6 +4,7 @@ Parts share their rays with the lens as designed, so that most of the ray noise 
 of a part is that of the lens as designed, by many rays, plus this change.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from lensforge.deviations.made_part import MadePart
 from lensforge.evaluation.limits import limit_value
 from lensforge.evaluation.noise_free import Images
+from lensforge.evaluation.receiver_light import ReceiverLight
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask, mean_share
 from lensforge.evaluation.simulate import REPLICATES, TracedLens, bundles
 from lensforge.jackknife import jackknife_error
@@ -133,12 +135,21 @@ class MeasuredPart:
     shares: tuple[Float[np.ndarray, " r"], ...]
     limits: tuple[Float[np.ndarray, " k"], ...]
 
-    def change_from(self, before: "MeasuredPart", rays: int) -> list[dict[str, Metric]]:
-        """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits."""
+    def change_from(
+        self, before: "MeasuredPart", rays: int, designed: Sequence[ReceiverLight]
+    ) -> list[dict[str, Metric]]:
+        """Differences from ``before``, the lens as designed by the same rays: of each receiver, then of the limits.
+
+        ``designed``: the light of that lens by many rays, to which they are to be added.
+        """
         found = []
         parts = zip(self.metrics, before.metrics, self.shares, before.shares, strict=True)
-        for own, other, share, other_share in parts:
-            change = {name: value for name, value in own.change_from(other, rays) if value is not None}
+        for light, (own, other, share, other_share) in zip(designed, parts, strict=True):
+            rsd = None if light.rsd is None else light.rsd.value
+            changes = own.change_from(other, rays, designed_rsd=rsd)
+            change = {name: value for name, value in changes if value is not None}
+            if light.uniformity is not None and "uniformity" in change:
+                change["uniformity"] = _within_one(light.uniformity.value, change["uniformity"])
             found.append({**change, "share_in_target": mean_share(share - other_share)})
         limits = {}
         for number, (own_limit, other_limit) in enumerate(zip(self.limits, before.limits, strict=True)):
@@ -146,3 +157,8 @@ class MeasuredPart:
             error = jackknife_error(difference[1:]) if len(difference) > 1 else None
             limits[str(number)] = Metric(value=float(difference[0]), standard_error=error)
         return [*found, limits]
+
+
+def _within_one(designed: float, change: Metric) -> Metric:
+    """``change`` of a ratio that lies between 0 and 1, however the noise of few rays moves it."""
+    return change.model_copy(update={"value": min(max(change.value, -designed), 1.0 - designed)})

@@ -96,7 +96,7 @@ class PartStudy:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the metrics: those of the first receiver, of the others with theirs, and of the limits."""
-        *receivers, limits = self.designed.change_from(self.designed, self.recipe.rays)
+        *receivers, limits = self._changes(self.designed)
         found = []
         for number, (each, light) in enumerate(zip(receivers, self.designed_light.receivers, strict=True)):
             found += [f"{light.name}: {name}" if number else name for name in each]
@@ -113,7 +113,7 @@ class PartStudy:
     def of_design(self) -> dict[str, Metric]:
         """Metrics of the lens as designed, by many rays."""
         found: list[Metric] = []
-        *receivers, _ = self.designed.change_from(self.designed, self.recipe.rays)
+        *receivers, _ = self._changes(self.designed)
         for each, light in zip(receivers, self.designed_light.receivers, strict=True):
             found += [getattr(light, name) or Metric(value=0.0) for name in each]
         found += [limit.value for limit in self.designed_light.limits]
@@ -151,10 +151,14 @@ class PartStudy:
     def measure(self, number: int, scales: Scales | None = None) -> Float[np.ndarray, "m 2"]:
         """Metrics of one part, in the order of ``names``, and the standard error of each one's change by its errors."""
         found = self.light.measured(self.light.received(self.part(number, scales)))
-        changes = [each for group in found.change_from(self.designed, self.recipe.rays) for each in group.values()]
+        changes = [each for group in self._changes(found) for each in group.values()]
         designed = [metric.value for metric in self.of_design.values()]
         errors = [change.standard_error or 0.0 for change in changes]
         return np.array([[value + change.value for value, change in zip(designed, changes, strict=True)], errors]).T
+
+    def _changes(self, part: MeasuredPart) -> list[dict[str, Metric]]:
+        """Metrics of ``part`` against those of the lens as designed."""
+        return part.change_from(self.designed, self.recipe.rays, self.designed_light.receivers)
 
     def excess(self, values: Float[np.ndarray, "*n m"]) -> Float[np.ndarray, "*n b"]:
         """Distance of the metrics from each bound, above 0 on its wrong side."""

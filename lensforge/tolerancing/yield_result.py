@@ -12,7 +12,7 @@ from pydantic import Field
 
 from lensforge.criteria import Sense
 from lensforge.deviations.factors import Factor
-from lensforge.records import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text
+from lensforge.records import Array, Count, Metric, NotNegative, Number, Record, Share, SimulatedResult, Text, stated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +74,7 @@ class MetricSpread(Record):
     spread: NotNegative
     standard_error: NotNegative | None
 
-    @property
+    @stated
     def undecided(self) -> bool:
         """True where the noise of a part's rays outweighs the spread of the parts: percentiles are those of noise."""
         return self.standard_error is not None and self.spread < self.standard_error
@@ -214,10 +214,11 @@ class Yield(SimulatedResult):
         return drawn_to_mean(self.column(name), self.metrics[name].spread)
 
     def products(self) -> dict[str, bytes]:
-        """The table of parts as CSV."""
+        """The table of parts as CSV; a metric whose spread is the noise of the rays says so in its column's name."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")  # names of receivers and limits may hold commas
-        writer.writerow(("part", *self.columns))
+        noisy = {name for name, spread in self.metrics.items() if spread.undecided}
+        writer.writerow(("part", *(f"{name} (undecided)" if name in noisy else name for name in self.columns)))
         writer.writerows((number, *(f"{value:.9g}" for value in row)) for number, row in enumerate(self.table))
         return {".csv": buffer.getvalue().encode()}
 

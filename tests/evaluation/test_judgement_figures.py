@@ -10,7 +10,7 @@ from lensforge.evaluation.limit_result import LimitResult
 from lensforge.evaluation.limits import limit_value
 from lensforge.evaluation.metrics import uniformity
 from lensforge.evaluation.minimum import LeastEstimate, least_without_noise
-from lensforge.evaluation.noise_free import PairEstimate
+from lensforge.evaluation.noise_free import PairEstimate, RootEstimate
 from lensforge.evaluation.receiver_light import Flux
 from lensforge.evaluation.region_light import RegionLight, bright_region, inner_region
 from lensforge.evaluation.replicate_metrics import ReplicateMetrics, lit_mask
@@ -157,8 +157,8 @@ def test_a_mask_needs_pixels_and_light() -> None:
 def test_errors_of_a_change_include_that_of_one_ray() -> None:
     shares = np.array([0.1, 0.2, 0.3, 0.2])
     apart, even = np.diag(np.full(4, 0.1)), LeastEstimate(0.5, np.full(4, 0.5))
-    before = ReplicateMetrics(PairEstimate(0.1, apart), even, PairEstimate(0.2, 2.0 * apart), shares)
-    after = ReplicateMetrics(PairEstimate(0.4, apart), even, PairEstimate(0.3, 2.0 * apart), shares + 0.1)
+    before = ReplicateMetrics(PairEstimate(0.1, apart), even, RootEstimate(0.2, 2.0 * apart), shares)
+    after = ReplicateMetrics(PairEstimate(0.4, apart), even, RootEstimate(0.3, 2.0 * apart), shares + 0.1)
     noise, change = before.metrics(), after.change_from(before, 100)
     assert isinstance(noise, LightMetrics) and noise.efficiency.value == pytest.approx(0.2)
     for name, value in (("nmse", 0.3), ("rsd", 0.1), ("efficiency", 0.1)):

@@ -58,8 +58,11 @@ def test_a_ball_up_to_the_largest_reaches_all_but_for_rounding(radius_mm, larges
 @pytest.mark.parametrize(("largest_mm", "larger"), [(None, True), (0.51, True), (0.5, False), (0.3, False)])
 def test_a_larger_ball_than_the_shops_names_the_ball_for_which_the_base_is_checked(largest_mm, larger) -> None:
     words, ball = "; the base is checked for 0.5 mm only", cutter(0.5, largest_mm)
-    for relief in (Relief(outer=outer(), inner=None), Relief(outer=None, inner=inner(0.0, 0.0))):
-        assert cutter_finding("inner", ball, relief).reason.endswith(words) == larger
+    for surface, relief in (
+        ("outer", Relief(outer=outer(), inner=None)),
+        ("inner", Relief(outer=None, inner=inner(0.0, 0.0))),
+    ):
+        assert cutter_finding(surface, ball, relief).reason.endswith(words) == larger, "an older record"
     assert "base" not in cutter_finding("inner", ball, NO_BASE).reason
 
 

@@ -122,3 +122,25 @@ def test_below_an_undercut_dome_on_a_narrower_base_only_the_step_has_a_wall():
         assert relief.step_clearance_mm == pytest.approx(wall_mm, abs=1e-4)
     wide, _ = outer_relief(undercut, diameter_mm=25.4, height_mm=2.0)
     assert wide.step_clearance_mm == pytest.approx(clearance, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "ball_mm"),
+    [
+        ({"diameter_mm": 25.4, "relief_step_mm": 1.2}, 1.2),  # a dome on a wide base wants a step of its own radius
+        ({"diameter_mm": 25.4, "relief_step_mm": 0.7}, 0.7),
+        ({"diameter_mm": 4.0, "flange_diameter_mm": 10.0, "height_mm": 2.0, "flange_height_mm": 0.5}, 1.5),
+        ({"diameter_mm": 4.0, "height_mm": 2.0}, None),
+        ({"diameter_mm": 25.4}, 0.0),
+    ],
+)
+def test_the_largest_ball_of_the_base_is_found_from_both_sides_of_the_shops(sizes, ball_mm):
+    """The shop's ball has 1 mm; what the bisection tells lies within its own tolerance of the exact radius."""
+    relief, _ = outer_relief(sphere(DOME), **sizes)
+    found = relief.ball
+    if ball_mm is None:
+        assert found.radius_mm is None
+        return
+    assert found.radius_mm <= ball_mm + 1e-5 and found.radius_mm + found.within_mm >= ball_mm - 1e-5
+    assert found.within_mm <= max(0.005 * ball_mm, 1e-3)
+    assert relief.clear == (ball_mm >= BALL)

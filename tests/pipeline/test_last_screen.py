@@ -139,3 +139,10 @@ def test_a_preview_has_light_and_picture_and_nothing_for_the_shop(tmp_path: Path
     assert opened == [str(tmp_path / "first" / "light.png")] and "NMSE" in found.stdout
     run = lf.load(tmp_path / "first")
     assert run.light.rays == 4096 and not hasattr(run, "part")
+
+
+def test_a_preview_takes_fewer_rays_than_a_draft_and_states_them(tmp_path: Path) -> None:
+    small_spec(evaluate__rays=2**20).save(tmp_path / "small.toml")
+    found = CliRunner().invoke(cli, ["preview", str(tmp_path / "small.toml"), "--out", str(tmp_path / "first")])
+    assert found.exit_code == 0, found.output
+    assert "131,072 rays" in found.stdout and " ± " in found.stdout

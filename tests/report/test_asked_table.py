@@ -16,7 +16,7 @@ from lensforge.evaluation.light import Light
 from lensforge.evaluation.limit_result import LimitResult
 from lensforge.geometry.part import UntrimmedSurfaces
 from lensforge.lens import Lens
-from lensforge.manufacturing.relief_result import OuterRelief, Relief
+from lensforge.manufacturing.relief_result import BaseBall, CustomBaseRelief, Relief
 from lensforge.optimisation.asked_light import asked_light
 from lensforge.records import Metric
 from lensforge.report.asked_light_rows import light_rows
@@ -99,16 +99,18 @@ def test_sizes_are_judged_by_their_criteria():
     assert (mill.asked, mill.got, mill.state) == ("radius 1 mm", "radius ≤ 0.77 mm", "fail")
 
 
-def test_every_place_that_names_a_larger_ball_names_the_one_for_which_the_base_is_checked():
+def test_every_place_that_names_a_larger_ball_names_the_base_s_own():
     face = make_results().check.inner
     wide = face.model_copy(update={"cutter": face.cutter.model_copy(update={"largest_radius_mm": 1.92})})
-    clear = OuterRelief(smallest_step_mm=0.0, step_clearance_mm=0.0, flange_clearance_mm=0.0, flush_fraction=1.0)
-    words = "; the base is checked for 1 mm only"
-    for relief, told in ((Relief(outer=clear, inner=None), True), (Relief(outer=None, inner=None), False)):
+    words = "; the base clears up to 1.04 mm, to within 0.004 mm"
+    balls = (BaseBall(radius_mm=mm, within_mm=0.004) for mm in (1.0404, None))
+    below, any_ball = (CustomBaseRelief(retreat_mm=0.0, flush_fraction=1.0, ball=ball) for ball in balls)
+    for each, told in ((below, True), (any_ball, False), (None, False)):
+        relief = Relief(outer=each, inner=each)
         results = make_results(check={"inner": wide, "outer": wide, "relief": relief})
         check, (row,) = results.check, [row for row in asked_rows(results) if row.name.startswith("Ball mill")]
         (card,) = (card for card in cards(results) if card.label == "Ball mill")
-        screen, tables = dict(cutting_rows(check))["Inner face"], face_facts(wide, relief)
+        screen, tables = dict(cutting_rows(check))["Inner face"], face_facts("inner", wide, relief)
         places = [row.note, card.note, screen, tool_notes(results.lens, check)[0]]
         places.append(tables["Largest ball that reaches the whole face"])
         assert [words in place for place in places] == 5 * [told]

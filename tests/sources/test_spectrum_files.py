@@ -56,16 +56,16 @@ def test_the_same_three_rows_in_every_dress(content, tmp_path):
     [
         ("", "it has none"),
         ("a b\n", "not two columns"),
-        ("450 1 2\n", "3 columns"),
-        ("450\n", "1 columns"),
-        ("450 1\n460 x\n", "not two columns of numbers"),
+        ("450 1 2\n", "line 1: 3 columns"),
+        ("# c\r\n\r\n440 1\r\n450\r\n", "line 4: 1 columns"),
+        ("450 1\n\n460 x\n", "line 3: not two columns of numbers"),
         ("0.44 0\n0.45 1\n0.46 0\n", "nm are expected, µm"),
         (b"450 1\0\n", "not a text file"),
-        (OPTIS.replace("\n3\n", "\n4\n"), "4 samples announced, 3 found"),
+        (OPTIS.replace("\n3\n", "\n4\n"), "line 3: 4 samples announced, 3 found"),
         (OPTIS.replace("\n3\n", "\n2\n"), "2 samples announced, 3 found"),
         (OPTIS.replace("\n3\n", "\n"), "the number of its samples"),
         ("OPTIS - Spectrum file v1.0\n", "the number of its samples"),
-        (LIGHTTOOLS.replace("continuous", "discrete"), "discrete: only continuous, radiometric"),
+        (LIGHTTOOLS.replace("continuous", "discrete"), "line 5: discrete: only continuous, radiometric"),
         (LIGHTTOOLS.replace("radiometric", "photometric"), "photometric: only continuous"),
         ("dfat 1.0\ndataname: led\ncontinuous\n", "no rows"),
         ("OPTIS - Material file v13\n\n0\n", "an OPTIS file, but not a spectrum"),
@@ -139,7 +139,7 @@ def test_rows_are_read_as_they_stand_from_blue_to_red(content, rows, tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("450 1e12\n", "not all finite and below 1e"),
+        ("440 1\n450 1e12\n", "line 2: its numbers are not all finite and below 1e"),
         ("450 -1e12\n", "not all finite and below 1e"),
         ("98 1\n99.9 2\n", "wavelengths from 98 to 99.9: nm are expected"),
         ("450 1\nnm power\n", "not two columns of numbers; wavelength"),
@@ -147,8 +147,8 @@ def test_rows_are_read_as_they_stand_from_blue_to_red(content, rows, tmp_path):
         ("# comment only\n", "it has none"),
         ("OPTIS - Spectrum file v1.0\nLED\n0\n", "0 samples announced, 0 found"),
         ("OPTIS - Spectrum file v1.0\nLED\nmore\n3\n450 1\n", "line 3 of an OPTIS spectrum"),
-        ("x" * 60 + " 1 2\n", "a line of 3 columns"),
-        ("450 \x011 2\n", "a line of 3 columns"),
+        ("x" * 60 + " 1 2\n", "line 2: 3 columns"),
+        ("450 \x011 2\n", "line 1: 3 columns"),
     ],
 )
 def test_other_lines_are_refused(content, message, tmp_path):

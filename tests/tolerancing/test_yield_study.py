@@ -10,7 +10,9 @@ from parts import lens_with, study_of
 
 from lensforge.commands.study_blocks import yield_block
 from lensforge.errors import InputError
+from lensforge.evaluation.noise_free import rsd_estimate
 from lensforge.receivers.pixels import PixelGrid, splat_flux
+from lensforge.report.yield_rows import cause_rows, judged, metric_words, worst_words
 from lensforge.tolerance_stages import _name_of
 from lensforge.tolerancing.part_study import PartStudy, Recipe
 from lensforge.tolerancing.yield_result import PassRate, Yield
@@ -181,6 +183,34 @@ def test_noise_that_outweighs_the_spread_is_said_and_no_two_parts_are_made_alike
     judged = {bound.metric for bound in few.bounds}
     for name in judged & undecided:
         assert any(note.startswith(f"{name}: undecided which parts pass") for note in few.notes)
+
+
+def test_few_rays_make_no_impossible_figure_and_noise_keeps_its_state_wherever_it_is_stored() -> None:
+    few = measure_yield(lens_with(), parts=48, rays=128, with_budget=False)
+    assert few.column("rsd").min() >= 0.0 and few.metrics["rsd"].p5 >= 0.0
+    assert few.column("uniformity").min() >= 0.0 and few.column("uniformity").max() <= 1.0
+    undecided = {name for name, spread in few.metrics.items() if spread.undecided}
+    header = few.products()[".csv"].decode().splitlines()[0].split(",")
+    assert {name.removesuffix(" (undecided)") for name in header if name.endswith(" (undecided)")} == undecided
+    stored = few.model_dump()["metrics"]
+    assert {name for name in stored if stored[name]["undecided"]} == undecided >= {"rsd"}
+    assert not {row.name for row in cause_rows(few)} & {metric_words(name) for name in undecided}
+    for name in undecided & set(judged(few)):
+        assert f"{metric_words(name)} " in worst_words(few, few.worst[0])
+        assert "(undecided)" in worst_words(few, few.worst[0]).split(f"{metric_words(name)} ")[1].split(";")[0]
+
+
+def test_the_spread_of_the_rsd_is_that_of_many_rays() -> None:
+    """By few rays the root of one lens may be 0 and of the next above the designed value: squares are compared."""
+    images = np.random.default_rng(3).normal(1.0, 0.05, (16, 4, 4))
+    mask = np.ones((4, 4), dtype=bool)
+    lit = 1.0 + 0.1 * np.sign(np.arange(4) - 1.5)  # adds 0.1 squared to the square of the RSD
+    before, after = rsd_estimate(images, mask), rsd_estimate(images * lit, mask)
+    change = after.change_of(0.2, before)
+    assert 0.2 + change.value == pytest.approx(np.sqrt(0.2**2 + after.square.value - before.square.value), rel=1e-12)
+    assert 0.2 + change.value == pytest.approx(np.sqrt(0.2**2 + 0.1**2), rel=0.05)
+    assert before.change_of(0.2, before).value == 0.0
+    assert 0.05 + before.change_of(0.05, after).value == 0.0, "at least none"
 
 
 def test_the_record_agrees_with_its_table_and_is_read_back(result: Yield, tmp_path) -> None:
